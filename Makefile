@@ -1,0 +1,34 @@
+# `make` alone lists the targets.
+PYTHON ?= python3
+BIN := .venv/bin
+
+help: ## list what one can do
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /|/' | while IFS='|' read -r name text; do printf '  make %-10s %s\n' "$$name" "$$text"; done
+
+demo: .venv/ready ## the whole story: a simulated transducer measured and fitted after each gluing step
+	$(BIN)/pzctl measure --fit
+
+test: .venv/ready ## run the tests
+	$(BIN)/pytest -n auto
+
+check: .venv/ready ## lint, format, types, floors
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright
+
+bench: .venv/ready ## the benchmarks behind every figure we state
+	$(BIN)/pytest --override-ini addopts=--import-mode=importlib -s tests/benchmarks
+
+clean: ## remove what the other targets made
+	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# Installed in place; a new pyproject.toml or constraints.txt installs again.
+.venv/ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+.PHONY: help demo test check bench clean
+.DEFAULT_GOAL := help

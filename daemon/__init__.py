@@ -1,0 +1,1 @@
+"""The lab service: daemon, journal, wire, client, command line."""

@@ -1,0 +1,1 @@
+"""Estimation: parameters, objective, and the fitters that turn sweeps into complex constants."""

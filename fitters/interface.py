@@ -1,0 +1,93 @@
+"""What a fitter is: the plug-in interface of the entry point group `pzctl.fitters`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from ..models.arrays import Frequencies, Impedances
+from ..models.build import Build
+from ..models.errors import CannotError
+from ..models.sweep import Sweep
+
+
+class FitError(CannotError):
+    """This recording does not determine what was asked of it; the sentence says why."""
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """What a fitter is given: the transducer, and the recordings of its steps so far."""
+
+    build: Build
+    sweeps: Mapping[str, tuple[Sweep, ...]]
+    """By step, in gluing order; several sweeps of a step are repeats or further segments."""
+    free: tuple[str, ...] | None = None
+    """Names (`disk.c33D`, `glue1.thickness`) to free; None frees all that carry an uncertainty."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A fitted (or held) constant in SI units with standard uncertainties."""
+
+    re: float
+    im: float
+    u_re: float
+    u_im: float
+    unit: str
+    free: bool = True
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Relative noise per point, and how it was found."""
+
+    relative: float
+    source: str
+    """`repeats`, `segment overlap`, `smoothness` or `analyzer accuracy`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Model impedance of one sweep, for the picture."""
+
+    step: str
+    frequency: Frequencies
+    measured: Impedances
+    start: Impedances
+    fitted: Impedances
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """What a fitter answers: DESIGN's `pzctl fit --json`, and the curves behind it."""
+
+    build: str
+    fitter: str
+    version: str
+    steps: tuple[str, ...]
+    noise: Noise
+    chi2_per_dof: float
+    constants: Mapping[str, Constant]
+    derived: Mapping[str, Constant]
+    correlation: tuple[tuple[str, str, float], ...]
+    """Pairs of parameters that the recording hardly separates, strongest first."""
+    rms_log_error: float
+    converged: bool
+    evaluations: int
+    seconds: float
+    says: tuple[str, ...] = ()
+    """What a person must know to read the numbers, a sentence each."""
+    curves: tuple[Curve, ...] = field(default=())
+
+
+class Fitter(Protocol):
+    """A fitter. Installed under the entry point group `pzctl.fitters`, as a class without arguments."""
+
+    name: str
+    version: str
+    summary: str
+    """One line for `pzctl fitters`."""
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit. Raises FitError where the recording does not determine what was asked."""
+        ...

@@ -1,0 +1,1 @@
+"""The physics alone: sweeps, materials, layers, stacks, resonators. Knows no file, socket or screen."""

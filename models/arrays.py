@@ -1,0 +1,18 @@
+"""Names for arrays, so that a signature says what they hold."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Frequencies: TypeAlias = NDArray[np.float64]
+"""Frequency in Hz, shape (N,)."""
+
+Impedances: TypeAlias = NDArray[np.complex128]
+"""Complex electrical impedance in ohm, shape (N,)."""
+
+Reals: TypeAlias = NDArray[np.float64]
+"""Real numbers; the docstring says unit and shape."""
+
+Complexes: TypeAlias = NDArray[np.complex128]
+"""Complex numbers; the docstring says unit and shape."""

@@ -1,0 +1,74 @@
+"""One recording of an impedance analyzer."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from .arrays import Frequencies, Impedances
+from .errors import PzctlError
+
+
+class SweepError(PzctlError):
+    """A recording that cannot be what it says it is."""
+
+
+def now_utc() -> str:
+    """Return the time as RFC 3339 in UTC, with milliseconds."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Complex impedance over frequency, as recorded.
+
+    Raises SweepError where the numbers are no recording: fewer than two points, lengths that differ, values that
+    are not finite, frequencies that are not positive and strictly rising.
+    """
+
+    frequency: Frequencies
+    """Hz, shape (N,), strictly rising whatever the direction of the sweep was."""
+    impedance: Impedances
+    """ohm, shape (N,)."""
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """How it was measured, as read back: `oscillator_V`, `bandwidth`, `direction`, `sweep_seconds` ..."""
+    time: str = field(default_factory=now_utc)
+    """When the sweep began, RFC 3339, UTC."""
+    id: str = ""
+    """uuid7 given by the daemon; the file's name for a recording that was read."""
+    notes: tuple[str, ...] = ()
+    """What a person should know of it, a sentence each (inverted polarity, memory trace, corrupt date ...)."""
+
+    def __post_init__(self) -> None:
+        f = np.ascontiguousarray(self.frequency, dtype=np.float64)
+        z = np.ascontiguousarray(self.impedance, dtype=np.complex128)
+        object.__setattr__(self, "frequency", f)
+        object.__setattr__(self, "impedance", z)
+        where = f"recording {self.id!r}" if self.id else "recording"
+        if f.ndim != 1 or f.shape != z.shape:
+            raise SweepError(f"{where}: frequency has shape {f.shape} and impedance {z.shape}; both must be (N,)")
+        if f.size < 2:
+            raise SweepError(f"{where}: {f.size} point(s) found; at least 2 are needed")
+        for name, values in (("frequency", f), ("impedance", z)):
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise SweepError(
+                    f"{where}: {name} of point {bad[0] + 1} is {values[bad[0]]}; only finite numbers allowed"
+                )
+        if f[0] <= 0:
+            raise SweepError(f"{where}: frequency of point 1 is {f[0]:g} Hz; only positive frequencies are allowed")
+        falls = np.flatnonzero(np.diff(f) <= 0)
+        if falls.size:
+            k = int(falls[0])
+            word = "equals" if f[k + 1] == f[k] else "is below"
+            raise SweepError(
+                f"{where}: frequency of point {k + 2} ({f[k + 1]:.12g} Hz) {word} that of point {k + 1} "
+                f"({f[k]:.12g} Hz); frequencies must rise strictly"
+            )
+
+    @property
+    def admittance(self) -> Impedances:
+        """Complex admittance in siemens, shape (N,)."""
+        return 1.0 / self.impedance

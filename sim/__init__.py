@@ -1,0 +1,1 @@
+"""The simulated 4294A and the virtual bench behind it."""
