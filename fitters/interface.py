@@ -18,7 +18,8 @@ class FitError(CannotError):
 class FitTask:
     """What a fitter is given: the transducer, and the recordings of its steps so far."""
 
-    build: Build
+    build: Build | None
+    """None where nothing is known of the device; only a lumped model can be fitted then."""
     sweeps: Mapping[str, tuple[Sweep, ...]]
     """By step, in gluing order; several sweeps of a step are repeats or further segments."""
     free: tuple[str, ...] | None = None
@@ -31,8 +32,9 @@ class Constant:
 
     re: float
     im: float
-    u_re: float
-    u_im: float
+    u_re: float | None
+    """None where the fitter gives no uncertainty (the thesis's procedure), 0 where the value is held as exact."""
+    u_im: float | None
     unit: str
     free: bool = True
 

@@ -1,0 +1,46 @@
+"""Fit results as the JSON object that `pzctl fit --json` prints."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ..fitters.interface import Constant, FitResult
+
+
+def _number(value: float | None) -> float | None:
+    """Return a number that JSON can hold: what is missing or infinite is null."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _constants(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {
+            "re": _number(constant.re),
+            "im": _number(constant.im),
+            "u_re": _number(constant.u_re),
+            "u_im": _number(constant.u_im),
+            "unit": constant.unit,
+            "free": constant.free,
+        }
+        for name, constant in constants.items()
+    }
+
+
+def fit_json(result: FitResult) -> dict[str, Any]:
+    """Return a fit result as one JSON object, without the curves."""
+    return {
+        "build": result.build,
+        "fitter": result.fitter,
+        "version": result.version,
+        "steps": list(result.steps),
+        "noise": {"relative": _number(result.noise.relative), "from": result.noise.source},
+        "chi2_per_dof": _number(result.chi2_per_dof),
+        "constants": _constants(result.constants),
+        "derived": _constants(result.derived),
+        "correlation": [list(pair) for pair in result.correlation],
+        "rms_log_error": _number(result.rms_log_error),
+        "converged": result.converged,
+        "evaluations": result.evaluations,
+        "seconds": result.seconds,
+        "says": list(result.says),
+    }

@@ -1,0 +1,33 @@
+"""The command line: one module for each command. Imports stay inside the commands, so that `--help` is quick."""
+
+import sys
+
+import typer
+
+from ...models.errors import PzctlError
+from . import fit, fitters, materials, measure, service, simulator
+
+app = typer.Typer(
+    name="pzctl",
+    help="Complex material constants of an ultrasound transducer, layer by layer, right after each gluing step.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+app.command("measure")(measure.measure)
+app.command("fit")(fit.fit)
+app.command("daemon")(service.daemon)
+app.command("sim")(simulator.sim)
+app.command("fitters")(fitters.fitters)
+app.command("materials")(materials.materials)
+
+
+def main() -> None:
+    """Run the command line; what is wrong is one sentence on standard error, never a traceback."""
+    try:
+        app()
+    except PzctlError as error:
+        print(f"pzctl: {error}", file=sys.stderr)
+        sys.exit(error.exit_status)
+    except KeyboardInterrupt:
+        print("pzctl: stopped", file=sys.stderr)
+        sys.exit(130)

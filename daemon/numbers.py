@@ -1,0 +1,36 @@
+"""Numbers as the field writes them: 1.514(3)e11, with the uncertainty in the last digits."""
+
+import math
+
+
+def with_uncertainty(value: float, u: float | None) -> str:
+    """Return `1.514(3)e11`: the digits in brackets are the standard uncertainty of the last digits shown.
+
+    The uncertainty gets one digit, two where its first is a 1. Without an uncertainty: six digits; held as exact
+    (0): the value as it is.
+    """
+    if not math.isfinite(value):
+        return "-"
+    if u is None or u == 0 or not math.isfinite(u):
+        return f"{value:.6g}"
+    exponent = math.floor(math.log10(abs(value))) if value else 0
+    exponent = max(exponent, math.floor(math.log10(u)))
+    digits = _digits(u)
+    last = math.floor(math.log10(u)) - digits + 1
+    shown = 0 if -3 <= exponent <= 4 else exponent
+    decimals = max(0, shown - last)
+    mantissa = f"{value / 10.0**shown:.{decimals}f}"
+    bracket = round(u / 10.0 ** min(last, shown))
+    return f"{mantissa}({bracket})" + (f"e{shown}" if shown else "")
+
+
+def _digits(u: float) -> int:
+    """Return how many digits of an uncertainty are shown: two where one would round it by more than a quarter."""
+    return 2 if f"{u:.0e}"[0] == "1" or f"{u:.1e}"[0] == "1" else 1
+
+
+def complex_with_uncertainty(re: float, im: float, u_re: float | None, u_im: float | None) -> str:
+    """Return `1.514(3)e11 + 1.44(2)e9 j`; a real constant, which has no imaginary part, without its second half."""
+    if im == 0 and not u_im:
+        return with_uncertainty(re, u_re)
+    return f"{with_uncertainty(re, u_re)} {'-' if im < 0 else '+'} {with_uncertainty(abs(im), u_im)} j"

@@ -1,0 +1,52 @@
+"""Fit results as pictures."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..fitters.interface import Curve, FitResult
+
+_ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
+_MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
+_START: dict[str, Any] = {"color": "tab:green", "linewidth": 0.9, "linestyle": "--", "label": "start"}
+_FITTED: dict[str, Any] = {"color": "tab:red", "linewidth": 0.9, "label": "fitted"}
+
+
+def fit_picture(result: FitResult, path: Path) -> Path:
+    """Draw |Z|, phase, G, B and the residual of every sweep, one column each; return the path of the PNG or SVG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = len(result.curves)
+    figure = Figure(figsize=(max(6.0, 4.6 * columns), 12), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
+    for k, curve in enumerate(result.curves):
+        _column(axes[:, k], curve, result.noise.relative)
+        axes[0, k].set_title(curve.step)
+        axes[-1, k].set_xlabel("frequency (MHz)")
+    for row, label in enumerate(_ROWS):
+        axes[row, 0].set_ylabel(label)
+    axes[0, 0].legend(fontsize="small")
+    axes[-1, 0].legend(fontsize="small")
+    figure.suptitle(
+        f"{result.build} by {result.fitter}: chi2/dof {result.chi2_per_dof:.3g}, "
+        f"RMS log error {result.rms_log_error:.2g}"
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def _column(axes: Any, curve: Curve, noise: float) -> None:
+    f = curve.frequency / 1e6
+    for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
+        axes[0].semilogy(f, np.abs(values), **style)
+        axes[1].plot(f, np.angle(values, deg=True), **style)
+        axes[2].semilogy(f, np.maximum((1 / values).real, 1e-12), **style)
+        axes[3].plot(f, (1 / values).imag, **style)
+    ratio = np.log(curve.fitted / curve.measured)
+    axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
+    axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
+    axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)

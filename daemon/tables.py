@@ -1,0 +1,77 @@
+"""Fit results as tables for the terminal."""
+
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+
+from ..fitters.interface import Constant, FitResult
+from ..models.build import Build, Quantity
+from .numbers import complex_with_uncertainty
+
+_DERIVED_SHOWN = ("kt", "Qm", "tan_delta", "c33", "compliance", "delay")
+
+
+def fit_table(result: FitResult, build: Build | None) -> Table:
+    """Return the table of a fit: constants with uncertainties, beside what the data sheet says."""
+    table = Table(title=_title(result), title_justify="left", header_style="bold")
+    table.add_column("constant")
+    table.add_column("fitted")
+    table.add_column("unit")
+    table.add_column("data sheet")
+    table.add_column("deviation", justify="right")
+    nominal = _nominal(build)
+    layer = ""
+    for name, constant in result.constants.items():
+        owner = name.split(".")[0]
+        if layer and owner != layer:
+            _derived_rows(table, result, layer)
+            table.add_section()
+        layer = owner
+        _row(table, name, constant, nominal.get(name))
+    _derived_rows(table, result, layer)
+    return table
+
+
+def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
+    """Print table, figures of merit and what must be known of them."""
+    console.print(fit_table(result, build))
+    for sentence in result.says:
+        console.print(f"! {sentence}", style="yellow", highlight=False)
+
+
+def _title(result: FitResult) -> str:
+    quality = f"chi2/dof {result.chi2_per_dof:.3g}, RMS log error {result.rms_log_error:.2g}"
+    noise = f"noise {result.noise.relative:.1e} ({result.noise.source})"
+    steps = " + ".join(result.steps)
+    return f"{result.build}: {steps} by {result.fitter} - {quality}, {noise}, {result.seconds:.2f} s"
+
+
+def _nominal(build: Build | None) -> dict[str, Quantity]:
+    if build is None:
+        return {}
+    return {
+        f"{layer.name}.{name}": quantity
+        for layer in build.layers
+        for name, quantity in (layer.nominal or layer.values).items()
+    }
+
+
+def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) -> None:
+    fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
+    sheet = deviation = ""
+    if nominal is not None:
+        sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im)
+        deviation = f"{100 * (constant.re / nominal.re - 1):+.1f} %" if constant.free else "held"
+    table.add_row(name, fitted, constant.unit, sheet, deviation, style=None if constant.free else "dim")
+
+
+def _derived_rows(table: Table, result: FitResult, layer: str) -> None:
+    shown: Mapping[str, Constant] = {
+        name: constant
+        for name, constant in result.derived.items()
+        if name.startswith(f"{layer}.") and name.split(".")[1] in _DERIVED_SHOWN
+    }
+    for name, constant in shown.items():
+        fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
+        table.add_row(f"  {name}", fitted, constant.unit, "", "", style="italic")

@@ -1,0 +1,125 @@
+"""From the coordinates that an optimiser moves to the constants of a model, and back.
+
+An optimiser should be free to go anywhere without leaving physics. So positive constants move as logarithms, lossy
+constants as modulus of the real part and loss, and the piezoelectric loss as the sine of an angle times the largest
+value that passivity allows (Holland, IEEE Trans. Sonics Ultrason. 14 (1967) 18: the imaginary part of
+[[c33D, -h33], [-h33, 1/eps33S]] is positive semidefinite).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..models.arrays import Reals
+
+_LOSS_FLOOR = 1e-7
+_ANGLE_LIMIT = 1.5
+
+
+@dataclass(frozen=True)
+class Block:
+    """A few coordinates that make a few model parameters."""
+
+    coordinates: tuple[str, ...]
+    """Names of the coordinates: the constant's name, with `.loss` for its loss."""
+    parameters: tuple[str, ...]
+    """Names of the model parameters that are made."""
+    forward: Callable[[Reals], tuple[Reals, Reals]]
+    """Coordinates, shape (C,), to parameters, shape (P,), and d parameter / d coordinate, shape (P, C)."""
+    inverse: Callable[[Reals], Reals]
+    """Parameters, shape (P,), to coordinates, shape (C,)."""
+
+
+def _exp(x: Reals) -> tuple[Reals, Reals]:
+    p = np.exp(x)
+    return p, p[:, None]
+
+
+def positive(name: str) -> Block:
+    """Return a constant that is positive: x = ln p."""
+    return Block((name,), (name,), _exp, np.log)
+
+
+def thickness_constants(layer: str) -> Block:
+    """Return c33D, h33 and eps33S of a piezo layer, passive whatever the coordinates are.
+
+    x = ln c', ln(c''/c'), h'/1e9, angle, ln eps', ln tan d; h'' = -sin(angle) sqrt(c'' beta''), beta = 1/eps33S.
+    """
+    names = ("c33D", "h33", "eps33S")
+    return Block(
+        tuple(f"{layer}.{name}{loss}" for name in names for loss in ("", ".loss")),
+        tuple(f"{layer}.{name}.{part}" for name in names for part in ("re", "im")),
+        _thickness_forward,
+        _thickness_inverse,
+    )
+
+
+def _thickness_forward(x: Reals) -> tuple[Reals, Reals]:
+    c_re, c_loss, h_re, angle, e_re, e_loss = (float(value) for value in x)
+    c = np.exp(c_re)
+    c_im = c * np.exp(c_loss)
+    e, tan = np.exp(e_re), np.exp(e_loss)
+    beta_im = tan / (e * (1 + tan**2))
+    bound = np.sqrt(c_im * beta_im)
+    h_im = -np.sin(angle) * bound
+    values = np.array([c, c_im, 1e9 * h_re, h_im, e, -e * tan])
+    J = np.zeros((6, 6))
+    J[0, 0] = c
+    J[1, 0] = J[1, 1] = c_im
+    J[2, 2] = 1e9
+    # d ln(bound): half of d ln c'' and of d ln beta''
+    J[3] = h_im * np.array([0.5, 0.5, 0.0, 0.0, -0.5, 0.5 * (1 - tan**2) / (1 + tan**2)])
+    J[3, 3] = -np.cos(angle) * bound
+    J[4, 4] = e
+    J[5, 4] = J[5, 5] = -e * tan
+    return values, J
+
+
+def _thickness_inverse(values: Reals) -> Reals:
+    c, c_im, h, h_im, e, e_im = (float(value) for value in values)
+    c_loss, tan = max(c_im / c, _LOSS_FLOOR), max(-e_im / e, _LOSS_FLOOR)
+    bound = np.sqrt(c * c_loss * tan / (e * (1 + tan**2)))
+    angle = np.arcsin(np.clip(-h_im / bound, -np.sin(_ANGLE_LIMIT), np.sin(_ANGLE_LIMIT)))
+    return np.array([np.log(c), np.log(c_loss), h / 1e9, angle, np.log(e), np.log(tan)])
+
+
+class Coordinates:
+    """All coordinates of a fit: which of them move, and what model parameters they make."""
+
+    def __init__(self, blocks: tuple[Block, ...], start: Mapping[str, float], free: tuple[str, ...]) -> None:
+        """`start`: values of the model parameters; `free`: names of the coordinates that move."""
+        self.blocks = blocks
+        self.names = tuple(name for block in blocks for name in block.coordinates)
+        self.parameters = tuple(name for block in blocks for name in block.parameters)
+        self.all = self._all_of(start)
+        self.moving = np.array([k for k, name in enumerate(self.names) if name in free], dtype=np.intp)
+        self.free = tuple(self.names[k] for k in self.moving)
+
+    @property
+    def x(self) -> Reals:
+        """Start of the moving coordinates, shape (M,)."""
+        return self.all[self.moving]
+
+    def forward(self, x: Reals) -> tuple[dict[str, float], Reals]:
+        """Return the model parameters and d parameter / d moving coordinate, shape (P, M)."""
+        full = self.all.copy()
+        full[self.moving] = x
+        values: list[float] = []
+        J = np.zeros((len(self.parameters), full.size))
+        row = column = 0
+        for block in self.blocks:
+            wide = len(block.coordinates)
+            made, partial = block.forward(full[column : column + wide])
+            J[row : row + made.size, column : column + wide] = partial
+            values.extend(made.tolist())
+            row, column = row + made.size, column + wide
+        return dict(zip(self.parameters, values, strict=True)), J[:, self.moving]
+
+    def inverse(self, values: Mapping[str, float]) -> Reals:
+        """Return the moving coordinates, shape (M,), of model parameters."""
+        return self._all_of(values)[self.moving]
+
+    def _all_of(self, values: Mapping[str, float]) -> Reals:
+        parts = [block.inverse(np.array([values[name] for name in block.parameters])) for block in self.blocks]
+        return np.concatenate(parts)

@@ -1,0 +1,60 @@
+"""Finding the fitters that are installed: the entry point group `pzctl.fitters`."""
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
+
+from ..models.errors import PzctlError
+from .interface import Fitter
+
+GROUP = "pzctl.fitters"
+DEFAULT = "mason"
+
+
+class PluginError(PzctlError):
+    """A fitter that is not installed, or that does not load."""
+
+
+@dataclass(frozen=True)
+class Listed:
+    """An installed fitter as `pzctl fitters` shows it."""
+
+    name: str
+    package: str
+    version: str
+    summary: str
+    """One line; for a fitter that does not load, what went wrong."""
+    works: bool
+
+
+def _points() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def load_fitter(name: str) -> Fitter:
+    """Return a new fitter. Raises PluginError where none of this name is installed or it does not load."""
+    points = _points()
+    if name not in points:
+        near = get_close_matches(name, points, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise PluginError(f"no fitter {name!r} is installed; there are {', '.join(sorted(points))}{hint}")
+    try:
+        return points[name].load()()
+    except Exception as error:
+        raise PluginError(f"fitter {name!r} of {_package(points[name])} does not load: {error}") from error
+
+
+def list_fitters() -> list[Listed]:
+    """Return all installed fitters; a broken one is listed as broken and the rest go on."""
+    listed: list[Listed] = []
+    for name, point in sorted(_points().items()):
+        try:
+            fitter = load_fitter(name)
+            listed.append(Listed(name, _package(point), fitter.version, fitter.summary, works=True))
+        except PluginError as error:
+            listed.append(Listed(name, _package(point), "-", str(error), works=False))
+    return listed
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else "an unknown package"
