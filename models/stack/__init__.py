@@ -1,0 +1,18 @@
+"""A transducer as a plate of layers: exact impedance, exact derivatives.
+
+>>> disk = Piezo("disk", thickness=0.512e-3, density=7700.0, c33D=1.444e11 * (1 + 1j / 80), h33=1.98e9,
+...              eps33S=8.09e-9 * (1 - 0.017j))
+>>> ml1 = Elastic("ml1", thickness=139e-6, z=10.3e6, c=2455.0, q=60.0)
+>>> stack = (AIR | disk | ml1 | AIR).with_area(2.01e-4)
+>>> Z, J = stack.jacobian(np.linspace(1e6, 6e6, 801), ["disk.thickness", "ml1.z"])
+"""
+
+from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
+from .layers import Elastic, Layer, Piezo
+from .loads import AIR, VACUUM, HalfSpace, Load
+from .stack import Stack
+
+__all__ = [
+    "AIR", "CONSTANT", "VACUUM", "CausalConstantQ", "ConstantLoss", "Elastic", "HalfSpace", "Layer", "Load",
+    "LossLaw", "Piezo", "PowerLoss", "Stack", "StackError", "viscous",
+]  # fmt: skip

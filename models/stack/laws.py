@@ -1,0 +1,150 @@
+"""Loss laws: how a lossy constant, given at one frequency, continues to the others.
+
+A lossy constant is one complex number `M = M' + jM''`, as it stands at the reference frequency. Its loss tangent
+`M''/M'` is positive for a stiffness (1/Q) and negative for a permittivity (-tan d); every law below serves both.
+A law that lets the loss be what it is and keeps the constant's real part still is not causal (Q = 80 forces c' to
+rise by 0.88 % from f to 3f); the others carry the Kramers-Kronig companion and need no further constant for it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies
+from ..errors import PzctlError
+
+ComplexLike: TypeAlias = complex | Complexes
+"""One complex number for all frequencies, or an array of shape (N,)."""
+
+
+class StackError(PzctlError):
+    """A layer, load or stack that cannot exist, or a parameter it does not have."""
+
+
+class LossLaw(Protocol):
+    """A complex constant over frequency."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return the law's own parameters by name (`exponent`), empty where it has none."""
+        ...
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,), in the unit of `value`."""
+        ...
+
+    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d ln(constant) / d `re`, `im` and each of the law's own parameters."""
+        ...
+
+
+@dataclass(frozen=True)
+class ConstantLoss:
+    """The same complex number at every frequency (hysteretic loss). Not causal, and what most papers use."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return nothing: the law has no parameter."""
+        return {}
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return `value`."""
+        return value
+
+    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return 1/value and j/value."""
+        return {"re": 1 / value, "im": 1j / value}
+
+
+@dataclass(frozen=True)
+class CausalConstantQ:
+    """Kjartansson's law (J. Geophys. Res. 84 (1979) 4737): M(f) = M (f/reference)^(2/pi arg M).
+
+    The loss tangent is the same at all frequencies, and the real part moves as causality demands: a stiffness
+    rises with frequency, a permittivity falls.
+    """
+
+    reference: float
+    """Hz, where the constant has the value that was given."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return nothing: causality fixes the dispersion."""
+        return {}
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        slope = 2 / math.pi * math.atan2(value.imag, value.real)
+        return np.multiply((frequency / self.reference) ** slope, value)
+
+    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d ln M / d re and d ln M / d im, shape (N,)."""
+        stretch = 2 / math.pi * np.log(frequency / self.reference)
+        size = abs(value) ** 2
+        by_re, by_im = -value.imag / size * stretch, value.real / size * stretch
+        return {"re": np.add(by_re, 1 / value), "im": np.add(by_im, 1j / value)}
+
+
+@dataclass(frozen=True)
+class PowerLoss:
+    """Loss tangent proportional to f^exponent: M(f) = M' + M'' [cot(n pi/2) (x^n - 1) + j x^n], x = f/reference.
+
+    This is the fractional Kelvin-Voigt solid M0 [1 + (jw tau)^n] (and, for n < 0, the universal dielectric
+    response (jw)^n), written so that M is the value at the reference. Causal. n = 1 is the viscous law; n = 0 is
+    its limit M' + M'' [(2/pi) ln x + j], the causal constant Q of small losses. An attenuation ~ f^y is n = y - 1.
+    """
+
+    reference: float
+    """Hz, where the constant has the value that was given."""
+    exponent: float
+    """n, between -1 and 1."""
+
+    def __post_init__(self) -> None:
+        if not -1 <= self.exponent <= 1:
+            raise StackError(f"power law of loss: exponent is {self.exponent:g}; allowed is -1 to 1")
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return the exponent."""
+        return {"exponent": self.exponent}
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return value.real + value.imag * self._shape(np.log(frequency / self.reference))
+
+    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d ln M / d re, d im and d exponent, shape (N,)."""
+        log_x = np.log(frequency / self.reference)
+        shape = self._shape(log_x)
+        constant = value.real + value.imag * shape
+        return {
+            "re": 1 / constant,
+            "im": shape / constant,
+            "exponent": value.imag * self._shape_by_exponent(log_x) / constant,
+        }
+
+    def _shape(self, log_x: Frequencies) -> Complexes:
+        """Return cot(n pi/2) (x^n - 1) + j x^n: the loss with its companion, 1j at the reference."""
+        n = self.exponent
+        if n == 0:
+            return 2 / math.pi * log_x + 1j
+        return np.expm1(n * log_x) / math.tan(n * math.pi / 2) + 1j * np.exp(n * log_x)
+
+    def _shape_by_exponent(self, log_x: Frequencies) -> Complexes:
+        """Return the derivative of `_shape` by n."""
+        n = self.exponent
+        if abs(n) < 1e-6:  # the two large terms below cancel; the series is exact to n^2 here
+            companion = log_x**2 / math.pi + n * (2 / (3 * math.pi) * log_x**3 - math.pi / 3 * log_x)
+            return np.add(companion, 1j * log_x * np.exp(n * log_x))
+        power = np.exp(n * log_x)
+        turn = -math.pi / 2 / math.sin(n * math.pi / 2) ** 2
+        companion = turn * np.expm1(n * log_x) + log_x * power / math.tan(n * math.pi / 2)
+        return np.add(companion, 1j * log_x * power)
+
+
+def viscous(reference: float) -> PowerLoss:
+    """Return the viscous law: Q = Q(reference) reference/f, with `reference` in Hz."""
+    return PowerLoss(reference, 1.0)
+
+
+CONSTANT = ConstantLoss()
+"""The law where nothing else is said."""

@@ -1,0 +1,210 @@
+"""What a stack is made of: piezoelectric and elastic layers."""
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+
+from ..arrays import Frequencies
+from .laws import CONSTANT, ComplexLike, LossLaw, PowerLoss, StackError
+from .row import Joins
+
+Gradient = Mapping[str, ComplexLike]
+"""How one parameter p moves a layer: d ln(quantity) / dp for the quantities `Zc theta h W stiffness mass`."""
+
+
+class Layer(Protocol):
+    """Anything with two faces that stands in a stack."""
+
+    @property
+    def name(self) -> str:
+        """Name, unique in the stack."""
+        ...
+
+    def parameters(self) -> dict[str, float]:
+        """Return every parameter by its name without the layer's, SI units."""
+        ...
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the layer with these parameters, named as in `parameters()`."""
+        ...
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
+        """Return for every parameter which quantities of the layer it moves, and how much."""
+        ...
+
+
+def require_positive(owner: str, **values: float) -> None:
+    """Raise StackError for a value that is not a positive number."""
+    for name, value in values.items():
+        if not value > 0:
+            raise StackError(f"{owner}: {name.replace('_', '.')} is {value:g}; a positive number is needed")
+
+
+@dataclass(frozen=True)
+class Elastic(Joins):
+    """A passive layer: matching layer, glue, electrode, backing."""
+
+    name: str
+    thickness: float
+    """m."""
+    z: float
+    """Specific acoustic impedance rho c, Rayl."""
+    c: float
+    """Speed sqrt(c33'/rho), m/s."""
+    q: float = math.inf
+    """Quality factor: c33 = z c (1 + j/q)."""
+    law: LossLaw = CONSTANT
+    """How c33 continues from the law's reference frequency."""
+
+    def __post_init__(self) -> None:
+        require_positive(f"layer {self.name!r}", thickness=self.thickness, z=self.z, c=self.c, q=self.q)
+
+    @property
+    def c33(self) -> complex:
+        """Stiffness z c (1 + j/q) at the reference of the loss law, Pa."""
+        return self.z * self.c * complex(1.0, 1 / self.q)
+
+    @property
+    def density(self) -> float:
+        """kg/m3."""
+        return self.z / self.c
+
+    def parameters(self) -> dict[str, float]:
+        """Return `thickness` (m), `z` (Rayl), `c` (m/s), `q`, and `q.exponent` where the law has one."""
+        own = {"thickness": self.thickness, "z": self.z, "c": self.c, "q": self.q}
+        return own | {f"q.{key}": value for key, value in self.law.parameters().items()}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the layer with these parameters."""
+        law = law_with(self.law, values, "q.")
+        return replace(self, law=law, **{key: value for key, value in values.items() if "." not in key})
+
+    def wave(self, frequency: Frequencies) -> tuple[ComplexLike, ComplexLike]:
+        """Return the characteristic impedance (Rayl) and the time t/v (s) that a wave takes through the layer."""
+        return _wave(self.density, self.law.over(self.c33, frequency), self.thickness)
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
+        """Return d ln Zc and d ln theta by each parameter."""
+        stiffness = dict(self.law.log_derivatives(self.c33, frequency))
+        by_loss = stiffness.pop("im") * self.z * self.c
+        del stiffness["re"]
+        stiffness["q"] = -by_loss / self.q**2
+        own: dict[str, Gradient] = {
+            "thickness": {"theta": 1 / self.thickness},
+            "z": {"Zc": 1 / self.z},
+            "c": {"theta": -1 / self.c},
+            "q": _through_stiffness(stiffness.pop("q")),
+        }
+        return own | {f"q.{key}": _through_stiffness(value) for key, value in stiffness.items()}
+
+
+@dataclass(frozen=True)
+class Piezo(Joins):
+    """A piezoelectric layer, electroded on both faces, in thickness-extensional motion."""
+
+    name: str
+    thickness: float
+    """m."""
+    density: float
+    """kg/m3."""
+    c33D: complex
+    """Stiffness at constant D, Pa; im > 0 is loss."""
+    h33: complex
+    """V/m."""
+    eps33S: complex
+    """Clamped permittivity, F/m; im < 0 is loss."""
+    polarity: int = 1
+    """+1, or -1 where the layer is poled against the way the terminals' current runs through it."""
+    c_law: LossLaw = CONSTANT
+    """How c33D continues from the law's reference frequency."""
+    h_law: LossLaw = CONSTANT
+    """How h33 does."""
+    eps_law: LossLaw = CONSTANT
+    """How eps33S does."""
+
+    def __post_init__(self) -> None:
+        parts = {"c33D_re": self.c33D.real, "eps33S_re": self.eps33S.real}
+        require_positive(f"layer {self.name!r}", thickness=self.thickness, density=self.density, **parts)
+        if self.polarity not in (1, -1):
+            raise StackError(f"layer {self.name!r}: polarity is {self.polarity}; allowed is 1 or -1")
+
+    def parameters(self) -> dict[str, float]:
+        """Return `thickness density c33D.re c33D.im h33.re h33.im eps33S.re eps33S.im`, and the laws' exponents."""
+        own = {"thickness": self.thickness, "density": self.density}
+        for constant, (value, law) in self._constants().items():
+            own |= {f"{constant}.re": value.real, f"{constant}.im": value.imag}
+            own |= {f"{constant}.{key}": exponent for key, exponent in law.parameters().items()}
+        return own
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the layer with these parameters."""
+
+        def new(constant: str, old: complex) -> complex:
+            return complex(values.get(f"{constant}.re", old.real), values.get(f"{constant}.im", old.imag))
+
+        return replace(
+            self,
+            thickness=values.get("thickness", self.thickness),
+            density=values.get("density", self.density),
+            c33D=new("c33D", self.c33D),
+            h33=new("h33", self.h33),
+            eps33S=new("eps33S", self.eps33S),
+            c_law=law_with(self.c_law, values, "c33D."),
+            h_law=law_with(self.h_law, values, "h33."),
+            eps_law=law_with(self.eps_law, values, "eps33S."),
+        )
+
+    def wave(self, frequency: Frequencies) -> tuple[ComplexLike, ComplexLike]:
+        """Return the characteristic impedance (Rayl) and the time t/v (s) that a wave takes through the layer."""
+        return _wave(self.density, self.c_law.over(self.c33D, frequency), self.thickness)
+
+    def field_per_strain(self, frequency: Frequencies) -> ComplexLike:
+        """Return h33 with its polarity, V/m."""
+        return self.polarity * self.h_law.over(self.h33, frequency)
+
+    def clamped_elastance(self, frequency: Frequencies) -> ComplexLike:
+        """Return t/eps33S, the inverse of the clamped capacitance of one square metre, m2/F."""
+        return self.thickness / self.eps_law.over(self.eps33S, frequency)
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
+        """Return d ln Zc, d ln theta, d ln h33 and d ln W (clamped voltage) by each parameter."""
+        own: dict[str, Gradient] = {
+            "thickness": {"theta": 1 / self.thickness, "W": 1 / self.thickness},
+            "density": {"Zc": 0.5 / self.density, "theta": 0.5 / self.density},
+        }
+        for key, value in self.c_law.log_derivatives(self.c33D, frequency).items():
+            own[f"c33D.{key}"] = _through_stiffness(value)
+        for key, value in self.h_law.log_derivatives(self.h33, frequency).items():
+            own[f"h33.{key}"] = {"h": value}
+        for key, value in self.eps_law.log_derivatives(self.eps33S, frequency).items():
+            own[f"eps33S.{key}"] = {"W": -value}
+        return own
+
+    def _constants(self) -> dict[str, tuple[complex, LossLaw]]:
+        return {
+            "c33D": (self.c33D, self.c_law),
+            "h33": (self.h33, self.h_law),
+            "eps33S": (self.eps33S, self.eps_law),
+        }
+
+
+def law_with(law: LossLaw, values: Mapping[str, float], prefix: str) -> LossLaw:
+    """Return the law with the exponent that `values` names under `prefix`, if it does."""
+    if isinstance(law, PowerLoss) and f"{prefix}exponent" in values:
+        return replace(law, exponent=values[f"{prefix}exponent"])
+    return law
+
+
+def _wave(density: float, c33: ComplexLike, thickness: float) -> tuple[ComplexLike, ComplexLike]:
+    """Return sqrt(rho c33) in Rayl and t sqrt(rho/c33) in s; both have a positive real part."""
+    root: ComplexLike = cmath.sqrt(c33) if isinstance(c33, complex) else np.sqrt(c33, dtype=np.complex128)
+    return math.sqrt(density) * root, thickness * math.sqrt(density) / root
+
+
+def _through_stiffness(by_parameter: ComplexLike) -> Gradient:
+    """Return d ln Zc and d ln theta from d ln c33: Zc goes with its root, theta with the inverse root."""
+    return {"Zc": 0.5 * by_parameter, "theta": -0.5 * by_parameter}

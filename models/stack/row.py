@@ -1,0 +1,34 @@
+"""The notation `air | disk | glue | ml1 | air`: parts beside each other, back to front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .stack import Stack
+
+
+class Joins:
+    """A part that can stand in a row."""
+
+    def __or__(self, other: Joins | Row) -> Row:
+        """Return the row in which `other` stands in front of this part."""
+        return Row((self,)) | other
+
+
+@dataclass(frozen=True)
+class Row:
+    """Parts back to front, not yet a stack: the area of the faces is missing."""
+
+    parts: tuple[Joins, ...]
+
+    def __or__(self, other: Joins | Row) -> Row:
+        """Return the row in which `other` stands in front of these parts."""
+        return Row(self.parts + (other.parts if isinstance(other, Row) else (other,)))
+
+    def with_area(self, area: float) -> Stack:
+        """Return the stack of these parts with faces of `area` m2. Raises StackError where no load ends the row."""
+        from .stack import Stack
+
+        return Stack.from_row(self.parts, area)
