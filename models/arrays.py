@@ -16,3 +16,8 @@ Reals: TypeAlias = NDArray[np.float64]
 
 Complexes: TypeAlias = NDArray[np.complex128]
 """Complex numbers; the docstring says unit and shape."""
+
+
+def j_omega(frequency: Frequencies) -> Complexes:
+    """Return j 2 pi f in 1/s, shape (N,), for frequencies in Hz, shape (N,)."""
+    return np.multiply(2j * np.pi, frequency, dtype=np.complex128)
