@@ -1,0 +1,137 @@
+"""The 4294A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
+
+import contextlib
+import dataclasses
+import re
+from collections.abc import Callable
+
+from ...models.plan import Segment, SweepPlan
+from ...models.sweep import Sweep
+from .. import replies
+from ..analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..link import Link
+from . import grid, limits, state
+from .record import record
+from .sweeping import expected_seconds, sweep
+
+# String 1 was HEWLETT-PACKARD even on Agilent's own units; later badges are allowed for.
+_IDN = re.compile(r'"?(HEWLETT-PACKARD|AGILENT[^,]*|KEYSIGHT[^,]*), ?4294A, ?([^,]*), ?([^,"]*)"?', re.IGNORECASE)
+
+
+class Agilent4294A:
+    """An Agilent (HP, Keysight) 4294A at the other end of `link`. See `Analyzer` for the contract."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+
+    def identify(self) -> Identity:
+        """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
+        answer = self._link.ask("*IDN?")
+        found = _IDN.fullmatch(answer.strip())
+        if not found:
+            raise InstrumentError(
+                f"{self._link.name}: *IDN? is answered by {replies.quote(answer)}; "
+                "this driver needs an HP, Agilent or Keysight 4294A"
+            )
+        return Identity(self._link.name, answer.strip(), "4294A", found[2].strip(), found[3].strip())
+
+    def estimated_seconds(self, plan: SweepPlan) -> float:
+        """Return how long `plan` will take at most, in s. Raises PlanError where a 4294A cannot do it."""
+        limits.check(plan)
+        return sum(expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment))
+
+    def measure(
+        self,
+        plan: SweepPlan,
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+    ) -> tuple[Sweep, ...]:
+        """Carry out `plan`: one Sweep for each segment, in order; see `Analyzer.measure`.
+
+        A segment of more than 801 points is swept in overlapping parts. Where the instrument could not be set back
+        after a sweep that is sound, the Sweep says so in its notes.
+        """
+        count = sum(len(_sweeps_of(segment)) for segment in plan.segments)
+        course = _Course(self.estimated_seconds(plan), count, progress, cancelled)
+        identity = self.identify()
+        found: state.Found | None = None
+        try:
+            found = state.take(self._link)
+            sweeps = tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
+            self._check_in_step(identity)
+        except BaseException as error:
+            self._leave_after(error, found)
+            raise
+        left = self._leave(found, resume=True)
+        return sweeps if not left else tuple(dataclasses.replace(s, notes=(*s.notes, left)) for s in sweeps)
+
+    def close(self) -> None:
+        """Let go of the instrument."""
+        self._link.close()
+
+    def _measure(self, segment: Segment, plan: SweepPlan, identity: Identity, course: "_Course") -> Sweep:
+        raws = [sweep(self._link, part, plan, course.next(part, plan)) for part in _sweeps_of(segment)]
+        return record(raws, segment, plan, identity)
+
+    def _check_in_step(self, identity: Identity) -> None:
+        """Find a line that fell behind by an answer: every reply since then would have been the one before."""
+        if (answer := self._link.ask("*IDN?").strip()) != identity.idn:
+            raise InstrumentError(
+                f"{self._link.name}: *IDN? is answered by {replies.quote(answer)} after the sweep and was "
+                f"{replies.quote(identity.idn)} before it; the answers are out of step"
+            )
+
+    def _leave_after(self, error: BaseException, found: state.Found | None) -> None:
+        """Make the instrument safe after `error`; say in it what could not be done."""
+        left = ""
+        if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
+            with contextlib.suppress(InstrumentError):
+                self._link.recover()
+        left = self._leave(found, resume=False)
+        if left and isinstance(error, InstrumentError):
+            raise type(error)(f"{error}. Besides: {left}") from None
+        if left:
+            error.add_note(left)
+
+    def _leave(self, found: state.Found | None, resume: bool) -> str:
+        """Bias off, then everything as found; return "", or a sentence on what could not be done."""
+        try:
+            state.bias_off(self._link)
+            if found is not None:
+                state.give_back(self._link, found, resume)
+        except InstrumentError as error:
+            return f"The instrument could not be left as found: {error}"
+        return ""
+
+
+class _Course:
+    """How far a plan is, told sweep by sweep."""
+
+    def __init__(
+        self, total: float, count: int, progress: Callable[[Progress], None], cancelled: Callable[[], bool]
+    ) -> None:
+        self._total = total
+        self._count = count
+        self._progress = progress
+        self._cancelled = cancelled
+        self._number = 0
+        self._before = 0.0
+
+    def next(self, part: Segment, plan: SweepPlan) -> Callable[[float], None]:
+        """Return the tick of the next sweep: it reports progress, and raises Cancelled where that is wished."""
+        expected = expected_seconds(part, plan)
+        before, self._before = self._before, self._before + expected
+        self._number += 1
+        what = f"sweep {self._number} of {self._count}"
+
+        def tick(passed: float) -> None:
+            if self._cancelled():
+                raise Cancelled(f"{what} was cancelled after {passed:.0f} s; the instrument is in HOLD, its bias off")
+            done = before + min(passed, expected)
+            self._progress(Progress(done / self._total, max(self._total - done, 0.0), what))
+
+        return tick
+
+
+def _sweeps_of(segment: Segment) -> tuple[Segment, ...]:
+    return tuple(grid.of_part(part) for part in grid.parts(segment))

@@ -1,0 +1,112 @@
+"""One sweep of a 4294A: set up, started, awaited, read; all numbers from the same sweep."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.arrays import Frequencies, Impedances
+from ...models.plan import Segment, SweepPlan
+from ...models.sweep import now_utc
+from .. import replies, sweep_time
+from ..analyzer import InstrumentError
+from ..link import Link
+from . import bias, errorqueue, grid, settings, wait
+
+
+@dataclass(frozen=True, eq=False)
+class RawSweep:
+    """What one sweep gave."""
+
+    frequency: Frequencies
+    """Hz, shape (N,), rising."""
+    impedance: Impedances
+    """ohm, shape (N,)."""
+    started: str
+    """RFC 3339, UTC."""
+    ended: str
+    seconds: float
+    settings: Mapping[str, settings.Value]
+    """As read back, by mnemonic."""
+
+
+def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
+    """Return the seconds one sweep of `segment` will take."""
+    averages = plan.point_average * plan.sweep_average
+    return sweep_time.estimated(grid.points(segment), plan.bandwidth, averages, 0.0, 0.0)
+
+
+def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
+    """Sweep `segment` as `plan` says. `tick`: see `wait.finish`. Raises InstrumentError, and what `tick` raises."""
+    _set_up(link, segment, plan)
+    before = settings.snapshot(link, settings.SETTINGS | settings.CONDITIONS)
+    errorqueue.check(link, "after the set-up")
+    tick(0.0)
+    started, begun = now_utc(), time.monotonic()
+    wait.start(link, f"AVERREST;NUMG {plan.sweep_average}" if plan.sweep_average > 1 else "SING")
+    wait.finish(link, expected_seconds(segment, plan), tick, "the sweep")
+    ended, seconds = now_utc(), time.monotonic() - begun
+    frequency, impedance = _read(link, segment)
+    settings.check_unchanged(link, before)
+    return RawSweep(frequency, impedance, started, ended, seconds, before)
+
+
+def _set_up(link: Link, segment: Segment, plan: SweepPlan) -> None:
+    put = settings.put
+    put(link, "DCO", False)
+    put(link, "TRGS", "INT")
+    put(link, "SWPP", "FREQ")
+    put(link, "SWPT", "LOG" if segment.spacing == "log" else "LIN")
+    # Once without looking, so that neither end can push the other when they are set for good.
+    link.write(f"STAR {settings.text_of(segment.start_Hz)};STOP {settings.text_of(segment.stop_Hz)}")
+    put(link, "STAR", segment.start_Hz)
+    put(link, "STOP", segment.stop_Hz)
+    put(link, "POIN", segment.points)
+    put(link, "SWED", "DOWN" if plan.direction == "down" else "UP")
+    put(link, "SDELT", 0.0)
+    put(link, "PDELT", 0.0)
+    put(link, "BWFACT", plan.bandwidth)
+    for switch, factor, value in (
+        ("PAVER", "PAVERFACT", plan.point_average),
+        ("AVER", "AVERFACT", plan.sweep_average),
+    ):
+        put(link, factor, value)
+        put(link, switch, value > 1)
+    put(link, "POWMOD", "VOLT")
+    put(link, "POWE", plan.oscillator_V)
+    if plan.bias_V:
+        bias.switch_on(link, plan.bias_V)
+
+
+def _read(link: Link, segment: Segment) -> tuple[Frequencies, Impedances]:
+    """Return axis and data array of the sweep that is in HOLD: the complex R,X after every correction.
+
+    `OUTPDATA?` does not depend on the displayed parameter or trace (Programming Manual p.81). FORM3, as a 32-bit
+    frequency has steps of 8 Hz at 110 MHz.
+    """
+    n = segment.points
+    link.write("FORM3")
+    blocks = {
+        query: replies.doubles(link.ask_block(query, 8 * count), count, f"{link.name}: {query}")
+        for query, count in (("OUTPSWPRM?", n), ("OUTPDATA?", 2 * n))
+    }
+    frequency, pairs = blocks["OUTPSWPRM?"], blocks["OUTPDATA?"]
+    impedance = pairs[0::2] + 1j * pairs[1::2]
+    if frequency[0] > frequency[-1]:
+        frequency, impedance = frequency[::-1], impedance[::-1]
+    _check_axis(link, frequency, grid.points(segment))
+    if not np.any(impedance):
+        raise InstrumentError(f"{link.name}: OUTPDATA?: all {n} points are 0 ohm; nothing was measured")
+    return frequency, impedance
+
+
+def _check_axis(link: Link, frequency: Frequencies, expected: Frequencies) -> None:
+    """Raise InstrumentError where the axis is not the plan's grid, to the instrument's step of 1 mHz."""
+    off = np.abs(frequency - expected)
+    k = int(np.argmax(off))
+    if off[k] > 1.1e-3:
+        raise InstrumentError(
+            f"{link.name}: OUTPSWPRM?: point {k + 1} is at {frequency[k]:.12g} Hz; the plan has it at "
+            f"{expected[k]:.12g} Hz"
+        )

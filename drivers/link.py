@@ -1,0 +1,191 @@
+"""The line to one instrument: messages out, whole answers in, never out of step.
+
+Why not plain `resource.query`: pyvisa throws away the bytes that came before a timeout, so an answer awaited in
+slices (to show progress, to be cancelled) would lose its head and every later answer would be the one before.
+Here each slice's bytes go to a buffer of our own, and an answer ends where it ends: at the newline, or, in a block,
+where its length says (0x0A occurs inside blocks).
+"""
+
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+from pyvisa import VisaIOError
+from pyvisa.constants import InterfaceType, ResourceAttribute, StatusCode
+from pyvisa.resources import MessageBasedResource
+
+from . import replies
+from .analyzer import InstrumentError
+
+SLICE_SECONDS = 0.25
+"""An answer is awaited in slices this long; between them a lost connection is noticed."""
+
+CHUNK_BYTES = 4096
+
+LONGEST_LINE_BYTES = 4096
+"""No ASCII answer the driver asks for is longer (an `OUTPERRO?` text is the longest)."""
+
+
+class Link:
+    """One VISA session, opened by `opener`, which is called again where the connection must be made anew.
+
+    Every failure is an InstrumentError whose sentence starts with `name`.
+    """
+
+    def __init__(self, name: str, opener: Callable[[], MessageBasedResource], timeout_seconds: float) -> None:
+        self.name = name
+        """What people call the instrument: the resource string."""
+        self.timeout_seconds = timeout_seconds
+        """How long a single answer may take."""
+        self._opener = opener
+        self._buffer = bytearray()
+        self._resource = _prepared(opener())
+
+    def close(self) -> None:
+        """Let go of the session."""
+        with contextlib.suppress(VisaIOError, OSError):
+            self._resource.close()
+
+    def recover(self) -> None:
+        """Get back in step after a failure: device clear on GPIB, a new connection on a socket.
+
+        Raises InstrumentError where nobody answers any more.
+        """
+        self._buffer.clear()
+        if self._is_gpib:
+            self._guarded("device clear", self._resource.clear)
+            return
+        self.close()
+        self._resource = _prepared(self._opener())
+
+    def write(self, message: str) -> None:
+        """Send `message`, newline added. Raises InstrumentError."""
+        data = message.encode("ascii") + b"\n"
+        self._guarded(f"sending {message}", lambda: self._resource.write_raw(data))
+
+    def ask(self, message: str) -> str:
+        """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError."""
+        self.write(message)
+        until = time.monotonic() + self.timeout_seconds
+        while b"\n" not in self._buffer:
+            if len(self._buffer) > LONGEST_LINE_BYTES:
+                raise InstrumentError(f"{self.name}: the answer to {message} does not end; garbage on the line?")
+            self._receive(CHUNK_BYTES, until, message)
+        line, _, rest = bytes(self._buffer).partition(b"\n")
+        self._buffer[:] = rest
+        self._nothing_left(message)
+        try:
+            return line.removesuffix(b"\r").decode("ascii")
+        except UnicodeDecodeError:
+            shown = replies.quote(line.decode("latin-1"))
+            raise InstrumentError(f"{self.name}: the answer to {message} is {shown}; plain text is expected") from None
+
+    def ask_block(self, message: str, most_bytes: int) -> bytes:
+        """Send `message`; return the data of the `#6` block it is answered with.
+
+        Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
+        a newline.
+        """
+        self.write(message)
+        what = f"{self.name}: {message}"
+        length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
+        if length > most_bytes:
+            raise InstrumentError(f"{what}: {length} bytes are announced; at most {most_bytes} are expected")
+        data = self._exactly(length, message)
+        end = self._exactly(1, message)
+        if end != b"\n":
+            raise InstrumentError(f"{what}: after {length} bytes comes {end!r}; a newline is expected")
+        return data
+
+    def status_byte(self) -> int:
+        """Return the status byte, 0-255: by serial poll on GPIB, by `*STB?` elsewhere. Raises InstrumentError."""
+        if self._is_gpib:
+            status = self._guarded("serial poll", self._resource.read_stb)
+        else:
+            status = replies.integer(self.ask("*STB?"), f"{self.name}: *STB?")
+        if not 0 <= status <= 255:
+            raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
+        return status
+
+    @property
+    def _is_gpib(self) -> bool:
+        return self._resource.interface_type == InterfaceType.gpib
+
+    def _exactly(self, count: int, message: str) -> bytes:
+        until = time.monotonic() + self.timeout_seconds
+        while len(self._buffer) < count:
+            self._receive(count - len(self._buffer), until, message)
+        data = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        return data
+
+    def _receive(self, count: int, until: float, message: str) -> None:
+        """Move what comes within one slice, at most `count` bytes, to the buffer."""
+        seconds = min(SLICE_SECONDS, max(until - time.monotonic(), 0.001))
+        self._resource.timeout = max(1, round(1000 * seconds))
+        try:
+            library, session = self._resource.visalib, self._resource.session
+            with library.ignore_warning(session, StatusCode.success_max_count_read):
+                self._buffer += library.read(session, count)[0]
+        except VisaIOError as error:
+            if error.error_code != StatusCode.error_timeout:
+                raise InstrumentError(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
+            self._still_there(until, message)
+        except OSError as error:
+            raise InstrumentError(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
+
+    def _still_there(self, until: float, message: str) -> None:
+        came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
+        if _hung_up(self._resource):
+            raise InstrumentError(f"{self.name}: the connection was lost while awaiting the answer to {message}{came}")
+        if time.monotonic() >= until:
+            wait = f"{self.timeout_seconds:g} s"
+            raise InstrumentError(f"{self.name}: no answer to {message} within {wait}{came}; is it on and set up?")
+
+    def _nothing_left(self, message: str) -> None:
+        if self._buffer:
+            shown = replies.quote(self._buffer.decode("latin-1"))
+            raise InstrumentError(f"{self.name}: after the answer to {message} comes {shown}; nothing is expected")
+
+    def _guarded(self, doing: str, action: Callable[[], Any]) -> Any:
+        try:
+            return action()
+        except (VisaIOError, OSError, ValueError) as error:
+            raise InstrumentError(f"{self.name}: {doing} failed: {_plain(error)}") from None
+
+
+def _prepared(resource: MessageBasedResource) -> MessageBasedResource:
+    resource.read_termination = "\n"
+    if resource.interface_type == InterfaceType.tcpip:
+        # What came before a timeout is then handed over instead of being dropped with it.
+        resource.set_visa_attribute(ResourceAttribute.suppress_end_enabled, False)
+    if (line := underlying_socket(resource)) is not None:
+        # Else a message without answer holds the next one back until the peer's delayed acknowledgement, 40 ms.
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return resource
+
+
+def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
+    """Return the socket below a session of pyvisa-py; None where there is none, or another library runs."""
+    sessions: dict[Any, Any] = getattr(resource.visalib, "sessions", {})
+    interface = getattr(sessions.get(resource.session), "interface", None)
+    return interface if isinstance(interface, socket.socket) else None
+
+
+def _hung_up(resource: MessageBasedResource) -> bool:
+    """Tell whether the peer closed the connection. pyvisa-py (0.8) takes that for silence."""
+    line = underlying_socket(resource)
+    if line is None:
+        return False
+    try:
+        return bool(select.select([line], [], [], 0)[0]) and line.recv(1, socket.MSG_PEEK) == b""
+    except OSError:
+        return True
+
+
+def _plain(error: Exception) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split())

@@ -1,0 +1,125 @@
+"""From what a person types to an instrument: resource strings, and the way to open them."""
+
+import contextlib
+import os
+import re
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .analyzer import Analyzer, InstrumentError
+
+if TYPE_CHECKING:
+    from pyvisa import ResourceManager
+    from pyvisa.resources import MessageBasedResource
+
+ALLOWED = (
+    "GPIB0::17::INSTR, TCPIP0::HOST::5025::SOCKET, HOST:5025, PROLOGIX::HOST:1234::17, PROLOGIX::/dev/ttyUSB0::17 "
+    "or recording:FILE"
+)
+"""The forms of a resource, for error messages and help."""
+
+OPEN_SECONDS = 5.0
+"""How long a connection may take to be made."""
+
+_HOST_PORT = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]*):(\d{1,5})")
+_SOCKET = re.compile(r"TCPIP\d*::([^:,\s]+)::(\d{1,5})::SOCKET", re.IGNORECASE)
+_GPIB = re.compile(r"GPIB\d*::(\d{1,2})(::\d{1,2})?::INSTR", re.IGNORECASE)
+_GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECASE)
+_RECORDING = "recording:"
+
+
+def resource_name(given: str) -> str:
+    """Return the VISA resource string that `given` stands for. Raises InstrumentError where it is none."""
+    text = given.strip()
+    if plain := _HOST_PORT.fullmatch(text):
+        text = f"TCPIP0::{plain[1]}::{plain[2]}::SOCKET"
+    if line := _SOCKET.fullmatch(text):
+        if not 0 < int(line[2]) < 65536:
+            raise InstrumentError(f"resource {given!r}: port {line[2]} does not exist; 1 to 65535 is allowed")
+        return text
+    if bus := _GPIB.fullmatch(text):
+        if int(bus[1]) > 30:
+            raise InstrumentError(f"resource {given!r}: GPIB address {bus[1]} does not exist; 0 to 30 is allowed")
+        return text
+    if _GATEWAY.fullmatch(text):
+        return text
+    raise InstrumentError(f"resource {given!r}: not an instrument's address; allowed are {ALLOWED}")
+
+
+def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
+    """Return the analyzer behind `resource` (see `ALLOWED`); it is connected to, but not yet asked who it is.
+
+    `timeout_seconds`: how long a single answer may take; the wait for a sweep is computed from the plan.
+    Raises InstrumentError: not a resource, unknown host, refused, nobody there, no VISA library for it.
+    """
+    if resource.strip().startswith(_RECORDING):
+        from .playback import Playback
+
+        return Playback(Path(resource.strip().removeprefix(_RECORDING)))
+    from .agilent4294a import Agilent4294A
+    from .link import Link
+
+    name = resource_name(resource)
+    return Agilent4294A(Link(resource.strip(), lambda: open_session(name), timeout_seconds))
+
+
+def open_session(name: str) -> "MessageBasedResource":
+    """Return an open VISA session to the VISA resource `name`. Raises InstrumentError."""
+    _check_host(name)
+    manager = resource_manager(name)
+    try:
+        resource: Any = manager.open_resource(name, open_timeout=round(1000 * OPEN_SECONDS))
+    except Exception as error:  # pyvisa-py raises bare Exception and ValueError besides VisaIOError
+        raise InstrumentError(f"{name}: {_why_not(name, error)}") from None
+    try:
+        _check_connected(name, resource)
+    except InstrumentError:
+        resource.close()
+        raise
+    return resource
+
+
+def resource_manager(name: str) -> "ResourceManager":
+    """Return the VISA library for `name`: the vendor's for GPIB where one is installed, pyvisa-py otherwise.
+
+    One per process, shared by pyvisa itself; it must not be closed, as that would close every session.
+    """
+    from pyvisa import ResourceManager
+
+    if name.upper().startswith("GPIB"):
+        with contextlib.suppress(Exception):  # no vendor library: OSError, ValueError or LibraryError by platform
+            return ResourceManager("@ivi")
+    return ResourceManager("@py")
+
+
+def _check_host(name: str) -> None:
+    """Find an unknown host before pyvisa-py does: it would leave a socket behind."""
+    if found := _SOCKET.fullmatch(name):
+        try:
+            socket.getaddrinfo(found[1], None, socket.AF_INET)
+        except (OSError, UnicodeError):
+            raise InstrumentError(f"{name}: there is no host called {found[1]}") from None
+
+
+def _check_connected(name: str, resource: "MessageBasedResource") -> None:
+    """Find a refused connection: pyvisa-py (0.8) takes it for a connected one until the first byte is sent."""
+    from .link import underlying_socket
+
+    line = underlying_socket(resource)
+    if line is not None and (code := line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)):
+        raise InstrumentError(f"{name}: {_why_not(name, OSError(code, ''))}")
+
+
+def _why_not(name: str, error: Exception) -> str:
+    """Return the reason, as one clause, why a session could not be opened."""
+    text = " ".join(str(error).split())
+    found = _SOCKET.fullmatch(name)
+    if found and isinstance(error, OSError):
+        reason = os.strerror(error.errno or 0).lower()
+        return f"nothing listens there ({reason}); is the analyzer (or `pzctl sim`) on, and the port {found[2]}?"
+    if found and "timeout" in text.lower():
+        return f"nobody answered within {OPEN_SECONDS:g} s; is {found[1]} on and on this network?"
+    if name.upper().startswith("GPIB"):
+        return f"GPIB cannot be used here: {text}; install NI-VISA or Keysight IO Libraries, or use the LAN port"
+    return f"cannot be opened: {text}"
