@@ -41,6 +41,24 @@ def positive(name: str) -> Block:
     return Block((name,), (name,), _exp, np.log)
 
 
+def hardly_negative(name: str, unit: float) -> Block:
+    """Return a constant that may well be next to nothing: p = unit (x + sqrt(x^2 + s^2))/2, s = 0.1.
+
+    Linear where p is of the size of `unit`, never negative, and never so flat that an optimiser would get lost.
+    """
+    s = 0.1
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        root = np.sqrt(x**2 + s**2)
+        return unit * (x + root) / 2, (unit * (1 + x / root) / 2)[:, None]
+
+    def inverse(p: Reals) -> Reals:
+        part = np.maximum(p / unit, 1e-3)
+        return part - s**2 / (4 * part)
+
+    return Block((name,), (name,), forward, inverse)
+
+
 def thickness_constants(layer: str) -> Block:
     """Return c33D, h33 and eps33S of a piezo layer, passive whatever the coordinates are.
 
@@ -90,6 +108,7 @@ class Coordinates:
     def __init__(self, blocks: tuple[Block, ...], start: Mapping[str, float], free: tuple[str, ...]) -> None:
         """`start`: values of the model parameters; `free`: names of the coordinates that move."""
         self.blocks = blocks
+        self.start = dict(start)
         self.names = tuple(name for block in blocks for name in block.coordinates)
         self.parameters = tuple(name for block in blocks for name in block.parameters)
         self.all = self._all_of(start)
@@ -100,6 +119,10 @@ class Coordinates:
     def x(self) -> Reals:
         """Start of the moving coordinates, shape (M,)."""
         return self.all[self.moving]
+
+    def without(self, *names: str) -> "Coordinates":
+        """Return the same coordinates with these held at their start."""
+        return Coordinates(self.blocks, self.start, tuple(name for name in self.free if name not in names))
 
     def forward(self, x: Reals) -> tuple[dict[str, float], Reals]:
         """Return the model parameters and d parameter / d moving coordinate, shape (P, M)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.arrays import Complexes, Reals
+from ..models.errors import PzctlError
 from ..models.model import Model
 from ..models.sweep import Sweep
 from .coordinates import Coordinates
@@ -49,6 +50,7 @@ class Objective:
             [k for k, name in enumerate(coordinates.parameters) if name in recording.model.parameters()]
             for recording in self.recordings
         ]
+        self._rows = 2 * self.points + len(self.priors)
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
         self._moving = np.zeros(0)
         self._cache: tuple[Reals, Reals] = (np.zeros(0), np.zeros((0, 0)))
@@ -70,7 +72,12 @@ class Objective:
     def _evaluate(self, x: Reals) -> tuple[Reals, Reals]:
         if not np.array_equal(x, self._moving) or self._cache[0].size == 0:
             self.evaluations += 1
-            self._cache = self._residual_and_jacobian(x)
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    self._cache = self._residual_and_jacobian(x)
+            except PzctlError:
+                # A step so long that a layer is none any more: not a number makes the optimiser take a shorter one.
+                self._cache = (np.full(self._rows, np.nan), np.full((self._rows, x.size), np.nan))
             self._moving = x.copy()
         return self._cache
 
