@@ -1,0 +1,157 @@
+"""The instrument: its parts put together, and the way of one program message through them.
+
+Commands that take time are overlapped: `execute` never waits. The queries that wait (`*OPC?`, `*WAI`) are awaited
+in `perform`, so they hold up the client that sent them and nobody else.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+
+from ..models.arrays import Impedances
+from .axis import Axis
+from .bench import Bench
+from .correction import Correction
+from .files import Disk
+from .messages import CommandError, Unit, parse
+from .settings import RESTARTS_SWEEP, Value
+from .state import State
+from .status import OPC, POWER_ON, USER_REQUEST, Status
+from .sweeping import Sweeper
+
+SERIAL, FIRMWARE = "MY43202956", "REV1.11"
+
+AXIS_SETTINGS = frozenset({"SWPP", "SWPT", "POIN", "STAR", "STOP", "CENT", "SPAN", "EDITDONE"})
+"""A change of one of these leaves no data that fits the axis."""
+
+
+@dataclass(eq=False)
+class Memory:
+    """The memory arrays: a copy of the data array and the axis it was swept over."""
+
+    axis: Axis
+    data: Impedances
+
+
+class Instrument:
+    """A 4294A with a bench behind it. One event loop at a time."""
+
+    def __init__(
+        self, bench: Bench, time_scale: float = 1.0, clock: Callable[[], float] = time.monotonic, serial: str = SERIAL
+    ) -> None:
+        self.bench, self.time_scale, self.clock = bench, time_scale, clock
+        self.identity = f"HEWLETT-PACKARD,4294A,{serial},{FIRMWARE}"
+        self.date_lost = False
+        """Fault: the clock's battery is dead."""
+        self.bias_overload = False
+        """Fault: DCO ON answers with error 137."""
+        self._changed = asyncio.Event()
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Come up as from the mains switch: everything in RAM is gone, the power-on bit is set."""
+        self.state, self.status = State(), Status(standard=POWER_ON)
+        self.calibration, self.compensation = Correction(), Correction()
+        self.disk = Disk()
+        self.memory: Memory | None = None
+        self.opc_wanted = False
+        self.sweeper = Sweeper(self.bench, self.state, self.status, self.clock, self.time_scale, self.corrected)
+        self.wake()
+
+    def reset(self, continuous: bool) -> None:
+        """`*RST` (HOLD) or `PRES` (CONT): settings to their defaults, data gone, corrections off."""
+        self.state.reset()
+        self.calibration.on.clear()
+        self.compensation.on.clear()
+        self.memory, self.opc_wanted = None, False
+        self.sweeper.clear()
+        if continuous:
+            self.sweeper.start(-1)
+
+    def corrected(self, axis: Axis, z: Impedances) -> Impedances:
+        """Return what calibration and compensation make of what the bridge sees."""
+        z = self.calibration.apply(axis.frequency, z, self.state)
+        return self.compensation.apply(axis.frequency, z, self.state)
+
+    def set(self, mnemonic: str, argument: bytes) -> None:
+        """Set one setting with all that hangs on it. Raises CommandError."""
+        before = self._shape()
+        self.state.set(mnemonic, argument)
+        self._after_change(mnemonic, before)
+
+    def panel(self, message: bytes) -> None:
+        """Do what somebody at the front panel does: a message's settings, and the user-request bit."""
+        self.status.raise_standard(USER_REQUEST)
+        for unit in parse(message):
+            self.execute(unit)
+
+    def _shape(self) -> tuple[Value | tuple[float, float], ...]:
+        return self.state["SWPP"], self.state["SWPT"], self.state["POIN"], *self.state.edges.values()
+
+    def _after_change(self, mnemonic: str, before: tuple[Value | tuple[float, float], ...]) -> None:
+        if self.state.draft is not None or mnemonic not in RESTARTS_SWEEP:
+            return
+        if mnemonic in AXIS_SETTINGS and self._shape() != before:
+            self.sweeper.forget()
+            self.memory = None
+        self.sweeper.restart()
+
+    # one unit, one message ---------------------------------------------------------------------------------------
+
+    def execute(self, unit: Unit, message_available: bool = False) -> bytes | None:
+        """Carry out one unit and return its answer, None for a command. What is refused goes to the error queue."""
+        from .commands import run  # the table imports this module's types
+
+        self.advance()
+        try:
+            return run(self, unit, message_available)
+        except CommandError as error:
+            self.status.error(error)
+            return None
+        finally:
+            self.advance()
+            self.wake()
+
+    async def perform(
+        self, message: bytes, message_available: Callable[[], bool] = lambda: False
+    ) -> AsyncIterator[bytes]:
+        """Carry out a program message; yield the answers one by one, without their newline."""
+        try:
+            for unit in parse(message):
+                if unit.header in ("*OPC?", "*WAI"):
+                    await self.until_idle()
+                answer = self.execute(unit, message_available())
+                if answer is not None:
+                    yield answer
+        except CommandError as error:
+            self.status.error(error)
+
+    # time --------------------------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Bring everything up to the clock."""
+        self.sweeper.advance()
+        if self.opc_wanted and self.sweeper.seconds_left() <= 0:
+            self.opc_wanted = False
+            self.status.raise_standard(OPC)
+
+    def wake(self) -> None:
+        """Tell those who wait that something may have changed."""
+        changed, self._changed = self._changed, asyncio.Event()
+        changed.set()
+
+    async def until_idle(self) -> None:
+        """Return when no overlapped operation is pending."""
+        self.advance()
+        while (left := self.sweeper.seconds_left()) > 0:
+            await self.changed_within(left)
+            self.advance()
+
+    async def changed_within(self, seconds: float) -> None:
+        """Return when something changed, or after this time."""
+        try:
+            await asyncio.wait_for(self._changed.wait(), None if math.isinf(seconds) else seconds + 1e-4)
+        except TimeoutError:
+            return

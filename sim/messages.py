@@ -1,0 +1,146 @@
+"""Program messages: bytes from the wire into messages, messages into units (PM p.29, p.256).
+
+A message ends with a newline, units are separated by `;`, a mnemonic is separated from its parameters by a space and
+parameters by commas. Strings stand in double or single quotes; a block is `#`, one digit, that many digits of
+byte count, and the bytes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+MESSAGE_LIMIT = 1 << 20
+"""Bytes a message may have; the longest honest one (801 complex doubles as ASCII) has some 40 000."""
+
+
+class CommandError(Exception):
+    """What the instrument puts into its error queue: a number and a text."""
+
+    def __init__(self, number: int, text: str) -> None:
+        super().__init__(f'{number},"{text}"')
+        self.number = number
+        self.text = text
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One command or query."""
+
+    mnemonic: str
+    """Upper case, without the question mark."""
+    query: bool
+    arguments: tuple[bytes, ...] = ()
+    """As they were written, strings with their quotes, blocks with their header."""
+
+    @property
+    def header(self) -> str:
+        """The mnemonic as it was sent, with the question mark of a query."""
+        return self.mnemonic + ("?" if self.query else "")
+
+
+class Framer:
+    """Cuts a stream of bytes into program messages; a newline within a block ends nothing."""
+
+    def __init__(self) -> None:
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Yield each complete message, without its end.
+
+        Raises CommandError where a message passes MESSAGE_LIMIT; what had come of it is dropped.
+        """
+        self._pending += data
+        while (end := _end_of_message(self._pending)) is not None:
+            message = bytes(self._pending[:end])
+            del self._pending[: end + 1]
+            yield message.removesuffix(b"\r")
+        if len(self._pending) > MESSAGE_LIMIT:
+            self._pending.clear()
+            raise CommandError(-223, "TOO MUCH DATA")
+
+
+def _end_of_message(data: bytearray) -> int | None:
+    """Return the place of the newline that ends the first message, None while it has not come."""
+    at = 0
+    while True:
+        newline = data.find(b"\n", at)
+        block = data.find(b"#", at, None if newline < 0 else newline)
+        if block < 0 or not _parameter_starts(data, block):
+            if block < 0:
+                return None if newline < 0 else newline
+            at = block + 1
+            continue
+        length = _block_length(data, block)
+        at = block + 1 if length is None else block + length
+        if at > len(data):
+            return None
+
+
+def _parameter_starts(data: bytes | bytearray, at: int) -> bool:
+    return at > 0 and data[at - 1 : at] in (b" ", b",")
+
+
+def _block_length(data: bytes | bytearray, at: int) -> int | None:
+    """Return how many bytes the block that starts at `at` has with its header, None where it is no block."""
+    digits = data[at + 1 : at + 2]
+    if not digits.isdigit() or digits == b"0":
+        return None
+    count = bytes(data[at + 2 : at + 2 + int(digits)])
+    if len(count) < int(digits) or not count.isdigit():
+        return None
+    return 2 + int(digits) + int(count)
+
+
+def parse(message: bytes) -> Iterator[Unit]:
+    """Yield the units of a message in order. Raises CommandError at the first that cannot be read."""
+    for part in _split(message, b";"):
+        if text := part.strip(b" \t\r\n\0"):
+            yield _unit(text)
+
+
+def _unit(text: bytes) -> Unit:
+    head, _, rest = text.partition(b" ")
+    query = head.endswith(b"?")
+    mnemonic = head[:-1] if query else head
+    if not mnemonic.isascii() or not _looks_like_mnemonic(mnemonic):
+        raise CommandError(-113, "UNDEFINED HEADER")
+    arguments = tuple(a.strip(b" \t") for a in _split(rest, b",")) if rest.strip(b" \t") else ()
+    return Unit(mnemonic.decode("ascii").upper(), query, arguments)
+
+
+def _looks_like_mnemonic(word: bytes) -> bool:
+    return bool(word) and word.lstrip(b"*:").replace(b":", b"").replace(b"_", b"").isalnum()
+
+
+def _split(text: bytes, separator: bytes) -> Iterator[bytes]:
+    """Split at the separator, but not within strings or blocks."""
+    start = at = 0
+    while at < len(text):
+        byte = text[at : at + 1]
+        if byte in (b'"', b"'"):
+            end = text.find(byte, at + 1)
+            if end < 0:
+                raise CommandError(-151, "INVALID STRING DATA")
+            at = end + 1
+        elif byte == b"#" and _parameter_starts(text, at):
+            at += _block_length(text, at) or 1
+        elif byte == separator:
+            yield text[start:at]
+            start = at = at + 1
+        else:
+            at += 1
+    yield text[start:]
+
+
+def unquote(argument: bytes) -> str:
+    """Return the text of a string parameter. Raises CommandError where it is not quoted."""
+    if len(argument) < 2 or argument[:1] not in (b'"', b"'") or argument[-1:] != argument[:1]:
+        raise CommandError(-151, "INVALID STRING DATA")
+    return argument[1:-1].decode("latin-1")
+
+
+def block_bytes(argument: bytes) -> bytes:
+    """Return the bytes of a block parameter. Raises CommandError where it is none, or not whole."""
+    length = _block_length(argument, 0) if argument[:1] == b"#" else None
+    if length is None or length != len(argument):
+        raise CommandError(-161, "INVALID BLOCK DATA")
+    return argument[2 + int(argument[1:2]) :]

@@ -1,0 +1,112 @@
+"""The transducer on the bench: a stack whose true constants are known here and nowhere else.
+
+The numbers are those of the thesis (Tjelde, NTNU 2012, tables 4.1 to 4.7): a Pz27 disk whose fitted constants
+differ from the data sheet's, as real ones do, and two glued matching layers. Every seed is another sample.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..models.errors import PzctlError
+from ..models.stack import AIR, Elastic, Piezo, Stack
+
+EPS0 = 8.8541878128e-12
+AREA = np.pi * 8e-3**2
+"""Area of the disk of 16 mm diameter, m2."""
+
+STEPS = ("disk", "ml1", "ml2")
+"""The gluing steps in order: each adds a glue line and a matching layer."""
+
+GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
+"""The thesis's epoxy: Rayl, Pa, quality factor."""
+
+
+class BenchError(PzctlError):
+    """Something the virtual bench cannot do."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One transducer with all its layers, back to front; `seed` names it."""
+
+    seed: int
+    layers: tuple[Piezo | Elastic, ...]
+
+    def stack(self, step: str) -> Stack:
+        """Return what is on the bench after a gluing step, in air. Raises BenchError for an unknown step."""
+        return Stack(layers=self.layers[: self._count(step)], back=AIR, front=AIR, area=AREA)
+
+    def names(self, step: str) -> tuple[str, ...]:
+        """Return the layers that are there after a step, back to front. Raises BenchError."""
+        return tuple(layer.name for layer in self.layers[: self._count(step)])
+
+    def _count(self, step: str) -> int:
+        if step not in STEPS:
+            raise BenchError(f"bench: no gluing step {step!r}; there are {', '.join(STEPS)}")
+        return 1 + 2 * STEPS.index(step)
+
+    def truth(self) -> dict[str, dict[str, float | str]]:
+        """Return every true constant by its name (`disk.c33D`): real and imaginary part and unit."""
+        table: dict[str, dict[str, float | str]] = {}
+        for layer in self.layers:
+            for key, value, unit in _constants(layer):
+                table[f"{layer.name}.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+        return table
+
+
+def _constants(layer: Piezo | Elastic) -> list[tuple[str, complex, str]]:
+    if isinstance(layer, Piezo):
+        return [
+            ("thickness", complex(layer.thickness), "m"),
+            ("density", complex(layer.density), "kg/m3"),
+            ("c33D", complex(layer.c33D), "Pa"),
+            ("h33", complex(layer.h33), "V/m"),
+            ("eps33S", complex(layer.eps33S), "F/m"),
+        ]
+    return [
+        ("thickness", complex(layer.thickness), "m"),
+        ("z", complex(layer.z), "Rayl"),
+        ("c", complex(layer.c), "m/s"),
+        ("q", complex(layer.q), "1"),
+        ("c33", complex(layer.c33), "Pa"),
+    ]
+
+
+def sample(seed: int) -> Sample:
+    """Return the sample of this seed: the same one every time."""
+    random = np.random.default_rng([seed, 4294])
+
+    def about(value: float, relative: float) -> float:
+        """Scatter a value, never by more than three standard deviations."""
+        return value * (1 + relative * float(np.clip(random.standard_normal(), -3, 3)))
+
+    disk = _disk(about)
+    glue1 = _glue("glue1", about(11e-6, 0.08))
+    ml1 = _matching("ml1", about(10.3e6, 0.04), about(2455.0, 0.05), about(0.139e-3, 0.007), about(24.0, 0.12))
+    glue2 = _glue("glue2", about(6.4e-6, 0.08))
+    ml2 = _matching("ml2", about(2.4e6, 0.04), about(2250.0, 0.03), about(0.147e-3, 0.007), about(22.0, 0.10))
+    return Sample(seed, (disk, glue1, ml1, glue2, ml2))
+
+
+def _disk(about: Callable[[float, float], float]) -> Piezo:
+    """Return the Pz27 disk: centred on what the thesis found, which is 5 % stiffer than the data sheet says."""
+    density = about(7700.0, 0.003)
+    speed = about(4434.0, 0.0025)
+    return Piezo(
+        "disk",
+        thickness=about(0.512e-3, 0.002),
+        density=density,
+        c33D=density * speed**2 * (1 + 1j / about(107.0, 0.12)),
+        h33=about(19.86e8, 0.015) * (1 + 1j * about(0.0049, 0.1)),
+        eps33S=about(860.0, 0.03) * EPS0 * (1 - 1j * about(0.01135, 0.08)),
+    )
+
+
+def _glue(name: str, thickness: float) -> Elastic:
+    return Elastic(name, thickness=thickness, z=GLUE_Z, c=GLUE_C33 / GLUE_Z, q=GLUE_Q)
+
+
+def _matching(name: str, z: float, c: float, thickness: float, q: float) -> Elastic:
+    return Elastic(name, thickness=thickness, z=z, c=c, q=q)

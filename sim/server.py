@@ -1,0 +1,213 @@
+"""The simulator as a process: the instrument's raw socket, the bench's port, and their life."""
+
+import asyncio
+import contextlib
+import json
+import signal
+import sys
+import threading
+from collections.abc import Awaitable, Callable, Generator
+from dataclasses import dataclass, field
+from queue import Queue
+from typing import TypeAlias
+
+from ..models.errors import PzctlError
+from .bench import Bench
+from .benchport import LINE_LIMIT, BenchPort
+from .faults import Faults
+from .instrument import Instrument
+from .jig import JIGS
+from .session import Exchange, Midway, serve_socket
+
+
+class SimError(PzctlError):
+    """The simulator cannot start."""
+
+
+@dataclass(frozen=True)
+class SimOptions:
+    """How to start the simulator."""
+
+    port: int = 5025
+    """Instrument's raw socket; 0 takes any free port."""
+    bench_port: int = 5026
+    """The bench's own port; 0 takes any free port."""
+    time_scale: float = 1.0
+    """How long a sweep lasts compared with the real instrument; 0 answers at once."""
+    seed: int = 0
+    """Which sample lies on the bench, and which noise."""
+    jig: str = "compensated"
+    """One of sim.jig.JIGS."""
+    noise: bool = True
+    """Random noise by bandwidth, averaging and level."""
+    off: bool = False
+    """The instrument's systematic error, within its accuracy."""
+    host: str = "127.0.0.1"
+    """Address to listen on: the loopback unless told otherwise."""
+
+    def __post_init__(self) -> None:
+        for name, value in (("port", self.port), ("bench port", self.bench_port)):
+            if not 0 <= value <= 65535:
+                raise SimError(f"simulator: {name} is {value}; 0 to 65535 is allowed")
+        if not 0 <= self.time_scale <= 1000:
+            raise SimError(f"simulator: time scale is {self.time_scale:g}; 0 (at once) to 1000 is allowed")
+        if self.seed < 0:
+            raise SimError(f"simulator: seed is {self.seed}; 0 or more is allowed")
+        if self.jig not in JIGS:
+            raise SimError(f"simulator: no jig {self.jig!r}; there are {', '.join(JIGS)}")
+
+
+Handler: TypeAlias = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+@dataclass
+class Simulator:
+    """The running simulator: its listeners and the clients they have."""
+
+    options: SimOptions
+    port: int = 0
+    """The instrument's real port, once it listens."""
+    bench_port: int = 0
+    _servers: list[asyncio.Server] = field(default_factory=list[asyncio.Server])
+    _clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
+    _instrument_clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
+    _off_until: float = 0.0
+
+    @property
+    def resource(self) -> str:
+        """The VISA resource string of the instrument."""
+        return f"TCPIP0::{self.options.host}::{self.port}::SOCKET"
+
+    async def start(self) -> None:
+        """Listen on both ports. Raises SimError where one is taken."""
+        o = self.options
+        bench = Bench(seed=o.seed, noise=o.noise, off=o.off, jig=JIGS[o.jig])
+        self.instrument = Instrument(bench, o.time_scale)
+        faults = Faults()
+        midway = Midway(self.instrument, self._power_cycle)
+        exchange = Exchange(self.instrument, faults, midway)
+        bench_port = BenchPort(self.instrument, faults, midway, self._power_cycle)
+        self.port = await self._listen(o.port, lambda r, w: serve_socket(exchange, r, w), instrument=True)
+        self.bench_port = await self._listen(o.bench_port, bench_port.serve, instrument=False)
+
+    async def _listen(self, port: int, handler: Handler, *, instrument: bool) -> int:
+        async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            await self._client(handler, reader, writer, instrument=instrument)
+
+        try:
+            server = await asyncio.start_server(connected, self.options.host, port, limit=LINE_LIMIT)
+        except OSError as error:
+            raise SimError(
+                f"simulator: cannot listen on {self.options.host}:{port} ({error.strerror}); "
+                "choose another port, or 0 for any free one"
+            ) from error
+        self._servers.append(server)
+        return int(server.sockets[0].getsockname()[1])
+
+    async def _client(
+        self, handler: Handler, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, instrument: bool
+    ) -> None:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101
+        groups = [self._clients, *([self._instrument_clients] if instrument else [])]
+        for group in groups:
+            group.add(task)
+        try:
+            if not instrument or asyncio.get_running_loop().time() >= self._off_until:
+                await handler(reader, writer)
+        except asyncio.CancelledError:
+            writer.transport.abort()
+        finally:
+            for group in groups:
+                group.discard(task)
+            writer.close()
+            with contextlib.suppress(ConnectionError):
+                await writer.wait_closed()
+
+    def _power_cycle(self, seconds: float) -> None:
+        """Mains fails: everybody is cut off, RAM is gone; connections are refused for this time."""
+        self._off_until = asyncio.get_running_loop().time() + seconds
+        for task in list(self._instrument_clients):
+            task.cancel()
+        self.instrument.power_on()
+
+    async def stop(self) -> None:
+        """Close the listeners and all connections."""
+        for server in self._servers:
+            server.close()
+        for task in list(self._clients):
+            task.cancel()
+        await asyncio.gather(*self._clients, return_exceptions=True)
+        for server in self._servers:
+            await server.wait_closed()
+
+
+async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: asyncio.Event) -> None:
+    simulator = Simulator(options)
+    try:
+        await simulator.start()
+        ready(simulator)
+        await stop.wait()
+    finally:
+        await simulator.stop()
+
+
+def run(options: SimOptions) -> None:
+    """Run the simulator until SIGTERM or SIGINT. Raises SimError where a port is taken.
+
+    When it is ready, one line for people goes to standard error and one JSON object to standard output.
+    """
+
+    def ready(simulator: Simulator) -> None:
+        bench = f"{options.host}:{simulator.bench_port}"
+        print(f"simulated 4294A at {simulator.resource}, its bench at {bench}", file=sys.stderr, flush=True)
+        print(json.dumps({"instrument": simulator.resource, "bench": bench}), flush=True)
+
+    async def main() -> None:
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            try:
+                loop.add_signal_handler(number, stop.set)
+            except NotImplementedError:  # Windows: Ctrl-C ends asyncio.run itself
+                continue
+        await _serve(options, ready, stop)
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(main())
+
+
+@contextlib.contextmanager
+def running(options: SimOptions | None = None) -> Generator[Simulator]:
+    """Run a simulator in a thread for the length of a `with` block; without options on free ports, answering at once.
+
+    Raises SimError where a port is taken.
+    """
+    chosen = options or SimOptions(port=0, bench_port=0, time_scale=0.0)
+    handover: Queue[tuple[Simulator, Callable[[], None]] | SimError] = Queue()
+
+    async def main() -> None:
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        await _serve(chosen, lambda s: handover.put((s, lambda: _set_from_outside(loop, stop))), stop)
+
+    def thread_main() -> None:
+        try:
+            asyncio.run(main())
+        except SimError as error:
+            handover.put(error)
+
+    thread = threading.Thread(target=thread_main, name="simulated 4294A", daemon=True)
+    thread.start()
+    started = handover.get()
+    if isinstance(started, SimError):
+        thread.join()
+        raise started
+    simulator, stop = started
+    try:
+        yield simulator
+    finally:
+        stop()
+        thread.join()
+
+
+def _set_from_outside(loop: asyncio.AbstractEventLoop, event: asyncio.Event) -> None:
+    loop.call_soon_threadsafe(event.set)

@@ -1,0 +1,206 @@
+"""The settings as they stand: values by mnemonic, those whose range depends on others, and the list-sweep table."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from .axis import Axis, Segment, limits, list_axis, moved_edges, plain_axis
+from .messages import CommandError
+from .settings import PER_TRACE, TABLE, Number, Setting, Value, number
+
+EDGES = ("STAR", "STOP", "CENT", "SPAN")
+SEGMENT_POINTS = 201
+LIST_POINTS = 801
+SEGMENTS = 18
+
+
+@dataclass
+class State:
+    """Every setting that `*RST` brings back."""
+
+    values: dict[str, Value] = field(default_factory=dict[str, Value])
+    edges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """START and STOP by sweep parameter (Hz, V)."""
+    levels: dict[str, float] = field(default_factory=dict[str, float])
+    """Oscillator level by POWMOD (V, A)."""
+    form: int = 4
+    table: list[Segment] = field(default_factory=list[Segment])
+    draft: Segment | None = None
+    """The list-sweep segment that is being edited."""
+    draft_at: int = 0
+    editing: bool = False
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Bring every setting to its default."""
+        self.values = {name: setting.default for name, setting in TABLE.items() if name not in PER_TRACE}
+        self.values |= {f"{name}:{trace}": TABLE[name].default for name in PER_TRACE for trace in "AB"}
+        self.edges = {
+            p: (limits("STAR", p, "LIN").default, limits("STOP", p, "LIN").default) for p in ("FREQ", "OLEV", "DCB")
+        }
+        self.levels = {"VOLT": 0.5, "CURR": 200e-6}
+        self.form, self.table, self.draft, self.editing = 4, [], None, False
+
+    def __getitem__(self, mnemonic: str) -> Value:
+        return self.values[mnemonic]
+
+    def count(self, mnemonic: str) -> int:
+        """Return a whole-number setting."""
+        return int(self.values[mnemonic])
+
+    def real(self, mnemonic: str) -> float:
+        """Return a numeric setting."""
+        return float(self.values[mnemonic])
+
+    def on(self, mnemonic: str) -> bool:
+        """Return a switch."""
+        return bool(self.values[mnemonic])
+
+    def knows(self, mnemonic: str) -> bool:
+        """Return whether this mnemonic is a setting."""
+        return mnemonic in TABLE or mnemonic in EDGES or mnemonic == "POWE"
+
+    def set(self, mnemonic: str, argument: bytes) -> None:
+        """Set one setting; numbers are clamped. Raises CommandError for what cannot be read or is not possible."""
+        if self.draft is not None and mnemonic in _SEGMENT_FIELDS:
+            self._set_in_segment(self.draft, mnemonic, argument)
+        elif mnemonic in EDGES:
+            parameter = str(self["SWPP"])
+            self.edges[parameter] = moved_edges(mnemonic, argument, *self.edges[parameter], self._edge_kind(mnemonic))
+            self._keep_in_limits()
+        elif mnemonic == "POWE":
+            self.levels[str(self["POWMOD"])] = self._level_kind().parse(argument)
+        else:
+            value = TABLE[mnemonic].parse(argument)
+            self._refuse_conflict(mnemonic, value)
+            self.values[self._key(mnemonic)] = value
+            if mnemonic in ("SWPT", "SWPP"):
+                self._keep_in_limits()
+
+    def _refuse_conflict(self, mnemonic: str, value: Value) -> None:
+        frequency_only = (mnemonic == "SWPT" and value != "LIN" and self["SWPP"] != "FREQ") or (
+            mnemonic == "SWPP" and value != "FREQ" and self["SWPT"] != "LIN"
+        )
+        if frequency_only:
+            raise CommandError(-221, "SETTINGS CONFLICT")
+        if mnemonic == "SWPT" and value == "LIST" and not self.table:
+            raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")
+
+    def query(self, mnemonic: str) -> str:
+        """Return the reply to a setting's query."""
+        if mnemonic in EDGES:
+            return Number(0, 0, 0, "HZ" if self["SWPP"] == "FREQ" else "V").answer(self._edge_value(mnemonic))
+        if mnemonic == "POWE":
+            return self._level_kind().answer(self.levels[str(self["POWMOD"])])
+        if mnemonic == "POIN" and self["SWPT"] == "LIST":
+            return str(sum(s.points for s in self.table))
+        setting: Setting = TABLE[mnemonic]
+        return setting.answer(self.values[self._key(mnemonic)])
+
+    def _key(self, mnemonic: str) -> str:
+        return f"{mnemonic}:{self['TRAC']}" if mnemonic in PER_TRACE else mnemonic
+
+    def _edge_value(self, mnemonic: str) -> float:
+        if self["SWPT"] == "LIST":
+            start, stop = self.table[0].start, self.table[-1].stop
+        else:
+            start, stop = self.edges[str(self["SWPP"])]
+        return {"STAR": start, "STOP": stop, "CENT": (start + stop) / 2, "SPAN": stop - start}[mnemonic]
+
+    def _edge_kind(self, mnemonic: str) -> Number:
+        edge = mnemonic if mnemonic in ("STAR", "STOP") else "STAR"
+        return limits(edge, str(self["SWPP"]), str(self["SWPT"]))
+
+    def _level_kind(self) -> Number:
+        if self["POWMOD"] == "VOLT":
+            return Number(5e-3, 1.0, 0.5, "V", 1e-3)
+        return Number(200e-6, 20e-3, 200e-6, "A", 20e-6)
+
+    def _keep_in_limits(self) -> None:
+        """Clamp START and STOP to what the sweep parameter and type allow."""
+        parameter, kind = str(self["SWPP"]), str(self["SWPT"])
+        start, stop = (
+            min(max(value, kind_of.low), kind_of.high)
+            for value, kind_of in zip(
+                self.edges[parameter], (limits(e, parameter, kind) for e in ("STAR", "STOP")), strict=True
+            )
+        )
+        self.edges[parameter] = (start, stop)
+
+    # list sweep ------------------------------------------------------------------------------------------------
+
+    def begin_segment(self, at: int | None = None) -> None:
+        """Open the segment with this number (from 1) for editing, or a new one. Raises CommandError."""
+        if not self.editing:
+            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
+        if at is None:
+            if len(self.table) >= SEGMENTS:
+                raise CommandError(-223, "TOO MUCH DATA")
+            start, stop = self.edges["FREQ"]
+            self.draft_at = len(self.table)
+            self.draft = Segment(
+                start, stop, 2, self.count("BWFACT"), self.levels[str(self["POWMOD"])], self.real("DCV"), 1
+            )
+        elif 1 <= at <= len(self.table):
+            self.draft_at, self.draft = at - 1, self.table[at - 1]
+        else:
+            raise CommandError(-222, "DATA OUT OF RANGE")
+
+    def _set_in_segment(self, draft: Segment, mnemonic: str, argument: bytes) -> None:
+        have = vars(draft).copy()
+        if mnemonic in EDGES:
+            kind = limits("STAR", "FREQ", "LIN")
+            have["start"], have["stop"] = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
+        elif mnemonic == "POIN":
+            have["points"] = round(min(max(number(argument), 2), SEGMENT_POINTS))
+        elif mnemonic == "POWE":
+            have["level"] = self._level_kind().parse(argument)
+        else:
+            have[_SEGMENT_FIELDS[mnemonic]] = TABLE[mnemonic].parse(argument)
+        self.draft = Segment(**have)
+
+    def finish_segment(self) -> None:
+        """Put the edited segment into the table. Raises CommandError where the table would not be a sweep."""
+        if self.draft is None:
+            raise CommandError(-221, "SETTINGS CONFLICT; NO SEGMENT IS BEING EDITED")
+        table = self.table.copy()
+        table[self.draft_at : self.draft_at + 1] = [self.draft]
+        self.draft = None
+        if sum(s.points for s in table) > LIST_POINTS:
+            raise CommandError(-223, "TOO MUCH DATA")
+        if any(b.start < a.stop for a, b in pairwise(table)):
+            raise CommandError(-221, "SETTINGS CONFLICT; SEGMENTS OVERLAP")
+        self.table = table
+
+    # what a sweep measures -------------------------------------------------------------------------------------
+
+    def axis(self) -> Axis:
+        """Return the axis of the sweep that is set up. Raises CommandError for an empty list-sweep table."""
+        if self["SWPT"] == "LIST":
+            return list_axis(tuple(self.table))
+        parameter = str(self["SWPP"])
+        start, stop = self.edges[parameter]
+        return plain_axis(
+            parameter=parameter,
+            kind=str(self["SWPT"]),
+            start=start,
+            stop=stop,
+            points=self.count("POIN"),
+            fixed_frequency=self.real("CWFREQ"),
+            level=self.levels[str(self["POWMOD"])],
+            bias=self.real("DCV"),
+            bandwidth=self.count("BWFACT"),
+            point_average=self.count("PAVERFACT") if self.on("PAVER") else 1,
+        )
+
+
+_SEGMENT_FIELDS: Mapping[str, str] = {
+    **dict.fromkeys(EDGES, ""),
+    "POIN": "points",
+    "BWFACT": "bandwidth",
+    "POWE": "level",
+    "DCV": "bias",
+    "PAVERFACT": "point_average",
+}
