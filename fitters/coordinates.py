@@ -102,6 +102,22 @@ def _thickness_inverse(values: Reals) -> Reals:
     return np.array([np.log(c), np.log(c_loss), h / 1e9, angle, np.log(e), np.log(tan)])
 
 
+def resonant_branch(name: str) -> Block:
+    """Return R, L and C of a resonant branch; x = ln(2 pi fs), ln Q, ln C, which hardly depend on each other."""
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        w, Q, C = np.exp(x)
+        values = np.array([1 / (w * C * Q), 1 / (w**2 * C), C])
+        return values, values[:, None] * np.array([[-1.0, -1.0, -1.0], [-2.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+
+    def inverse(values: Reals) -> Reals:
+        R, L, C = values
+        return np.log([1 / np.sqrt(L * C), np.sqrt(L / C) / R, C])
+
+    coordinates = (f"{name}.fs", f"{name}.Q", f"{name}.C")
+    return Block(coordinates, (f"{name}.R", f"{name}.L", f"{name}.C"), forward, inverse)
+
+
 class Coordinates:
     """All coordinates of a fit: which of them move, and what model parameters they make."""
 
