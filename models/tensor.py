@@ -76,11 +76,12 @@ class Tensor6mm:
             ("piezoelectric", e, made.law.piezo),
             ("permittivity", eps, made.law.dielectric),
         ):
-            worst = float(np.abs(given - own).max() / np.abs(given).max())
-            if worst > _SYMMETRY_TOLERANCE:
+            size = float(np.abs(given).max())
+            worst = float(np.abs(given - own).max())
+            if worst > _SYMMETRY_TOLERANCE * size:
                 raise TensorError(
-                    f"full tensor: the {name} matrix departs from the symmetry 6mm by {worst:.2g} of its largest "
-                    f"element; at most {_SYMMETRY_TOLERANCE:g} is allowed"
+                    f"full tensor: the {name} matrix departs from the symmetry 6mm by {worst / size:.2g} of its "
+                    f"largest element; at most {_SYMMETRY_TOLERANCE:g} is allowed"
                 )
         return made
 
