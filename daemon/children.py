@@ -1,0 +1,60 @@
+"""Child processes that end with their parent, however that ends."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO
+
+
+def start_child(
+    module: str, arguments: Sequence[str], log: IO[bytes], *, stdout: IO[bytes] | int, environment: Mapping[str, str]
+) -> "subprocess.Popen[bytes]":
+    """Run a module of this package in a process of its own, its errors into `log`.
+
+    Its standard input is a pipe that ends when this process does; the child watches it (`end_with_parent`).
+    In a session of its own, so that Ctrl-C reaches the parent alone, who ends the child in good order.
+    """
+    return subprocess.Popen(  # noqa: S603
+        [sys.executable, "-m", module, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=stdout,
+        stderr=log,
+        env={**os.environ, **environment},
+        start_new_session=True,
+    )
+
+
+def end_child(process: "subprocess.Popen[bytes]") -> None:
+    """End a child: asked first, then made to."""
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(2)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+
+
+def end_with_parent() -> None:
+    """End this process when its standard input ends; called by the child."""
+
+    def watch() -> None:
+        while os.read(0, 4096):  # not sys.stdin: its lock would be held when the child ends by itself
+            pass
+        os._exit(0)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def last_line(path: Path) -> str:
+    """Return the last line of a log that says something."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 4000))
+        lines = file.read().decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")

@@ -1,0 +1,233 @@
+"""Talk to a running daemon: measure, wait for fits, listen, look things up.
+
+with connect() as lab:
+    measurement = lab.measure(build, "disk")
+    result = lab.wait_fit("mason", measurement.id)
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import zmq
+
+from ..fitters.interface import FitError, FitResult
+from ..models.build import Build
+from ..models.plan import SweepPlan
+from ..models.sweep import Sweep
+from . import requests as ask
+from .connection import Asker, DaemonError, Subscription
+from .location import locate
+from .reports import curve_columns, curves_of, report_of, result_of
+from .uuid7 import uuid7
+from .wire import FitEvent, Heard, ProgressEvent, StateEvent, SweepEvent
+
+BENCH_PATIENCE = 60.0
+"""Seconds that a bench command may take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """What was measured at one step."""
+
+    id: str
+    sweeps: tuple[Sweep, ...]
+    """One for each segment of the plan."""
+
+
+def connect(events: str | None = None, requests: str | None = None) -> "Client":
+    """Return a client of the daemon at these endpoints, or of the one that runs here.
+
+    Raises DaemonError where none runs, or none answers.
+    """
+    if events is None or requests is None:
+        place = locate()
+        events, requests = events or place.events, requests or place.requests
+    return Client(events, requests)
+
+
+class Client:
+    """A connection to a daemon; use it as a context manager. For one thread.
+
+    Every method raises DaemonError where the daemon refuses, does not answer, or has gone.
+    """
+
+    def __init__(self, events: str, requests: str) -> None:
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._asker = Asker(self._context, requests)
+        self._endpoint = events
+        self._subscription: Subscription | None = None
+        self._fits: dict[tuple[str, str], Heard] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the sockets."""
+        self._asker.close()
+        if self._subscription is not None:
+            self._subscription.close()
+        self._context.term()
+
+    def hello(self, fitter: str | None = None, version: str | None = None) -> ask.HelloAnswer:
+        """Ask who is there; a fitter gives its name and version and is then listed as ready."""
+        return self._asker.ask(ask.Hello(id=uuid7(), fitter=fitter, version=version), ask.HelloAnswer)
+
+    def status(self) -> ask.StatusAnswer:
+        """Ask what is going on."""
+        return self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
+
+    def settings(self) -> dict[str, Any]:
+        """Ask how the daemon was started."""
+        return self._asker.ask(ask.Settings(id=uuid7()), ask.SettingsAnswer).settings
+
+    def samples(self, name: str | None = None) -> tuple[ask.SampleHistory, ...]:
+        """Return what was measured, by sample; only of sample `name` where one is given."""
+        return self._asker.ask(ask.Samples(id=uuid7(), name=name), ask.SamplesAnswer).samples
+
+    def sweeps(self, measurement: str) -> tuple[Heard, ...]:
+        """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
+        return tuple(self._asker.events(ask.Sweeps(id=uuid7(), measurement=measurement))[0])
+
+    def fits(self, measurement: str) -> tuple[Heard, ...]:
+        """Return what the fitters answered to a measurement: fit and diagnosis events."""
+        return tuple(self._asker.events(ask.Fits(id=uuid7(), measurement=measurement))[0])
+
+    def unanswered(self, fitter: str) -> tuple[str, ...]:
+        """Return the measurements of the daemon's run that a fitter has not answered."""
+        return self._asker.ask(ask.Unanswered(id=uuid7(), fitter=fitter), ask.MeasurementsAnswer).measurements
+
+    def bench(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Give the simulator's bench a command; return what it answers."""
+        request = ask.Bench(id=uuid7(), command=command)
+        return self._asker.ask(request, ask.BenchAnswer, patience=BENCH_PATIENCE).answer
+
+    def cancel(self, measurement: str | None = None) -> None:
+        """Cancel a measurement; the running one where none is named."""
+        self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), ask.Answer)
+
+    def shutdown(self) -> None:
+        """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
+        self._asker.ask(ask.Shutdown(id=uuid7()), ask.Answer)
+
+    def listen(self, patience: float) -> Iterator[Heard]:
+        """Return every event from now on, in order, none lost; they end when none comes within `patience` seconds."""
+        subscription = self._subscribed()
+        return iter(lambda: subscription.receive(patience), None)
+
+    def measure(
+        self,
+        build: Build,
+        step: str,
+        plan: SweepPlan | None = None,
+        progress: Callable[[ProgressEvent], None] = lambda _: None,
+    ) -> Measurement:
+        """Measure a step of a build and wait for it; Ctrl-C cancels the measurement.
+
+        `plan` is the build's own where none is given. Raises DaemonError with the daemon's sentence where the
+        measurement failed or was cancelled.
+        """
+        subscription = self._subscribed()
+        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan)
+        measurement = self._asker.ask(request, ask.MeasureAnswer).measurement
+        try:
+            return self._follow(subscription, measurement, progress)
+        except KeyboardInterrupt:
+            self.cancel(measurement)
+            raise
+
+    def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
+        """Return what a fitter answered to a measurement, waiting for it.
+
+        Raises FitError where the fitter refused, DaemonError where it does not run or does not answer in time.
+        """
+        subscription = self._subscribed()
+        self._remember(self.fits(measurement))
+        deadline = time.monotonic() + patience
+        while (measurement, fitter) not in self._fits:
+            self._require(fitter)
+            heard = subscription.receive(min(1.0, max(0.0, deadline - time.monotonic())))
+            self._remember([heard] if heard else [])
+            if heard is None and time.monotonic() > deadline:
+                raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer")
+        return fit_of(self._fits[measurement, fitter])
+
+    def submit(
+        self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, answer: FitResult | str
+    ) -> None:
+        """Hand in a fitter's answer: a result, or the sentence that says why there is none."""
+        if isinstance(answer, str):
+            request, raw = self._submission(measurement, sweeps, fitter, version, error=answer), ()
+        else:
+            columns, raw = curve_columns(answer.curves)
+            curves = tuple(curve.step for curve in answer.curves)
+            report = report_of(answer)
+            request = self._submission(
+                measurement, sweeps, fitter, version, report=report, curves=curves, columns=columns
+            )
+        self._asker.ask(request, ask.Answer, raw)
+
+    @staticmethod
+    def _submission(measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any) -> ask.Submit:
+        return ask.Submit(
+            id=uuid7(), measurement=measurement, sweeps=tuple(sweeps), fitter=fitter, version=version, **answer
+        )
+
+    def _subscribed(self) -> Subscription:
+        if self._subscription is None:
+            self._subscription = Subscription(self._context, self._endpoint, self._asker)
+        return self._subscription
+
+    def _follow(
+        self, subscription: Subscription, measurement: str, progress: Callable[[ProgressEvent], None]
+    ) -> Measurement:
+        """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
+        sweeps: list[Sweep] = []
+        while True:
+            heard = subscription.receive(1.0)
+            self._remember([heard] if heard else [])
+            match heard.event if heard else None:
+                case ProgressEvent(measurement=m) as event if m == measurement:
+                    progress(event)
+                case SweepEvent(measurement=m) if m == measurement and heard:
+                    sweeps.append(heard.sweep())
+                case StateEvent(measurement=m, state="measured") if m == measurement:
+                    return Measurement(measurement, tuple(sweeps))
+                case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
+                    m == measurement
+                ):
+                    raise DaemonError(says or f"the measurement was {state}", state)
+                case _:
+                    pass
+
+    def _remember(self, heard: Sequence[Heard]) -> None:
+        """Keep the fits that come by, for whoever waits for them later."""
+        for one in heard:
+            if isinstance(one.event, FitEvent):
+                self._fits[one.event.measurement, one.event.fitter] = one
+
+    def _require(self, fitter: str) -> None:
+        """Raise DaemonError where waiting for this fitter is of no use."""
+        known = {state.name: state for state in self.status().fitters}
+        if fitter not in known:
+            raise DaemonError(
+                f"fitter {fitter!r}: this daemon does not run it; it runs {', '.join(known) or 'none'}",
+                "no-such-fitter",
+            )
+        if known[fitter].state == "broken":
+            raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")
+
+
+def fit_of(heard: Heard) -> FitResult:
+    """Return the result that a fit event carries. Raises FitError where it is a refusal."""
+    event = heard.event
+    if not isinstance(event, FitEvent) or event.report is None:
+        raise FitError((event.error if isinstance(event, FitEvent) else None) or "this event holds no fit")
+    return result_of(event.report, curves_of(event.curves, heard.arrays))

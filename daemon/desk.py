@@ -1,0 +1,228 @@
+"""Answers every request but `bench`: looks things up, changes the queue, stores what fitters hand in."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import singledispatchmethod
+from importlib.metadata import version
+from typing import Any
+
+from ..models.errors import PzctlError
+from . import requests as ask
+from .acquisition import Acquisition, Job
+from .frames import unpack
+from .journal import Journal, Measurement
+from .reports import curves_of
+from .supervisor import Supervisor
+from .wire import WIRE, DiagnosisEvent, Event, FitEvent, Instrument, Payload, StateEvent
+
+MOST_WAITING = 1000
+"""Measurements in the queue."""
+
+
+class RequestError(PzctlError):
+    """A request that cannot be met; carries what the answer says."""
+
+    def __init__(self, code: str, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.problem = ask.Problem(code, message, hint)
+
+
+@dataclass
+class Desk:
+    """The daemon's answers. Every method takes the request and its raw columns and returns the answer's frames."""
+
+    journal: Journal
+    acquisition: Acquisition
+    supervisor: Supervisor
+    instrument: Instrument
+    endpoints: tuple[str, str]
+    bench: str | None
+    settings: dict[str, Any]
+    publish: Callable[[Event, Payload], None]
+    shutdown: Callable[[], None]
+    garbage: int = 0
+
+    @singledispatchmethod
+    def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        """Return the answer and the frames behind it. Raises RequestError, JournalError or WireError."""
+        raise NotImplementedError(type(request).__name__)
+
+    @answer.register
+    def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        if request.fitter is not None:
+            self.supervisor.ready(request.fitter, request.version or "")
+        return (
+            ask.HelloAnswer(
+                id=request.id,
+                wire=WIRE,
+                version=version("pzctl"),
+                pid=os.getpid(),
+                run=self.journal.run,
+                seq=self.journal.last_seq,
+                instrument=self.instrument,
+                events=self.endpoints[0],
+                requests=self.endpoints[1],
+                bench=self.bench,
+                fitters=tuple(self.supervisor.states.values()),
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Status, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        job = self.acquisition.current
+        return (
+            ask.StatusAnswer(
+                id=request.id,
+                run=self.journal.run,
+                seq=self.journal.last_seq,
+                measuring=job.measurement if job else None,
+                sample=job.sample if job else None,
+                queue=tuple(waiting.measurement for waiting in self.acquisition.waiting),
+                fitters=tuple(self.supervisor.states.values()),
+                garbage=self.garbage,
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Settings, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        return ask.SettingsAnswer(id=request.id, settings=self.settings), []
+
+    @answer.register
+    def _(self, request: ask.Measure, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        steps = [step.name for step in request.build.steps]
+        if request.step not in steps:
+            raise RequestError(
+                "no-such-step", f"build {request.build.name!r} has no step {request.step!r}; it has {', '.join(steps)}"
+            )
+        plan = request.plan or request.build.plan
+        if plan is None:
+            raise RequestError(
+                "no-plan",
+                f"neither the request nor build {request.build.name!r} says what to sweep",
+                "give a plan, or a [sweep] table in build.toml",
+            )
+        if len(self.acquisition.waiting) >= MOST_WAITING:
+            raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
+        measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
+        if new:
+            job = Job(measurement, request.build, request.step, plan)
+            self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
+            self.acquisition.add(job)
+        return ask.MeasureAnswer(id=request.id, measurement=measurement), []
+
+    @answer.register
+    def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        if not self.acquisition.cancel(request.measurement):
+            named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
+            raise RequestError("nothing-to-cancel", named or "nothing is being measured")
+        return ask.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
+        events = self.journal.replay(request.since, until, request.max)
+        return _events(request.id, events, more=max(request.since, 1) + len(events) <= until)
+
+    @answer.register
+    def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        found = self.journal.measurements("sample = ?", request.name) if request.name else self.journal.measurements()
+        names = dict.fromkeys(one.sample.name for one in found)
+        samples = tuple(
+            ask.SampleHistory(name, tuple(self._measured(one) for one in found if one.sample.name == name))
+            for name in names
+        )
+        return ask.SamplesAnswer(id=request.id, samples=samples), []
+
+    @answer.register
+    def _(self, request: ask.Sweeps, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        known = self._known(request.measurement)
+        steps = [step.name for step in self.journal.build(known.id).steps]
+        earlier = (
+            self.journal.latest(known.sample.name, step, known.id) for step in steps[: steps.index(known.sample.step)]
+        )
+        measurements = [*(found for found in earlier if found), known.id]
+        return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
+
+    @answer.register
+    def _(self, request: ask.Fits, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        return _events(request.id, self.journal.fits(self._known(request.measurement).id))
+
+    @answer.register
+    def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        open_ones = tuple(self.journal.unanswered(request.fitter))
+        return ask.MeasurementsAnswer(id=request.id, measurements=open_ones), []
+
+    @answer.register
+    def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        known = self._known(request.measurement)
+        event = _submitted(request, known)
+        unknown = [sweep for sweep in request.sweeps if not self.journal.has_sweep(sweep)]
+        if unknown or not request.sweeps:
+            named = f"the journal holds no sweep {unknown[0]!r}" if unknown else "no sweep is named"
+            raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {named}")
+        curves_of(request.curves, unpack(request.columns, raw))
+        if self.journal.answered(event) is None:
+            self.publish(event, tuple(raw))
+        return ask.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        self.shutdown()
+        return ask.Answer(id=request.id), []
+
+    def _known(self, measurement: str) -> Measurement:
+        found = self.journal.measurement(measurement)
+        if found is None:
+            raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
+        return found
+
+    def _measured(self, one: Measurement) -> ask.MeasuredStep:
+        return ask.MeasuredStep(
+            measurement=one.id,
+            step=one.sample.step,
+            state=one.state,
+            time=one.time,
+            sweeps=self.journal.sweep_ids(one.id),
+            fitters=self.journal.fitters(one.id),
+        )
+
+
+def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[ask.Answer, list[bytes]]:
+    """Return the answer that carries events as they were published."""
+    answer = ask.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
+    return answer, [frame for event in events for frame in event]
+
+
+def _submitted(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent:
+    """Return the event that a fitter's answer becomes. Raises RequestError where it is not one answer."""
+    given = [name for name in ("report", "error", "diagnosis") if getattr(request, name) is not None]
+    if len(given) != 1:
+        raise RequestError(
+            "bad-answer",
+            f"answer of {request.fitter!r} holds {' and '.join(given) or 'nothing'}; "
+            "exactly one of report, error, diagnosis is needed",
+        )
+    if request.diagnosis is not None:
+        return DiagnosisEvent(
+            measurement=known.id,
+            sample=known.sample,
+            fitter=request.fitter,
+            version=request.version,
+            sweeps=request.sweeps,
+            diagnosis=request.diagnosis,
+            columns=request.columns,
+        )
+    return FitEvent(
+        measurement=known.id,
+        sample=known.sample,
+        fitter=request.fitter,
+        version=request.version,
+        sweeps=request.sweeps,
+        report=request.report,
+        error=request.error,
+        curves=request.curves,
+        columns=request.columns,
+    )

@@ -1,0 +1,126 @@
+"""One fitter in a process of its own: an ordinary client that fits what it hears and hands in what it found.
+
+python -m pzctl.daemon.guest mason --events tcp://127.0.0.1:5470 --requests tcp://127.0.0.1:5471
+"""
+
+import argparse
+import logging
+import sys
+from importlib import import_module
+from importlib.metadata import entry_points
+
+from ..fitters.interface import FitError, FitResult, FitTask, Fitter
+from ..models.errors import PzctlError
+from ..models.sweep import Sweep
+from .children import end_with_parent
+from .client import Client
+from .connection import DaemonError
+from .wire import SweepEvent
+
+log = logging.getLogger(__name__)
+
+GROUP = "pzctl.fitters"
+"""The entry point group of the fitters."""
+
+GIVEN_UP = 2
+"""The exit status that says: starting me again is of no use."""
+
+
+class FitterError(PzctlError):
+    """A fitter that cannot be loaded."""
+
+
+def load_fitter(name: str) -> Fitter:
+    """Return the fitter of an entry point's name, or of `module:Class`. Raises FitterError."""
+    try:
+        if ":" in name:
+            module, _, attribute = name.partition(":")
+            return getattr(import_module(module), attribute)()
+        found = {point.name: point for point in entry_points(group=GROUP)}
+        if name in found:
+            return found[name].load()()
+    except Exception as error:  # whatever a third party's package does when it is loaded
+        raise FitterError(f"fitter {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
+    raise FitterError(f"fitter {name!r} is not installed; installed are {', '.join(sorted(found)) or 'none'}")
+
+
+class Guest:
+    """Fits every measurement once."""
+
+    def __init__(self, name: str, fitter: Fitter, client: Client) -> None:
+        self._name = name
+        self._fitter = fitter
+        self._client = client
+        self._answered: set[str] = set()
+
+    def serve(self) -> None:
+        """Answer what is open, then what comes. Raises DaemonError when the daemon has gone."""
+        events = self._client.listen(patience=float("inf"))
+        self._client.hello(self._name, self._fitter.version)
+        for measurement in self._client.unanswered(self._name):
+            self.answer(measurement)
+        for heard in events:
+            if isinstance(heard.event, SweepEvent) and heard.event.segment == heard.event.segments:
+                self.answer(heard.event.measurement)
+
+    def answer(self, measurement: str) -> None:
+        """Fit a measurement together with the earlier steps of its sample; hand in the result, or why there is none."""
+        if measurement in self._answered:
+            return
+        heard = self._client.sweeps(measurement)
+        last = heard[-1].event
+        if not isinstance(last, SweepEvent):
+            return
+        sweeps: dict[str, tuple[Sweep, ...]] = {}
+        for one in heard:
+            if isinstance(one.event, SweepEvent):
+                step = one.event.sample.step
+                sweeps[step] = (*sweeps.get(step, ()), one.sweep())
+        try:
+            found = self._fitter.fit(FitTask(last.build, sweeps))
+        except FitError as error:
+            found = str(error)
+        except Exception as error:
+            log.exception("measurement %s", measurement)
+            found = f"fitter {self._name!r} failed: {type(error).__name__}: {error}"
+        self._hand_in(measurement, [one.event.id for one in heard], found)
+        self._answered.add(measurement)
+
+    def _hand_in(self, measurement: str, sweeps: list[str], found: FitResult | str) -> None:
+        """Submit; where the daemon refuses the answer, its reason is what the person who waits must see."""
+        try:
+            self._client.submit(measurement, sweeps, self._name, self._fitter.version, found)
+        except DaemonError as error:
+            if error.code == "unreachable":
+                raise
+            says = f"fitter {self._name!r}: its answer was refused: {error}"
+            self._client.submit(measurement, sweeps, self._name, self._fitter.version, says)
+
+
+def main() -> None:
+    """Run one fitter until the daemon ends."""
+    parser = argparse.ArgumentParser(description="One fitter as a guest of the daemon.")
+    parser.add_argument("name", help="an installed fitter, or module:Class")
+    parser.add_argument("--events", required=True)
+    parser.add_argument("--requests", required=True)
+    parser.add_argument("--with-parent", action="store_true", help="end when the standard input ends")
+    given = parser.parse_args()
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    if given.with_parent:
+        end_with_parent()
+    try:
+        fitter = load_fitter(given.name)
+    except FitterError as error:
+        log.exception("fitter %s", given.name)
+        print(error, file=sys.stderr)
+        sys.exit(GIVEN_UP)
+    try:
+        with Client(given.events, given.requests) as client:
+            Guest(given.name, fitter, client).serve()
+    except PzctlError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

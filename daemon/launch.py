@@ -1,0 +1,80 @@
+"""Start a daemon in the background, and wait until it answers."""
+
+import logging
+import subprocess
+import sys
+import time
+from dataclasses import asdict
+
+import msgspec
+
+from ..models.errors import PzctlError
+from .children import last_line
+from .client import Client
+from .connection import DaemonError
+from .frames import to_json
+from .location import Location, find
+from .paths import home, log_file
+from .service import Options, run
+
+PATIENCE = 60.0
+"""Seconds within which a daemon answers, or does not."""
+
+_children: list["subprocess.Popen[bytes]"] = []
+"""Daemons outlive whoever started them; kept here so that Python does not complain of it."""
+
+
+def running() -> Location | None:
+    """Return where the daemon of the user's data folder is, if one answers there."""
+    where = find(home())
+    if where is None:
+        return None
+    try:
+        with Client(where.events, where.requests) as client:
+            return where if client.hello().run == where.run else None
+    except DaemonError:
+        return None
+
+
+def start(options: Options | None = None) -> Location:
+    """Start a daemon in the background and return where it is; one that runs already is returned as it is.
+
+    Raises DaemonError with the daemon's own sentence where it does not start.
+    """
+    found = running()
+    if found is not None:
+        return found
+    log = log_file(home(), "daemon")
+    with log.open("ab") as output:
+        process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "pzctl.daemon.launch", to_json(asdict(options or Options())).decode()],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
+    _children.append(process)
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        where = find(home())
+        if where is not None and where.pid == process.pid and (found := running()) is not None:
+            return found
+        if process.poll() is not None:
+            raise DaemonError(f"{last_line(log)} (log: {log})", "not-started")
+        time.sleep(0.05)
+    process.terminate()
+    raise DaemonError(f"daemon: no answer within {PATIENCE:g} s of its start (log: {log})", "not-started")
+
+
+def main() -> None:
+    """Run a daemon with the options given as JSON; used by `start`."""
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    try:
+        run(msgspec.json.decode(sys.argv[1], type=Options))
+    except PzctlError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_status)
+
+
+if __name__ == "__main__":
+    main()

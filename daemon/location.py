@@ -1,0 +1,69 @@
+"""How a daemon is found: a small file in the data folder that says who runs and where it can be reached."""
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from .connection import DaemonError
+from .frames import WireError, from_json, to_json
+from .paths import daemon_file, home
+
+
+class Location(msgspec.Struct, frozen=True):
+    """Where the daemon of a data folder can be reached; the content of `daemon.json`."""
+
+    pid: int
+    run: str
+    version: str
+    events: str
+    requests: str
+    resource: str
+    bench: str | None
+    log: str
+
+
+def announce(folder: Path, location: Location) -> None:
+    """Write the file, whole or not at all."""
+    path = daemon_file(folder)
+    part = path.with_suffix(".part")
+    part.write_bytes(to_json(location))
+    part.replace(path)
+
+
+def withdraw(folder: Path) -> None:
+    """Remove the file."""
+    daemon_file(folder).unlink(missing_ok=True)
+
+
+def find(folder: Path) -> Location | None:
+    """Return where the daemon is, or None where none runs; a file whose process is gone counts for nothing."""
+    try:
+        location = from_json(daemon_file(folder).read_bytes(), _location)
+    except (FileNotFoundError, WireError):
+        return None
+    return location if _alive(location.pid) else None
+
+
+def locate() -> Location:
+    """Return where the daemon of this user's data folder is. Raises DaemonError where none runs."""
+    location = find(home())
+    if location is None:
+        raise DaemonError(f"no daemon runs on the data folder {home()}; start one with `pzctl daemon`", "no-daemon")
+    return location
+
+
+_location = msgspec.json.Decoder(Location)
+
+
+def _alive(pid: int) -> bool:
+    """Return whether a process has this number; another program may have it by now, so `hello` has the last word."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,0 +1,31 @@
+"""Where pzctl keeps its things: `PZCTL_HOME`, or the user's data directory."""
+
+import os
+from pathlib import Path
+
+import platformdirs
+
+
+def home() -> Path:
+    """Return the data folder, made if it is not there: `PZCTL_HOME`, or the platform's user data directory."""
+    given = os.environ.get("PZCTL_HOME")
+    folder = Path(given).expanduser() if given else platformdirs.user_data_path("pzctl", appauthor=False)
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return folder
+
+
+def journal_folder(home: Path) -> Path:
+    """Return the folder of the journal: `journal.sqlite` and `arrays/`."""
+    return home / "journal"
+
+
+def daemon_file(home: Path) -> Path:
+    """Return the file that says where the running daemon is."""
+    return home / "daemon.json"
+
+
+def log_file(home: Path, name: str) -> Path:
+    """Return the log of a process (`daemon`, `sim`, `fitter-mason`), its folder made."""
+    folder = home / "log"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{name}.log"

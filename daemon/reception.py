@@ -1,0 +1,128 @@
+"""The requests socket: reads what comes, lets the desk answer, does nothing twice."""
+
+import asyncio
+import logging
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import msgspec
+import zmq.asyncio
+
+from ..models.errors import PzctlError
+from ..sim.control import bench_command
+from . import requests as ask
+from .desk import Desk, RequestError
+from .frames import MOST_FRAMES, WireError, from_json, to_json
+from .journal import JournalError
+from .wire import WIRE
+
+log = logging.getLogger(__name__)
+
+REMEMBERED = 1000
+"""Answers kept, so that a request that is sent again is answered again and not done again."""
+
+ONCE = (ask.Measure, ask.Cancel, ask.Bench)
+"""Requests that change something each time they are done; the others may be answered anew."""
+
+
+class Reception:
+    """Answers requests for as long as `serve` runs."""
+
+    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk) -> None:
+        self._socket = socket
+        self._desk = desk
+        self._done: OrderedDict[str, asyncio.Future[list[bytes]]] = OrderedDict()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def serve(self) -> None:
+        """Answer for ever."""
+        while True:
+            sender, *frames = await self._socket.recv_multipart()
+            envelope = [sender]
+            if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
+                envelope.append(frames.pop(0))
+            task = asyncio.create_task(self._reply(envelope, frames))
+            self._tasks.add(task)  # the loop itself keeps no hold of a task
+            task.add_done_callback(self._tasks.discard)
+
+    async def _reply(self, envelope: list[bytes], frames: list[bytes]) -> None:
+        answer = await self._answer(frames)
+        await self._socket.send_multipart([*envelope, *answer])  # pyright: ignore[reportUnknownMemberType]
+
+    async def _answer(self, frames: list[bytes]) -> list[bytes]:
+        """Return the answer's frames: whatever came, somebody who asked hears why not."""
+        try:
+            request = _read(frames)
+        except WireError as error:
+            self._desk.garbage += 1
+            return _refusal(_id_of(frames), ask.Problem("bad-request", str(error), "see docs/wire.md"))
+        if not isinstance(request, ONCE):
+            return await self._carry_out(request, frames[1:])
+        if request.id not in self._done:
+            self._done[request.id] = asyncio.ensure_future(self._carry_out(request, frames[1:]))
+            if len(self._done) > REMEMBERED:
+                self._done.popitem(last=False)
+        return await self._done[request.id]
+
+    async def _carry_out(self, request: ask.AnyRequest, raw: Sequence[bytes]) -> list[bytes]:
+        try:
+            if isinstance(request, ask.Bench):
+                answer, more = await self._bench(request), list[bytes]()
+            else:
+                answer, more = self._desk.answer(request, raw)
+        except RequestError as error:
+            return _refusal(request.id, error.problem)
+        except JournalError as error:
+            return _refusal(request.id, ask.Problem("journal", str(error)))
+        except WireError as error:
+            self._desk.garbage += 1
+            return _refusal(request.id, ask.Problem("bad-request", str(error), "see docs/wire.md"))
+        except Exception as error:
+            log.exception("request %s", request.id)
+            return _refusal(request.id, ask.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
+        return [to_json(answer), *more]
+
+    async def _bench(self, request: ask.Bench) -> ask.BenchAnswer:
+        """Pass a command on to the simulator's bench. Raises RequestError."""
+        if self._desk.bench is None:
+            raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
+        if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
+            raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
+        host, _, port = self._desk.bench.rpartition(":")
+        try:
+            answer = await asyncio.to_thread(bench_command, host, int(port), **request.command)
+        except PzctlError as error:
+            raise RequestError("bench-failed", str(error)) from None
+        return ask.BenchAnswer(id=request.id, answer=answer)
+
+
+class _Named(msgspec.Struct):
+    id: str
+
+
+_request = msgspec.json.Decoder(ask.AnyRequest)
+_named = msgspec.json.Decoder(_Named)
+
+
+def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
+    """Return the request. Raises WireError with a sentence, whatever the bytes are."""
+    if not 1 <= len(frames) <= MOST_FRAMES:
+        raise WireError(f"request: {len(frames)} frame(s); 1 to {MOST_FRAMES} are allowed")
+    request = from_json(frames[0], _request)
+    if request.v != WIRE:
+        raise WireError(
+            f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
+        )
+    return request
+
+
+def _id_of(frames: Sequence[bytes]) -> str | None:
+    """Return the id of what is no request, where it has one."""
+    try:
+        return from_json(frames[0], _named).id if frames else None
+    except WireError:
+        return None
+
+
+def _refusal(request: str | None, problem: ask.Problem) -> list[bytes]:
+    return [to_json(ask.Refusal(id=request, error=problem))]

@@ -1,0 +1,247 @@
+"""What can be asked of the daemon, and what it answers. The words are in docs/wire.md.
+
+A request is a multipart message: one JSON header, then raw columns where it has any. The answer carries its `id`.
+"""
+
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+
+from ..models.build import Build
+from ..models.plan import SweepPlan
+from .frames import Column
+from .reports import FitReport
+from .wire import WIRE, Instrument, Sample
+
+MOST_EVENTS = 50
+"""Events in one answer to `replay`."""
+
+Id: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="request"):
+    """What all requests say. The same `id` asked again is answered again, and done once."""
+
+    id: Id
+    v: int = WIRE
+
+
+class Hello(Request, frozen=True, kw_only=True, tag="hello"):
+    """Ask who is there. A fitter gives its name and version, and is then listed as ready."""
+
+    fitter: str | None = None
+    version: str | None = None
+
+
+class Status(Request, frozen=True, kw_only=True, tag="status"):
+    """Ask what is going on."""
+
+
+class Settings(Request, frozen=True, kw_only=True, tag="settings"):
+    """Ask how the daemon was started."""
+
+
+class Measure(Request, frozen=True, kw_only=True, tag="measure"):
+    """Measure this step of this build; answered as soon as it is accepted."""
+
+    build: Build
+    step: str
+    plan: SweepPlan | None = None
+    """The build's own plan where none is given."""
+
+
+class Cancel(Request, frozen=True, kw_only=True, tag="cancel"):
+    """Cancel a measurement, queued or running; the running one where none is named."""
+
+    measurement: str | None = None
+
+
+class Replay(Request, frozen=True, kw_only=True, tag="replay"):
+    """The events `since` .. `until` (both included) once more; at most `max` in one answer."""
+
+    since: Annotated[int, msgspec.Meta(ge=0)]
+    until: int | None = None
+    max: Annotated[int, msgspec.Meta(ge=1, le=MOST_EVENTS)] = MOST_EVENTS
+
+
+class Samples(Request, frozen=True, kw_only=True, tag="samples"):
+    """Ask which samples were measured, at which steps."""
+
+    name: str | None = None
+    """Only this one."""
+
+
+class Sweeps(Request, frozen=True, kw_only=True, tag="sweeps"):
+    """The sweeps of a measurement, after those of the latest measurement of each earlier step of the same sample."""
+
+    measurement: str
+
+
+class Fits(Request, frozen=True, kw_only=True, tag="fits"):
+    """What the fitters answered to a measurement."""
+
+    measurement: str
+
+
+class Unanswered(Request, frozen=True, kw_only=True, tag="unanswered"):
+    """The measurements of this run that this fitter has not answered yet."""
+
+    fitter: str
+
+
+class Submit(Request, frozen=True, kw_only=True, tag="submit"):
+    """A fitter's answer: exactly one of `report`, `error`, `diagnosis`. Repeating it is harmless."""
+
+    measurement: str
+    fitter: str
+    version: str
+    sweeps: tuple[str, ...]
+    report: FitReport | None = None
+    error: str | None = None
+    diagnosis: dict[str, Any] | None = None
+    curves: tuple[str, ...] = ()
+    columns: tuple[Column, ...] = ()
+
+
+class Bench(Request, frozen=True, kw_only=True, tag="bench"):
+    """A command for the simulator's virtual bench, passed on as it is."""
+
+    command: dict[str, Any]
+
+
+class Shutdown(Request, frozen=True, kw_only=True, tag="shutdown"):
+    """End: cancel what runs, bias off, let go of the instrument."""
+
+
+AnyRequest: TypeAlias = (
+    Hello
+    | Status
+    | Settings
+    | Measure
+    | Cancel
+    | Replay
+    | Samples
+    | Sweeps
+    | Fits
+    | Unanswered
+    | Submit
+    | Bench
+    | Shutdown
+)
+
+
+class FitterState(msgspec.Struct, frozen=True):
+    """One fitter the daemon keeps, or one that said hello."""
+
+    name: str
+    state: str
+    """`starting`, `ready`, `ended` (it will be started again) or `broken` (it will not)."""
+    version: str | None = None
+    says: str = ""
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """What all answers say; this alone where there is nothing to add."""
+
+    id: str | None
+    ok: bool = True
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Why not: a word for programs, a sentence for people, and what to do."""
+
+    code: str
+    message: str
+    hint: str = ""
+
+
+class Refusal(Answer, frozen=True, kw_only=True):
+    """The answer to a request that cannot be met; `ok` is false."""
+
+    ok: bool = False
+    error: Problem
+
+
+class HelloAnswer(Answer, frozen=True, kw_only=True):
+    """Who is there."""
+
+    wire: int
+    version: str
+    pid: int
+    run: str
+    seq: int
+    instrument: Instrument
+    events: str
+    requests: str
+    bench: str | None
+    fitters: tuple[FitterState, ...]
+
+
+class StatusAnswer(Answer, frozen=True, kw_only=True):
+    """What is going on."""
+
+    run: str
+    seq: int
+    measuring: str | None
+    sample: Sample | None
+    queue: tuple[str, ...]
+    fitters: tuple[FitterState, ...]
+    garbage: int
+    """Messages that were no request."""
+
+
+class SettingsAnswer(Answer, frozen=True, kw_only=True):
+    """How the daemon was started."""
+
+    settings: dict[str, Any]
+
+
+class MeasureAnswer(Answer, frozen=True, kw_only=True):
+    """Accepted."""
+
+    measurement: str
+
+
+class EventsAnswer(Answer, frozen=True, kw_only=True):
+    """Events as they were published: behind this header stand all their frames, `frames[k]` of them for event k."""
+
+    frames: tuple[int, ...]
+    more: bool = False
+    """The journal holds further events of what was asked for."""
+
+
+class MeasuredStep(msgspec.Struct, frozen=True):
+    """One measurement of a sample."""
+
+    measurement: str
+    step: str
+    state: str
+    time: str
+    sweeps: tuple[str, ...]
+    fitters: tuple[str, ...]
+    """Those that answered with a result."""
+
+
+class SampleHistory(msgspec.Struct, frozen=True):
+    """All that was measured of one sample, oldest first."""
+
+    name: str
+    measurements: tuple[MeasuredStep, ...]
+
+
+class SamplesAnswer(Answer, frozen=True, kw_only=True):
+    """Which samples were measured."""
+
+    samples: tuple[SampleHistory, ...]
+
+
+class MeasurementsAnswer(Answer, frozen=True, kw_only=True):
+    """Ids of measurements, oldest first."""
+
+    measurements: tuple[str, ...]
+
+
+class BenchAnswer(Answer, frozen=True, kw_only=True):
+    """What the bench answered."""
+
+    answer: dict[str, Any]

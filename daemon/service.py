@@ -1,0 +1,219 @@
+"""The daemon: owns the analyzer and the journal, answers requests, publishes what happened.
+
+One asyncio loop owns both sockets and the journal, one thread owns the analyzer, each fitter is a process.
+"""
+
+import asyncio
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import AsyncExitStack, ExitStack
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import zmq.asyncio
+
+from ..drivers import open_analyzer as open_visa
+from ..drivers.analyzer import Analyzer
+from ..models.sweep import now_utc
+from .acquisition import Acquisition, AnalyzerThread
+from .desk import Desk
+from .journal import Journal
+from .location import Location, announce, withdraw
+from .paths import home, journal_folder, log_file
+from .reception import Reception
+from .requests import FitterState
+from .simulated import simulated_instrument
+from .sockets import bind_events, bind_requests
+from .supervisor import Fate, Supervisor
+from .wire import BeatEvent, Event, FitEvent, Instrument, Payload, StateEvent, encode
+
+log = logging.getLogger(__name__)
+
+BEAT = 1.0
+"""Seconds between two life signs."""
+
+DEATHS = 2
+"""How often a fitter may die over a measurement before its answer is that it cannot."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a daemon is started."""
+
+    resource: str | None = None
+    """VISA resource of the analyzer; None starts a simulated 4294A."""
+    events: str = "tcp://127.0.0.1:*"
+    requests: str = "tcp://127.0.0.1:*"
+    fitters: tuple[str, ...] = ("mason", "mason-nelder-mead")
+    """Those the daemon keeps: entry points of `pzctl.fitters`, or `module:Class`."""
+    bench: str | None = None
+    """`host:port` of the simulator's bench, where the resource is a simulated instrument."""
+    simulator: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Fields of `SimOptions` for the simulated 4294A, such as `{"time_scale": 0}`."""
+
+
+def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:
+    """Run a daemon on the user's data folder until it is told to end (SIGTERM, SIGINT, or a request).
+
+    Raises EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the disk fails.
+    """
+    folder = home()
+    with ExitStack() as stack, asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+        if options.resource is None:
+            simulated = stack.enter_context(simulated_instrument(log_file(folder, "sim"), options.simulator))
+            options = replace(options, resource=simulated.instrument, bench=simulated.bench)
+        runner.run(_serve(folder, options, open_analyzer))
+
+
+async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], Analyzer]) -> None:
+    """Open everything, serve, and close everything in the opposite order, whatever happens."""
+    resource = options.resource or ""
+    async with AsyncExitStack() as stack:
+        journal = Journal(journal_folder(folder))
+        stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
+        stack.callback(withdraw, folder)
+        context = zmq.asyncio.Context()
+        stack.callback(context.term)
+        events, heard_at = bind_events(context, options.events)
+        stack.callback(events.close)
+        requests, asked_at = bind_requests(context, options.requests)
+        stack.callback(requests.close)
+        analyzer = AnalyzerThread(resource, open_analyzer)
+        stack.push_async_callback(analyzer.close)
+        identity = await analyzer.identify()
+        instrument = Instrument(**asdict(identity), simulated=options.bench is not None)
+        daemon = Daemon(journal, events, requests, analyzer, instrument, options, folder, (heard_at, asked_at))
+        where = Location(
+            pid=os.getpid(),
+            run=journal.run,
+            version=version("pzctl"),
+            events=heard_at,
+            requests=asked_at,
+            resource=resource,
+            bench=options.bench,
+            log=str(log_file(folder, "daemon")),
+        )
+        announce(folder, where)
+        await daemon.serve()
+
+
+class Daemon:
+    """The parts of a daemon, and what ties them together."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        events: zmq.asyncio.Socket,
+        requests: zmq.asyncio.Socket,
+        analyzer: AnalyzerThread,
+        instrument: Instrument,
+        options: Options,
+        folder: Path,
+        endpoints: tuple[str, str],
+    ) -> None:
+        self._journal = journal
+        self._events = events
+        self._options = options
+        self._stop = asyncio.Event()
+        self._deaths: dict[tuple[str, str], int] = {}
+        self._acquisition = Acquisition(analyzer, instrument, self.publish)
+        self._supervisor = Supervisor(folder, *endpoints, changed=self._fitter_changed, died=self._fitter_died)
+        desk = Desk(
+            journal=journal,
+            acquisition=self._acquisition,
+            supervisor=self._supervisor,
+            instrument=instrument,
+            endpoints=endpoints,
+            bench=options.bench,
+            settings=asdict(options),
+            publish=self.publish,
+            shutdown=self._stop.set,
+        )
+        self._reception = Reception(requests, desk)
+
+    def publish(self, event: Event, payload: Payload) -> None:
+        """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""
+        _, frames = self._journal.append(event, payload)
+        self._say(frames)
+
+    async def serve(self) -> None:
+        """Serve until told to end. Raises JournalError where the journal fails."""
+        _on_signals(self._stop.set)
+        self.publish(StateEvent(state="started"), ())
+        for left in self._journal.unfinished():
+            says = "the daemon ended before this measurement did; measure again"
+            self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
+        acquiring = asyncio.create_task(self._acquisition.work())
+        others = [self._reception.serve(), self._listen(), self._beat()]
+        others += [self._supervisor.keep(name) for name in self._options.fitters]
+        tasks = [acquiring, *map(asyncio.create_task, others)]
+        stop = asyncio.create_task(self._stop.wait())
+        try:
+            await self._until_stopped(stop, {*tasks})
+        finally:
+            self._acquisition.cancel_all()
+            for task in (*tasks, stop):
+                task.cancel()
+            await asyncio.wait((*tasks, stop))
+
+    async def _until_stopped(self, stop: "asyncio.Task[Any]", tasks: "set[asyncio.Task[None]]") -> None:
+        """Wait until told to end; then let the running measurement come to its end. A task that failed raises."""
+        while not stop.done():
+            done, _ = await asyncio.wait({stop, *tasks}, return_when=asyncio.FIRST_COMPLETED)
+            for task in done & tasks:
+                task.result()  # a fitter that is broken is done; anything else that is done has failed
+                tasks.discard(task)
+        self.publish(StateEvent(state="stopping"), ())
+        self._acquisition.cancel_all()
+        while self._acquisition.current is not None or self._acquisition.waiting:
+            await asyncio.sleep(0.02)
+
+    async def _listen(self) -> None:
+        """Read the subscriptions: an XPUB that is not read never sends its welcome."""
+        while True:
+            await self._events.recv_multipart()
+
+    async def _beat(self) -> None:
+        while True:
+            beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
+            self._say(encode(beat))
+            await asyncio.sleep(BEAT)
+
+    def _say(self, frames: list[bytes]) -> None:
+        """Publish; an XPUB never waits, it drops for whoever is too slow."""
+        self._events.send_multipart(frames)  # pyright: ignore[reportUnknownMemberType]
+
+    def _fitter_changed(self, fitter: FitterState, says: str) -> None:
+        self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
+
+    def _fitter_died(self, fate: Fate) -> None:
+        """Answer in a fitter's place what it died over, so that nobody waits for it in vain."""
+        for measurement in self._journal.unanswered(fate.fitter):
+            key = (fate.fitter, measurement)
+            self._deaths[key] = self._deaths.get(key, 0) + 1
+            known = self._journal.measurement(measurement)
+            if self._deaths[key] >= DEATHS and known is not None:
+                refusal = FitEvent(
+                    measurement=measurement,
+                    sample=known.sample,
+                    fitter=fate.fitter,
+                    version="",
+                    sweeps=self._journal.sweep_ids(measurement),
+                    error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
+                )
+                self.publish(refusal, ())
+
+
+def _on_signals(stop: Callable[[], None]) -> None:
+    """Let SIGTERM and SIGINT end the daemon in good order."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        if sys.platform == "win32":
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop) and None)
+        else:
+            loop.add_signal_handler(number, stop)

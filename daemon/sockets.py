@@ -1,0 +1,85 @@
+"""The daemon's two sockets, and who may reach them: nobody from outside this machine."""
+
+import ipaddress
+import socket
+from urllib.parse import urlsplit
+
+import zmq
+import zmq.asyncio
+
+from ..models.errors import PzctlError
+from .wire import WELCOME
+
+LARGEST_FRAME = 8 << 20
+"""Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read."""
+
+HIGH_WATER = 1000
+"""Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
+
+
+class EndpointError(PzctlError):
+    """An address the daemon cannot, or must not, be reached at."""
+
+
+def is_loopback(endpoint: str) -> bool:
+    """Return whether an endpoint can be reached from this machine only."""
+    if endpoint.startswith(("inproc://", "ipc://")):
+        return True
+    host = urlsplit(endpoint).hostname
+    if host is None:
+        return False
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name, `*`, an interface: all that it means must be loopback
+        try:
+            found = socket.getaddrinfo(host, None)
+        except OSError:
+            return False
+        return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
+
+
+def bind_events(context: zmq.asyncio.Context, endpoint: str) -> tuple[zmq.asyncio.Socket, str]:
+    """Bind the socket that publishes; return it and the address it got. Raises EndpointError.
+
+    It must be read from all the time, or its welcome is never sent.
+    """
+    events = context.socket(zmq.XPUB)
+    events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
+    return events, _bind(events, endpoint)
+
+
+def bind_requests(context: zmq.asyncio.Context, endpoint: str) -> tuple[zmq.asyncio.Socket, str]:
+    """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
+    requests = context.socket(zmq.ROUTER)
+    return requests, _bind(requests, endpoint)
+
+
+def limit(any_socket: "zmq.Socket[bytes]") -> None:
+    """Set what every socket of this wire sets: limits, life signs, no waiting at the end."""
+    any_socket.set(zmq.LINGER, 0)
+    any_socket.set(zmq.SNDHWM, HIGH_WATER)
+    any_socket.set(zmq.RCVHWM, HIGH_WATER)
+    any_socket.set(zmq.MAXMSGSIZE, LARGEST_FRAME)
+    any_socket.set(zmq.HEARTBEAT_IVL, 1000)
+    any_socket.set(zmq.HEARTBEAT_TIMEOUT, 3000)
+    any_socket.set(zmq.TCP_KEEPALIVE, 1)
+
+
+def _bind(any_socket: zmq.asyncio.Socket, endpoint: str) -> str:
+    """Bind to a loopback address, or close the socket and say why not."""
+    limit(any_socket)  # pyright: ignore[reportArgumentType]
+    any_socket.set(zmq.LINGER, 500)  # the last words of a daemon that ends are still sent
+    try:
+        if not is_loopback(endpoint):
+            raise EndpointError(
+                f"endpoint {endpoint!r} can be reached from other machines; that needs keys (CURVE), which are not "
+                "available yet: allowed are loopback addresses such as tcp://127.0.0.1:5470"
+            )
+        any_socket.bind(endpoint)
+    except zmq.ZMQError as error:
+        any_socket.close()
+        raise EndpointError(f"endpoint {endpoint!r} cannot be bound: {error.strerror}") from None
+    except EndpointError:
+        any_socket.close()
+        raise
+    return str(any_socket.getsockopt_string(zmq.LAST_ENDPOINT)).rstrip("\0")
