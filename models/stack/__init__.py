@@ -8,11 +8,27 @@
 """
 
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
-from .layers import Elastic, Layer, Piezo
+from .layers import Elastic, Piezo
 from .loads import AIR, VACUUM, HalfSpace, Load
-from .stack import Stack
+from .lumps import Mass, Spring
+from .stack import Layer, Stack
 
 __all__ = [
-    "AIR", "CONSTANT", "VACUUM", "CausalConstantQ", "ConstantLoss", "Elastic", "HalfSpace", "Layer", "Load",
-    "LossLaw", "Piezo", "PowerLoss", "Stack", "StackError", "viscous",
+    "AIR",
+    "CONSTANT",
+    "VACUUM",
+    "CausalConstantQ",
+    "ConstantLoss",
+    "Elastic",
+    "HalfSpace",
+    "Layer",
+    "Load",
+    "LossLaw",
+    "Mass",
+    "Piezo",
+    "PowerLoss",
+    "Spring",
+    "Stack",
+    "StackError",
+    "viscous",
 ]  # fmt: skip

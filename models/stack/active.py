@@ -2,9 +2,9 @@
 
 Mason's three-port (forces on the layer, velocities into it) adds to the line of stiffness c33D the same pressure
 `H I` at both faces and the voltage `H (v1 + v2) + W I`, with `H = h33/(jw)` and `W = t/(jw eps33S)`; I is the
-current density. Written with D, A and B of `line` and loads Z1 (back), Z2 (front):
+current density. Written with D and b of `line` and loads Z1 (back), Z2 (front):
 
-    v1 = -H (Z2 B + Zc D^2)/N,  v2 = -H (Z1 B + Zc D^2)/N,  N = B (Zc^2 + Z1 Z2) + Zc (Z1 + Z2) A,
+    v1 = -H (Z2 b + Zc D^2/2)/N,  v2 = -H (Z1 b + Zc D^2/2)/N,  N = (Zc - Z1)(Zc - Z2) b + Zc (Z1 + Z2),
     Z = W + H (v1 + v2).
 """
 
@@ -15,7 +15,7 @@ from .laws import ComplexLike
 from .line import Line
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class ActiveLine(Line):
     """One piezoelectric layer at all frequencies."""
 
@@ -26,25 +26,33 @@ class ActiveLine(Line):
 
     def radiates(self, back: ComplexLike, front: ComplexLike) -> tuple[Complexes, Complexes]:
         """Return the velocities of back and front face into the layer per unit current density."""
-        inner = self.Zc * self.D * self.D
-        total = self.B * (self.Zc * self.Zc + back * front) + self.Zc * (back + front) * self.A
-        drive = -self.H / total
-        return drive * (front * self.B + inner), drive * (back * self.B + inner)
+        inner = self.D * self.D * (0.5 * self.Zc)
+        total = (back - self.Zc) * (self.Zc - front) * self.b - (back + front) * self.Zc
+        drive = self.H / total
+        return drive * (front * self.b + inner), drive * (back * self.b + inner)
 
     def self_impedance(self, v1: ComplexLike, v2: ComplexLike) -> Complexes:
         """Return voltage per current density, ohm m2, from the velocities that `radiates` gave."""
         return self.W + self.H * (v1 + v2)
 
-    def hears(self, load: ComplexLike) -> Complexes:
-        """Return the voltage per velocity of one face into the layer, with `load` at the other and no current."""
-        inner = self.Zc * self.D * self.D
-        return self.H * (inner + load * self.B) / (self.Zc * self.A + load * self.B)
+    def hears(self, load: ComplexLike, share: ComplexLike) -> Complexes:
+        """Return the voltage per velocity of one face into the layer, with `load` at the other and no current.
+
+        `share` is the second answer of `seen(load)`.
+        """
+        return self.H * share * (0.5 * self.D * self.D + load * (1.0 / self.Zc) * self.b)
 
     def weights_driven(
         self, current: ComplexLike, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike
-    ) -> dict[str, Complexes]:
-        """Return d Z_el / d ln of Zc, theta, h and W, ohm m2, from the field at the faces and the layer's current."""
+    ) -> dict[str, ComplexLike]:
+        """Return d Z_el / d ln of the layer's quantities, ohm m2, from the field and the layer's own current."""
         stress = self.H * current
-        squeeze = stress * (v1 - v2)
-        elastic = self.weights(v1, F1 - stress, v2, F2 - stress)
-        return elastic | {"h": 2.0 * squeeze, "W": current * current * self.W}
+        line = self.weights(v1, F1 - stress, v2, F2 - stress)
+        clamped = current * current * self.W
+        return {
+            "thickness": line["theta"] + clamped,
+            "density": 0.5 * (line["Zc"] + line["theta"]),
+            "stiffness": line["stiffness"],
+            "h33": 2.0 * stress * (v1 - v2),
+            "eps33S": -clamped,
+        }

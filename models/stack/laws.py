@@ -8,7 +8,7 @@ rise by 0.88 % from f to 3f); the others carry the Kramers-Kronig companion and 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -22,6 +22,13 @@ ComplexLike: TypeAlias = complex | Complexes
 
 class StackError(PzctlError):
     """A layer, load or stack that cannot exist, or a parameter it does not have."""
+
+
+def require_positive(owner: str, **values: float) -> None:
+    """Raise StackError for a value that is not a positive number."""
+    for name, value in values.items():
+        if not value > 0:
+            raise StackError(f"{owner}: {name.replace('_', '.')} is {value:g}; a positive number is needed")
 
 
 class LossLaw(Protocol):
@@ -126,8 +133,8 @@ class PowerLoss:
         """Return cot(n pi/2) (x^n - 1) + j x^n: the loss with its companion, 1j at the reference."""
         n = self.exponent
         if n == 0:
-            return 2 / math.pi * log_x + 1j
-        return np.expm1(n * log_x) / math.tan(n * math.pi / 2) + 1j * np.exp(n * log_x)
+            return np.add(2 / math.pi * log_x, 1j)
+        return np.add(np.expm1(n * log_x) / math.tan(n * math.pi / 2), 1j * np.exp(n * log_x))
 
     def _shape_by_exponent(self, log_x: Frequencies) -> Complexes:
         """Return the derivative of `_shape` by n."""
@@ -148,3 +155,10 @@ def viscous(reference: float) -> PowerLoss:
 
 CONSTANT = ConstantLoss()
 """The law where nothing else is said."""
+
+
+def law_with(law: LossLaw, values: Mapping[str, float], prefix: str) -> LossLaw:
+    """Return the law with the exponent that `values` names under `prefix`, if it does."""
+    if isinstance(law, PowerLoss) and f"{prefix}exponent" in values:
+        return replace(law, exponent=values[f"{prefix}exponent"])
+    return law

@@ -4,44 +4,16 @@ import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
 from ..arrays import Frequencies
-from .laws import CONSTANT, ComplexLike, LossLaw, PowerLoss, StackError
+from .laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_positive
 from .row import Joins
 
-Gradient = Mapping[str, ComplexLike]
-"""How one parameter p moves a layer: d ln(quantity) / dp for the quantities `Zc theta h W stiffness mass`."""
-
-
-class Layer(Protocol):
-    """Anything with two faces that stands in a stack."""
-
-    @property
-    def name(self) -> str:
-        """Name, unique in the stack."""
-        ...
-
-    def parameters(self) -> dict[str, float]:
-        """Return every parameter by its name without the layer's, SI units."""
-        ...
-
-    def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the layer with these parameters, named as in `parameters()`."""
-        ...
-
-    def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return for every parameter which quantities of the layer it moves, and how much."""
-        ...
-
-
-def require_positive(owner: str, **values: float) -> None:
-    """Raise StackError for a value that is not a positive number."""
-    for name, value in values.items():
-        if not value > 0:
-            raise StackError(f"{owner}: {name.replace('_', '.')} is {value:g}; a positive number is needed")
+Gradient: TypeAlias = tuple[str, ComplexLike]
+"""The one quantity that a parameter p moves (a key of the section's `weights`), and d ln(quantity) / dp."""
 
 
 @dataclass(frozen=True)
@@ -88,18 +60,17 @@ class Elastic(Joins):
         return _wave(self.density, self.law.over(self.c33, frequency), self.thickness)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return d ln Zc and d ln theta by each parameter."""
+        """Return for every parameter the quantity it moves, and how much."""
         stiffness = dict(self.law.log_derivatives(self.c33, frequency))
-        by_loss = stiffness.pop("im") * self.z * self.c
+        by_loss = stiffness.pop("im") * (self.z * self.c)
         del stiffness["re"]
-        stiffness["q"] = -by_loss / self.q**2
         own: dict[str, Gradient] = {
-            "thickness": {"theta": 1 / self.thickness},
-            "z": {"Zc": 1 / self.z},
-            "c": {"theta": -1 / self.c},
-            "q": _through_stiffness(stiffness.pop("q")),
+            "thickness": ("theta", 1 / self.thickness),
+            "z": ("Zc", 1 / self.z),
+            "c": ("theta", -1 / self.c),
+            "q": ("stiffness", -by_loss / self.q**2),
         }
-        return own | {f"q.{key}": _through_stiffness(value) for key, value in stiffness.items()}
+        return own | {f"q.{key}": ("stiffness", value) for key, value in stiffness.items()}
 
 
 @dataclass(frozen=True)
@@ -171,17 +142,15 @@ class Piezo(Joins):
         return self.thickness / self.eps_law.over(self.eps33S, frequency)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return d ln Zc, d ln theta, d ln h33 and d ln W (clamped voltage) by each parameter."""
+        """Return for every parameter the quantity it moves, and how much."""
         own: dict[str, Gradient] = {
-            "thickness": {"theta": 1 / self.thickness, "W": 1 / self.thickness},
-            "density": {"Zc": 0.5 / self.density, "theta": 0.5 / self.density},
+            "thickness": ("thickness", 1 / self.thickness),
+            "density": ("density", 1 / self.density),
         }
-        for key, value in self.c_law.log_derivatives(self.c33D, frequency).items():
-            own[f"c33D.{key}"] = _through_stiffness(value)
-        for key, value in self.h_law.log_derivatives(self.h33, frequency).items():
-            own[f"h33.{key}"] = {"h": value}
-        for key, value in self.eps_law.log_derivatives(self.eps33S, frequency).items():
-            own[f"eps33S.{key}"] = {"W": -value}
+        quantities = {"c33D": "stiffness", "h33": "h33", "eps33S": "eps33S"}
+        for constant, (value, law) in self._constants().items():
+            for key, size in law.log_derivatives(value, frequency).items():
+                own[f"{constant}.{key}"] = (quantities[constant], size)
         return own
 
     def _constants(self) -> dict[str, tuple[complex, LossLaw]]:
@@ -192,19 +161,7 @@ class Piezo(Joins):
         }
 
 
-def law_with(law: LossLaw, values: Mapping[str, float], prefix: str) -> LossLaw:
-    """Return the law with the exponent that `values` names under `prefix`, if it does."""
-    if isinstance(law, PowerLoss) and f"{prefix}exponent" in values:
-        return replace(law, exponent=values[f"{prefix}exponent"])
-    return law
-
-
 def _wave(density: float, c33: ComplexLike, thickness: float) -> tuple[ComplexLike, ComplexLike]:
     """Return sqrt(rho c33) in Rayl and t sqrt(rho/c33) in s; both have a positive real part."""
     root: ComplexLike = cmath.sqrt(c33) if isinstance(c33, complex) else np.sqrt(c33, dtype=np.complex128)
     return math.sqrt(density) * root, thickness * math.sqrt(density) / root
-
-
-def _through_stiffness(by_parameter: ComplexLike) -> Gradient:
-    """Return d ln Zc and d ln theta from d ln c33: Zc goes with its root, theta with the inverse root."""
-    return {"Zc": 0.5 * by_parameter, "theta": -0.5 * by_parameter}

@@ -7,7 +7,7 @@ towards the front; everything is per unit area, the terminal current included.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeGuard
+from typing import Protocol
 
 import numpy as np
 
@@ -19,30 +19,27 @@ from .laws import ComplexLike
 class Section(Protocol):
     """A layer at all frequencies, as the network sees it."""
 
-    def seen(self, load: ComplexLike) -> Complexes:
-        """Return the impedance of one face in Rayl, with `load` (Rayl) at the other."""
+    def seen(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
+        """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and what `passed` asks for."""
         ...
 
-    def passed(self, load: ComplexLike) -> ComplexLike:
-        """Return the velocity of the far face, which carries `load`, per velocity of the near face."""
+    def passed(self, share: ComplexLike) -> ComplexLike:
+        """Return the far face's velocity per velocity of the near face, from the second answer of `seen`."""
         ...
 
-    def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, Complexes]:
+    def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, ComplexLike]:
         """Return d Z_el / d ln(quantity) in ohm m2 from the field at the faces."""
         ...
 
 
-def is_active(section: Section) -> TypeGuard[ActiveLine]:
-    """Return whether the section is piezoelectric."""
-    return isinstance(section, ActiveLine)
+@dataclass(frozen=True, slots=True)
+class Side:
+    """What each interface sees in one direction."""
 
-
-@dataclass(frozen=True)
-class Field:
-    """Velocity (m/s) and pressure (Pa) at every interface, per unit of terminal current density."""
-
-    v: list[ComplexLike]
-    F: list[ComplexLike]
+    Z: dict[int, ComplexLike]
+    """Impedance in Rayl by interface."""
+    share: dict[int, ComplexLike]
+    """For `Section.passed`, by the section that the wave runs through."""
 
 
 class Network:
@@ -50,79 +47,82 @@ class Network:
 
     def __init__(self, sections: Sequence[Section], back: ComplexLike, front: ComplexLike, parallel: bool) -> None:
         self.sections = sections
-        self.parallel = parallel
-        self.active = [k for k, section in enumerate(sections) if is_active(section)]
-        first, last = self.active[0], self.active[-1]
-        self.backward: dict[int, ComplexLike] = {0: back}
-        for k in range(last):
-            self.backward[k + 1] = sections[k].seen(self.backward[k])
-        self.forward: dict[int, ComplexLike] = {len(sections): front}
-        for k in range(len(sections) - 1, first, -1):
-            self.forward[k] = sections[k].seen(self.forward[k + 1])
-        self.sources = {k: self._piezo(k).radiates(self.backward[k], self.forward[k + 1]) for k in self.active}
-        self.currents, self.Z = self._terminals()
+        self.active = {k: section for k, section in enumerate(sections) if isinstance(section, ActiveLine)}
+        self.first, self.last = min(self.active), max(self.active)
+        self.backward, self.forward = Side({0: back}, {}), Side({len(sections): front}, {})
+        for k in range(self.last):
+            self.backward.Z[k + 1], self.backward.share[k] = sections[k].seen(self.backward.Z[k])
+        for k in range(len(sections) - 1, self.first, -1):
+            self.forward.Z[k], self.forward.share[k] = sections[k].seen(self.forward.Z[k + 1])
+        self.sources = {
+            k: piezo.radiates(self.backward.Z[k], self.forward.Z[k + 1]) for k, piezo in self.active.items()
+        }
+        self.currents, self.Z = self._terminals(parallel)
 
-    def _piezo(self, k: int) -> ActiveLine:
-        section = self.sections[k]
-        assert is_active(section)  # noqa: S101 - `active` holds nothing else
-        return section
-
-    def _terminals(self) -> tuple[dict[int, ComplexLike], Complexes]:
+    def _terminals(self, parallel: bool) -> tuple[dict[int, ComplexLike], Complexes]:
         """Return the current density of each piezoelectric layer per terminal current, and the impedance in ohm m2."""
         if len(self.active) == 1:
-            k = self.active[0]
-            return {k: 1.0 + 0j}, self._piezo(k).self_impedance(*self.sources[k])
+            return {self.first: 1.0}, self.active[self.first].self_impedance(*self.sources[self.first])
         ports = self._ports()
-        if not self.parallel:
-            return dict.fromkeys(self.active, 1.0 + 0j), ports.sum(axis=(1, 2))
-        ones = np.ones((*ports.shape[:2], 1))
-        shares = np.linalg.solve(ports, ones)[:, :, 0]
+        if not parallel:
+            return dict.fromkeys(self.active, 1.0), ports.sum(axis=(1, 2))
+        shares = np.linalg.solve(ports, np.ones((*ports.shape[:2], 1)))[:, :, 0]
         Z = 1.0 / shares.sum(axis=1)
         return {k: shares[:, i] * Z for i, k in enumerate(self.active)}, Z
 
     def _ports(self) -> Complexes:
-        """Return the impedance matrix of the layers as separate ports, ohm m2, shape (N, m, m)."""
-        m = len(self.active)
-        size = np.shape(self.sources[self.active[0]][0])[0]
-        ports = np.empty((size, m, m), np.complex128)
-        for i, k in enumerate(self.active):
-            ports[:, i, i] = self._piezo(k).self_impedance(*self.sources[k])
-            travelling: ComplexLike = -self.sources[k][1]
-            for j in range(i + 1, m):
-                target = self.active[j]
-                for between in range(self.active[j - 1] + 1, target):
-                    travelling = travelling * self.sections[between].passed(self.forward[between + 1])
-                heard = self._piezo(target).hears(self.forward[target + 1]) * travelling
-                ports[:, i, j] = ports[:, j, i] = heard
-                travelling = travelling * self.sections[target].passed(self.forward[target + 1])
+        """Return the impedance matrix of the piezoelectric layers as separate ports, ohm m2, shape (N, m, m)."""
+        m, keys = len(self.active), list(self.active)
+        ports = np.empty((self.sources[self.first][0].size, m, m), np.complex128)
+        for i, sender in enumerate(keys):
+            ports[:, i, i] = self.active[sender].self_impedance(*self.sources[sender])
+            travelling: ComplexLike = -self.sources[sender][1]
+            for k in range(sender + 1, self.last + 1):
+                share = self.forward.share[k]
+                if k in self.active:
+                    j = keys.index(k)
+                    ports[:, i, j] = self.active[k].hears(self.forward.Z[k + 1], share) * travelling
+                    ports[:, j, i] = ports[:, i, j]
+                travelling = travelling * self.sections[k].passed(share)
         return ports
 
-    def field(self) -> Field:
-        """Return velocity and pressure at every interface."""
-        n, first, last = len(self.sections), self.active[0], self.active[-1]
-        rightward: dict[int, ComplexLike] = {}
-        for k in range(first, n):
-            out: ComplexLike = -self.sources[k][1] * self.currents[k] if k in self.sources else 0j
-            if k > first:
-                out = out + self.sections[k].passed(self.forward[k + 1]) * rightward[k]
-            rightward[k + 1] = out
-        leftward: dict[int, ComplexLike] = {}
-        for k in range(last, -1, -1):
-            out = self.sources[k][0] * self.currents[k] if k in self.sources else 0j
-            if k < last:
-                out = out + self.sections[k].passed(self.backward[k]) * leftward[k + 1]
-            leftward[k] = out
-        v: list[ComplexLike] = []
-        F: list[ComplexLike] = []
-        for k in range(n + 1):
-            from_back, from_front = rightward.get(k), leftward.get(k)
-            if from_front is None and from_back is not None:
-                v.append(from_back)
-                F.append(self.forward[k] * from_back)
-            elif from_back is None and from_front is not None:
-                v.append(from_front)
-                F.append(-self.backward[k] * from_front)
-            elif from_back is not None and from_front is not None:
-                v.append(from_back + from_front)
-                F.append(self.forward[k] * from_back - self.backward[k] * from_front)
-        return Field(v, F)
+    def field(self) -> list[tuple[ComplexLike, ComplexLike]]:
+        """Return velocity (m/s) and pressure (Pa) at every interface per unit of terminal current density."""
+        to_front, to_back = self._sent_to_front(), self._sent_to_back()
+        result: list[tuple[ComplexLike, ComplexLike]] = []
+        for k in range(len(self.sections) + 1):
+            if k not in to_back:
+                result.append((to_front[k], self.forward.Z[k] * to_front[k]))
+            elif k not in to_front:
+                result.append((to_back[k], -self.backward.Z[k] * to_back[k]))
+            else:
+                pressure = self.forward.Z[k] * to_front[k] - self.backward.Z[k] * to_back[k]
+                result.append((to_front[k] + to_back[k], pressure))
+        return result
+
+    def _sent_to_front(self) -> dict[int, ComplexLike]:
+        """Return the velocity at every interface that the piezoelectric layers behind it cause."""
+        sent: dict[int, ComplexLike] = {}
+        for k in range(self.first, len(self.sections)):
+            if k in sent:
+                sent[k + 1] = sent[k] * self.sections[k].passed(self.forward.share[k])
+            if k in self.active:
+                sent[k + 1] = sent.get(k + 1, 0.0) - self.sources[k][1] * self.currents[k]
+        return sent
+
+    def _sent_to_back(self) -> dict[int, ComplexLike]:
+        """Return the velocity at every interface that the piezoelectric layers before it cause."""
+        sent: dict[int, ComplexLike] = {}
+        for k in range(self.last, -1, -1):
+            if k + 1 in sent:
+                sent[k] = sent[k + 1] * self.sections[k].passed(self.backward.share[k])
+            if k in self.active:
+                sent[k] = sent.get(k, 0.0) + self.sources[k][0] * self.currents[k]
+        return sent
+
+    def weights(self, k: int, field: Sequence[tuple[ComplexLike, ComplexLike]]) -> dict[str, ComplexLike]:
+        """Return d Z_el / d ln of the quantities of section k, ohm m2, from the answer of `field`."""
+        faces = *field[k], *field[k + 1]
+        if k in self.active:
+            return self.active[k].weights_driven(self.currents[k], *faces)
+        return self.sections[k].weights(*faces)

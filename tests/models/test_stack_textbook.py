@@ -77,5 +77,5 @@ def test_mistakes_are_named() -> None:
         Stack((Elastic("glue1", 1e-6, 2.8e6, 2442),))
     with pytest.raises(StackError, match=r"layer 'glue1': thickness is -1e-06"):
         Elastic("glue1", -1e-6, 2.8e6, 2442)
-    with pytest.raises(KeyError, match="no parameter 'disk.z'"):
+    with pytest.raises(KeyError, match=r"no parameter 'disk\.z'"):
         (AIR | DISK | AIR).with_area(AREA).replace({"disk.z": 1.0})

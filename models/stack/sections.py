@@ -1,0 +1,50 @@
+"""From layers to sections: every layer at all frequencies, the waves of all layers in one go."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies
+from .active import ActiveLine
+from .layers import Elastic, Piezo
+from .line import Line, one_minus_exp
+from .lumps import Mass, Spring
+from .network import Section
+
+# glibc gives freed memory beyond 128 kB back to the system, and the next evaluation pays a page fault for every 4 kB
+# of it: more than all the arithmetic. Once it has seen a larger block freed, it keeps as much (never touched, so it
+# costs nothing); elsewhere the line does nothing.
+np.empty(16 << 20, np.uint8)
+
+
+def sections_of(layers: Sequence[Elastic | Piezo | Spring | Mass], frequency: Frequencies) -> list[Section]:
+    """Return the layers as sections at frequencies in Hz, shape (N,)."""
+    omega = 2 * np.pi * frequency
+    jw = np.zeros(omega.shape, np.complex128)
+    jw.imag = omega
+    lines = _lines([layer for layer in layers if isinstance(layer, Elastic | Piezo)], frequency, omega, jw)
+    return [lines[layer.name] if isinstance(layer, Elastic | Piezo) else layer.section(jw) for layer in layers]
+
+
+def _lines(
+    layers: Sequence[Elastic | Piezo], frequency: Frequencies, omega: Frequencies, jw: Complexes
+) -> dict[str, Line]:
+    """Return the layers that carry waves as lines, by name."""
+    waves = [layer.wave(frequency) for layer in layers]
+    dispersive = any(isinstance(delay, np.ndarray) for _, delay in waves)
+    delays = np.empty((len(layers), frequency.size if dispersive else 1), np.complex128)
+    for row, (_, delay) in zip(delays, waves, strict=True):
+        row[:] = delay
+    D = one_minus_exp(delays.imag * omega, 0.5 * delays.real * omega)
+    b = D * (1.0 - 0.5 * D)
+    result: dict[str, Line] = {}
+    for k, (layer, (Zc, delay)) in enumerate(zip(layers, waves, strict=True)):
+        if isinstance(layer, Elastic):
+            result[layer.name] = Line(Zc, delay, jw, D[k], b[k])
+        else:
+            per_jw = np.zeros(omega.shape, np.complex128)
+            per_jw.imag = -1.0 / omega
+            H = layer.field_per_strain(frequency) * per_jw
+            W = layer.clamped_elastance(frequency) * per_jw
+            result[layer.name] = ActiveLine(Zc, delay, jw, D[k], b[k], H, W)
+    return result

@@ -1,0 +1,48 @@
+"""d Z / d parameter, from the field in the stack: one multiplication per parameter."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies
+from .laws import ComplexLike
+from .layers import Elastic, Gradient, Piezo
+from .loads import Load
+from .lumps import Mass, Spring
+from .network import Network
+
+
+class Slopes:
+    """The derivatives of one stack at one set of frequencies; a layer's are made when first asked for."""
+
+    def __init__(
+        self,
+        network: Network,
+        layers: Sequence[Piezo | Elastic | Spring | Mass],
+        loads: Mapping[str, Load],
+        frequency: Frequencies,
+    ) -> None:
+        self._network = network
+        self._frequency = frequency
+        self._field = network.field()
+        self._layers = {layer.name: (k, layer) for k, layer in enumerate(layers)}
+        self._loads = loads
+        self._known: dict[str, tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]] = {}
+
+    def write(self, name: str, row: Complexes) -> None:
+        """Write d Z / d `name`, ohm m2 per unit of the parameter, into `row`, shape (N,). Raises KeyError."""
+        owner, _, key = name.partition(".")
+        if owner not in self._known:
+            self._known[owner] = self._load(owner) if owner in self._loads else self._layer(owner)
+        weights, gradients = self._known[owner]
+        quantity, size = gradients[key]
+        np.multiply(weights[quantity], size, out=row)
+
+    def _layer(self, owner: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
+        k, layer = self._layers[owner]
+        return self._network.weights(k, self._field), layer.gradients(self._frequency)
+
+    def _load(self, side: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
+        v, _ = self._field[0 if side == "back" else -1]
+        sizes = self._loads[side].gradients(self._frequency)
+        return {"z": v * v}, {key: ("z", size) for key, size in sizes.items()}
