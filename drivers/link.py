@@ -61,14 +61,12 @@ class Link:
         self.close()
         self._resource = _prepared(self._opener())
 
-    def write(self, message: str) -> None:
-        """Send `message`, newline added. Raises InstrumentError."""
-        data = message.encode("ascii") + b"\n"
-        self._guarded(f"sending {message}", lambda: self._resource.write_raw(data))
-
     def ask(self, message: str) -> str:
-        """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError."""
-        self.write(message)
+        """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError.
+
+        There is no way to send a message without a query: only an answer tells that a message arrived.
+        """
+        self._send(message)
         until = time.monotonic() + self.timeout_seconds
         while b"\n" not in self._buffer:
             if len(self._buffer) > LONGEST_LINE_BYTES:
@@ -89,7 +87,7 @@ class Link:
         Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
         a newline.
         """
-        self.write(message)
+        self._send(message)
         what = f"{self.name}: {message}"
         length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
         if length > most_bytes:
@@ -109,6 +107,10 @@ class Link:
         if not 0 <= status <= 255:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
+
+    def _send(self, message: str) -> None:
+        data = message.encode("ascii") + b"\n"
+        self._guarded(f"sending {message}", lambda: self._resource.write_raw(data))
 
     @property
     def _is_gpib(self) -> bool:

@@ -25,7 +25,7 @@ def switch_on(link: Link, volts: float) -> str:
         errors = errorqueue.drain(link)
         if on and not errors:
             return current_range
-        link.write("DCO OFF")
+        settings.put(link, "DCO", False)
         if any(error.number != RANGE_TOO_SMALL for error in errors) or not errors:
             told = "; ".join(map(errorqueue.described, errors)) or "no error"
             raise InstrumentError(f"{link.name}: the DC bias of {volts:g} V did not come on; reported: {told}")

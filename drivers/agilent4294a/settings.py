@@ -6,7 +6,7 @@ message (`POIN 801;POIN?`), and what comes back must be what was asked.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from .. import replies
@@ -130,18 +130,15 @@ def put(link: Link, mnemonic: str, value: Value) -> None:
         )
 
 
-def snapshot(link: Link, mnemonics: Mapping[str, object]) -> dict[str, Value]:
+def snapshot(link: Link, mnemonics: Iterable[str]) -> dict[str, Value]:
     """Return the present value of each of `mnemonics`. Raises InstrumentError."""
     return {mnemonic: query(link, mnemonic) for mnemonic in mnemonics}
 
 
-def check_unchanged(link: Link, before: Mapping[str, Value]) -> None:
-    """Raise InstrumentError where a setting is no longer as it was `before`: a key was pressed, or power was lost."""
-    for mnemonic, value in before.items():
+def compare(link: Link, wanted: Mapping[str, Value], got: Mapping[str, Value], what: str) -> None:
+    """Raise InstrumentError, saying `what` happened to the setting, where one `got` is not as `wanted`."""
+    for mnemonic, value in wanted.items():
         kind = (SETTINGS | CONDITIONS)[mnemonic]
-        got = query(link, mnemonic)
-        if not kind.agrees(value, got):
-            raise InstrumentError(
-                f"{link.name}: {kind.words} ({mnemonic}) changed from {text_of(value)} to {text_of(got)} while the "
-                "sweep ran; was a key pressed at the front panel?"
-            )
+        if not kind.agrees(value, got[mnemonic]):
+            found = f"{kind.words} ({mnemonic}) was {text_of(value)}, is {text_of(got[mnemonic])}"
+            raise InstrumentError(f"{link.name}: {found}: {what}")

@@ -28,7 +28,8 @@ class Found:
 def take(link: Link) -> Found:
     """Stop the sweep (HOLD) and return how the instrument was found. Raises InstrumentError."""
     continuous = replies.flag(link.ask("CONT?"), f"{link.name}: CONT?")
-    link.write("HOLD")
+    if replies.flag(link.ask("HOLD;CONT?"), f"{link.name}: CONT?"):
+        raise InstrumentError(f"{link.name}: it goes on sweeping after HOLD")
     sweep_type = settings.query(link, "SWPT")
     if sweep_type == "LIST":  # in list mode STAR, POIN ... speak of a segment, not of the sweep
         settings.put(link, "SWPT", "LIN")
@@ -47,7 +48,7 @@ def give_back(link: Link, found: Found, resume: bool) -> None:
     One range may push the other (START beyond STOP), so there are two passes, and only the second one must succeed.
     Raises InstrumentError where a setting does not go back.
     """
-    link.write("FORM4;ESNB 0;*SRE 0")
+    link.ask("FORM4;ESNB 0;*SRE 0;*STB?")
     wanted = {name: value for name, value in found.values.items() if name not in NOT_RESTORED}
     in_list = wanted["SWPT"] == "LIST"
     if in_list:
@@ -58,8 +59,8 @@ def give_back(link: Link, found: Found, resume: bool) -> None:
                 if must:
                     settings.put(link, name, value)
                 else:
-                    link.write(f"{name} {settings.text_of(value)}")
+                    link.ask(f"{name} {settings.text_of(value)};{name}?")
     if in_list:
         settings.put(link, "SWPT", "LIST")
-    if resume and found.continuous:
-        link.write("CONT")
+    if resume and found.continuous and not replies.flag(link.ask("CONT;CONT?"), f"{link.name}: CONT?"):
+        raise InstrumentError(f"{link.name}: it does not go on sweeping after CONT")

@@ -39,8 +39,13 @@ def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
 
 def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
     """Sweep `segment` as `plan` says. `tick`: see `wait.finish`. Raises InstrumentError, and what `tick` raises."""
-    _set_up(link, segment, plan)
+    wanted = _wanted(segment, plan)
+    _set_up(link, wanted)
+    if plan.bias_V:
+        wanted |= {"DCO": True, "DCV": plan.bias_V}
+        bias.switch_on(link, plan.bias_V)
     before = settings.snapshot(link, settings.SETTINGS | settings.CONDITIONS)
+    settings.compare(link, wanted, before, "was changed before the sweep")
     errorqueue.check(link, "after the set-up")
     tick(0.0)
     started, begun = now_utc(), time.monotonic()
@@ -48,35 +53,47 @@ def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float],
     wait.finish(link, expected_seconds(segment, plan), tick, "the sweep")
     ended, seconds = now_utc(), time.monotonic() - begun
     frequency, impedance = _read(link, segment)
-    settings.check_unchanged(link, before)
+    _check_untouched(link, before)
     return RawSweep(frequency, impedance, started, ended, seconds, before)
 
 
-def _set_up(link: Link, segment: Segment, plan: SweepPlan) -> None:
-    put = settings.put
-    put(link, "DCO", False)
-    put(link, "TRGS", "INT")
-    put(link, "SWPP", "FREQ")
-    put(link, "SWPT", "LOG" if segment.spacing == "log" else "LIN")
-    # Once without looking, so that neither end can push the other when they are set for good.
-    link.write(f"STAR {settings.text_of(segment.start_Hz)};STOP {settings.text_of(segment.stop_Hz)}")
-    put(link, "STAR", segment.start_Hz)
-    put(link, "STOP", segment.stop_Hz)
-    put(link, "POIN", segment.points)
-    put(link, "SWED", "DOWN" if plan.direction == "down" else "UP")
-    put(link, "SDELT", 0.0)
-    put(link, "PDELT", 0.0)
-    put(link, "BWFACT", plan.bandwidth)
-    for switch, factor, value in (
-        ("PAVER", "PAVERFACT", plan.point_average),
-        ("AVER", "AVERFACT", plan.sweep_average),
-    ):
-        put(link, factor, value)
-        put(link, switch, value > 1)
-    put(link, "POWMOD", "VOLT")
-    put(link, "POWE", plan.oscillator_V)
-    if plan.bias_V:
-        bias.switch_on(link, plan.bias_V)
+def _wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
+    """Return what is to be set for `segment`, by mnemonic, in the order of setting."""
+    return {
+        "DCO": False,
+        "TRGS": "INT",
+        "SWPP": "FREQ",
+        "SWPT": "LOG" if segment.spacing == "log" else "LIN",
+        "STAR": segment.start_Hz,
+        "STOP": segment.stop_Hz,
+        "POIN": segment.points,
+        "SWED": "DOWN" if plan.direction == "down" else "UP",
+        "SDELT": 0.0,
+        "PDELT": 0.0,
+        "BWFACT": plan.bandwidth,
+        "PAVERFACT": plan.point_average,
+        "PAVER": plan.point_average > 1,
+        "AVERFACT": plan.sweep_average,
+        "AVER": plan.sweep_average > 1,
+        "POWMOD": "VOLT",
+        "POWE": plan.oscillator_V,
+    }
+
+
+def _set_up(link: Link, wanted: Mapping[str, settings.Value]) -> None:
+    for mnemonic, value in wanted.items():
+        if mnemonic == "STAR":  # first once without looking, so that neither end can push the other afterwards
+            start, stop = settings.text_of(value), settings.text_of(wanted["STOP"])
+            link.ask(f"STAR {start};STOP {stop};STAR?")
+        settings.put(link, mnemonic, value)
+
+
+def _check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
+    """Raise InstrumentError where the instrument is not as it was `before` the sweep, or not in HOLD."""
+    after = settings.snapshot(link, before)
+    settings.compare(link, before, after, "changed while the sweep ran; was a key pressed at the front panel?")
+    if replies.flag(link.ask("CONT?"), f"{link.name}: CONT?"):
+        raise InstrumentError(f"{link.name}: it sweeps again before its data were read; was a key pressed?")
 
 
 def _read(link: Link, segment: Segment) -> tuple[Frequencies, Impedances]:
@@ -86,9 +103,8 @@ def _read(link: Link, segment: Segment) -> tuple[Frequencies, Impedances]:
     frequency has steps of 8 Hz at 110 MHz.
     """
     n = segment.points
-    link.write("FORM3")
     blocks = {
-        query: replies.doubles(link.ask_block(query, 8 * count), count, f"{link.name}: {query}")
+        query: replies.doubles(link.ask_block(f"FORM3;{query}", 8 * count), count, f"{link.name}: {query}")
         for query, count in (("OUTPSWPRM?", n), ("OUTPDATA?", 2 * n))
     }
     frequency, pairs = blocks["OUTPSWPRM?"], blocks["OUTPDATA?"]

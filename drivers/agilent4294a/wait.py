@@ -14,7 +14,6 @@ from ..analyzer import InstrumentError
 from ..link import Link
 from . import errorqueue
 
-ENABLE = "ESNB 1;*SRE 4;*CLS"
 EVENT = 0b100
 """Bit 2 of the status byte: an enabled instrument event, here the end of the sweep."""
 
@@ -28,8 +27,7 @@ FASTEST_POLL_SECONDS = 0.005
 
 def start(link: Link, command: str) -> None:
     """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...). Raises InstrumentError where it is refused."""
-    link.write(ENABLE)
-    events = replies.integer(link.ask(f"{command};*ESR?"), f"{link.name}: *ESR?")
+    events = replies.integer(link.ask(f"ESNB 1;*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
     if events & ERRORS:
         errorqueue.check(link, f"after {command}")
         raise InstrumentError(f"{link.name}: {command} was refused (event status register {events})")

@@ -46,11 +46,6 @@ class Peer:
         self.resource = f"127.0.0.1:{self._server.getsockname()[1]}"
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
-    @property
-    def settings_sent(self) -> list[str]:
-        """What was sent that is no mere query."""
-        return [message for message in self.log if " " in message or "?" not in message]
-
     def answer_to(self, part: str) -> bytes | tuple[bytes, ...]:
         if part in self.answers:
             queue = self.answers[part]

@@ -1,0 +1,116 @@
+"""A fault at the exchanges of a measurement: a complete correct sweep or a clear error, never wrong data.
+
+Here at some positions; tests/benchmarks goes through all of them.
+"""
+
+import json
+import socket
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pzctl.drivers import open_analyzer
+from pzctl.drivers.analyzer import InstrumentError
+from pzctl.models.plan import Segment, SweepPlan
+from pzctl.sim.server import SimOptions, running
+
+PLAN = SweepPlan((Segment(1e6, 6e6, 21),), oscillator_V=0.3, bandwidth=2, bias_V=4.0)
+ANSWER_SECONDS = 0.25
+KINDS = {
+    "hang": {"seconds": 0.6},
+    "ignore": {},
+    "drop": {},
+    "power-cycle": {"seconds": 0.05},
+    "meddle": {"message": "POIN 77"},
+    "cut": {},
+    "garbage": {},
+    "wrong-count": {},
+}
+
+
+@dataclass
+class Outcome:
+    impedance: np.ndarray | None
+    error: str
+    seconds: float
+    struck: bool
+    left: list[str]
+    """Answers to CONT? and DCO? afterwards."""
+    exchanges: int
+
+
+def bench(sim, **command):
+    with socket.create_connection(("127.0.0.1", sim.bench_port), 5) as line:
+        line.sendall(json.dumps(command).encode() + b"\n")
+        answer = json.loads(line.makefile().readline())
+    assert answer["ok"], answer
+    return answer
+
+
+def attempt(sim, kind=None, at=0):
+    """Measure `PLAN` with a fault of `kind` at the `at`-th exchange."""
+    bench(sim, command="power-cycle", seconds=0.0)
+    if kind:
+        bench(sim, command="fault", kind=kind, at=at, **KINDS[kind])
+    before = bench(sim, command="status")["exchanges"]
+    begun, impedance, error = time.monotonic(), None, ""
+    analyzer = open_analyzer(sim.resource, timeout_seconds=ANSWER_SECONDS)
+    try:
+        impedance = analyzer.measure(PLAN)[0].impedance
+    except InstrumentError as raised:
+        error = str(raised)
+    finally:
+        analyzer.close()
+    seconds = time.monotonic() - begun
+    status = bench(sim, command="status")
+    bench(sim, command="fault", kind="none")
+    return Outcome(impedance, error, seconds, bool(status["struck"]), asked(sim), status["exchanges"] - before)
+
+
+def asked(sim):
+    for _ in range(100):
+        try:
+            with socket.create_connection(("127.0.0.1", sim.port), 5) as line, line.makefile("r") as replies:
+                line.sendall(b"CONT?\n")
+                continuous = replies.readline().strip()
+                line.sendall(b"DCO?\n")
+                return [continuous, replies.readline().strip()]
+        except OSError:
+            pass
+        time.sleep(0.01)
+    return []
+
+
+def check(outcome, reference, kind):
+    """Complete and correct, or a sentence; bias off; and in HOLD unless power failed or nobody could be reached."""
+    if outcome.impedance is not None:
+        np.testing.assert_array_equal(outcome.impedance, reference)
+    else:
+        assert outcome.error.startswith("TCPIP0::127.0.0.1::")
+        assert "\n" not in outcome.error
+        if kind != "power-cycle" and "could not be left" not in outcome.error:
+            assert outcome.left[0] == "0"
+    if "could not be left" not in outcome.error:
+        assert outcome.left[1] == "0"
+
+
+@pytest.fixture(scope="module")
+def sim():
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, noise=False)) as simulator:
+        yield simulator
+
+
+@pytest.fixture(scope="module")
+def clean(sim):
+    return attempt(sim)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("part", [0.0, 0.33, 0.58, 0.61, 0.75, 0.95])
+def test_no_fault_gives_wrong_data(sim, clean, kind, part):
+    assert clean.impedance is not None
+    outcome = attempt(sim, kind, 1 + int(part * clean.exchanges))
+    assert outcome.struck or kind == "wrong-count"  # no block comes after the last one
+    check(outcome, clean.impedance, kind)

@@ -1,0 +1,115 @@
+"""The driver against the simulated 4294A, over the very path a real one is reached by."""
+
+import json
+import socket
+import threading
+
+import numpy as np
+import pytest
+
+from pzctl.drivers import open_analyzer
+from pzctl.drivers.analyzer import Cancelled, InstrumentError
+from pzctl.models.plan import Segment, SweepPlan
+from pzctl.sim.server import SimOptions, running
+
+AT_ONCE = SimOptions(port=0, bench_port=0, time_scale=0.0)
+
+
+def bench(sim, **command):
+    with socket.create_connection(("127.0.0.1", sim.bench_port), 5) as line:
+        line.sendall(json.dumps(command).encode() + b"\n")
+        answer = json.loads(line.makefile().readline())
+    assert answer["ok"], answer
+    return answer
+
+
+def ask(sim, *messages):
+    """What the instrument answers another client."""
+    with socket.create_connection(("127.0.0.1", sim.port), 5) as line, line.makefile("r") as replies:
+        answers = []
+        for message in messages:
+            line.sendall(message.encode() + b"\n")
+            answers.append(replies.readline().strip())
+        return answers
+
+
+@pytest.fixture
+def sim():
+    with running(AT_ONCE) as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def analyzer(sim):
+    opened = open_analyzer(sim.resource)
+    yield opened
+    opened.close()
+
+
+STATE = ["STAR?", "STOP?", "POIN?", "SWPT?", "SWED?", "BWFACT?", "PAVER?", "PAVERFACT?", "AVER?", "AVERFACT?", "POWE?"]
+STATE += ["DCMOD?", "DCRNG?", "DCV?", "DCO?", "CONT?", "MEAS?", "TRAC?", "SDELT?", "PDELT?", "TRGS?"]
+
+
+def test_a_plan_of_every_kind_of_segment(sim, analyzer):
+    ask(sim, "PRES;STAR 5E6;STOP 7E6;POIN 33;AVERFACT 3;SDELT 1;MEAS CPD;TRAC B;DCV 3;CONT;CONT?")
+    found = ask(sim, *STATE)
+    plan = SweepPlan(
+        (Segment(1e6, 6e6), Segment(1e3, 100e6, 201, "log"), Segment(2e6, 8e6, 1700)),
+        oscillator_V=0.2,
+        bandwidth=4,
+        point_average=2,
+        sweep_average=3,
+        bias_V=5.0,
+        direction="down",
+    )
+
+    fine, wide, long = analyzer.measure(plan)
+
+    assert ask(sim, *STATE) == found
+    np.testing.assert_array_equal(fine.frequency, np.round(np.linspace(1e6, 6e6, 801), 3))
+    np.testing.assert_allclose(wide.frequency, np.geomspace(1e3, 100e6, 201), rtol=0, atol=1e-3)
+    assert len(long.frequency) == 1700
+    assert len(long.settings["sweeps"]) == 3
+    noise = fine.settings["noise_relative"]
+    assert long.settings["overlap_noise_relative"] == pytest.approx(np.median(noise), rel=1)
+    for sweep in (fine, wide, long):
+        assert sweep.settings["bias_V"] == 5.0
+        assert sweep.settings["direction"] == "down"
+        assert sweep.settings["oscillator_V"] == pytest.approx(0.2, abs=6e-4)
+        assert np.all(sweep.impedance.imag[:2] < 0)  # a piezoelectric disk far below resonance is a capacitor
+
+
+def test_a_sweep_is_cancelled_at_once_although_it_would_last_two_minutes():
+    said, enough = [], threading.Event()
+
+    def progress(p):
+        said.append(p)
+        if len(said) > 3:
+            enough.set()
+
+    with running(SimOptions(port=0, bench_port=0, time_scale=1.0)) as sim:
+        analyzer = open_analyzer(sim.resource)
+        with pytest.raises(Cancelled, match="sweep 1 of 1 was cancelled"):
+            analyzer.measure(SweepPlan((Segment(1e6, 3e6),), bias_V=2), progress, enough.is_set)
+        assert ask(sim, "CONT?", "DCO?", "POIN?") == ["0", "0", "201"]
+        assert analyzer.identify().model == "4294A"
+        analyzer.close()
+    fractions = [p.fraction for p in said]
+    assert fractions == sorted(fractions)
+    assert all(0 <= f < 0.1 for f in fractions)
+    assert 100 < said[-1].seconds_left < said[0].seconds_left < 130
+
+
+def test_bias_goes_up_a_range_on_error_137_and_gives_up_in_words(sim, analyzer):
+    bench(sim, command="fault", kind="bias-overload")
+    with pytest.raises(InstrumentError, match=r"bias of 20 V needs more than 100 mA \(error 137\)"):
+        analyzer.measure(SweepPlan((Segment(1e6, 3e6),), bias_V=20))
+    assert ask(sim, "DCO?", "DCRNG?") == ["0", "M1"]
+
+
+def test_the_next_gluing_step_is_seen(sim, analyzer):
+    plan = SweepPlan((Segment(2e6, 6e6, 201),))
+    (disk,) = analyzer.measure(plan)
+    bench(sim, command="next")
+    (glued,) = analyzer.measure(plan)
+    assert np.max(np.abs(np.log(glued.impedance / disk.impedance))) > 0.1
