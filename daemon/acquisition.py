@@ -14,7 +14,7 @@ from ..models.build import Build
 from ..models.errors import PzctlError
 from ..models.plan import SweepPlan
 from ..models.sweep import Sweep
-from .journal import JournalError
+from .archive import JournalError
 from .uuid7 import uuid7
 from .wire import Event, Instrument, Payload, ProgressEvent, Sample, StateEvent, SweepEvent, sweep_columns
 

@@ -10,8 +10,9 @@ from typing import Any
 from ..models.errors import PzctlError
 from . import requests as ask
 from .acquisition import Acquisition, Job
+from .archive import Measurement
 from .frames import unpack
-from .journal import Journal, Measurement
+from .journal import Journal
 from .reports import curves_of
 from .supervisor import Supervisor
 from .wire import WIRE, DiagnosisEvent, Event, FitEvent, Instrument, Payload, StateEvent

@@ -1,4 +1,4 @@
-"""The record of everything that was announced: SQLite (WAL) beside a folder of arrays.
+"""Writing the record of everything that was announced: SQLite (WAL) beside a folder of arrays.
 
 A sweep's bytes are written and synced first, then its row is committed, then it may be published. What a `kill -9`
 leaves behind is at most a file no row speaks of; it is removed when the journal is opened for writing again.
@@ -7,23 +7,19 @@ leaves behind is at most a file no row speaks of; it is removed when the journal
 import hashlib
 import os
 import sqlite3
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 from ..models.build import Build
-from ..models.errors import PzctlError
 from ..models.sweep import now_utc
+from .archive import VERSION, Archive, JournalError, Measurement, told
 from .frames import to_json
 from .uuid7 import uuid7
-from .wire import DiagnosisEvent, Event, FitEvent, Payload, Sample, Sampled, StateEvent, encode
-
-VERSION = 1
-"""Of the tables; kept in `PRAGMA user_version`."""
+from .wire import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
 
 TABLES = """
 CREATE TABLE runs (id TEXT PRIMARY KEY, time TEXT NOT NULL);
@@ -42,57 +38,35 @@ CREATE TABLE fits (
 CREATE INDEX fits_by_measurement ON fits (measurement);
 """
 
+LOCK = "writer.lock"
+"""Held by the process that writes."""
+
 E = TypeVar("E", bound=Event)
 
 
-class JournalError(PzctlError):
-    """The journal cannot be opened, written or read as it should be."""
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """One measurement as the journal knows it."""
-
-    id: str
-    run: str
-    sample: Sample
-    state: str
-    time: str
-
-
-class Journal:
-    """The journal in a folder. One process writes, any number read.
+class Journal(Archive):
+    """The journal in a folder, opened for writing, which one process can. Begins a new run.
 
     Raises JournalError from every method where the disk or the database does not do what was asked.
     """
 
-    def __init__(self, folder: Path, *, readonly: bool = False) -> None:
-        self.folder = folder
-        self.arrays = folder / "arrays"
-        self.run = ""
-        self._lock: sqlite3.Connection | None = None
-        with _told(folder):
-            if readonly:
-                self._db = sqlite3.connect(f"{(folder / 'journal.sqlite').as_uri()}?mode=ro", uri=True)
-            else:
-                self.arrays.mkdir(parents=True, exist_ok=True, mode=0o700)
-                self._lock = _lock(folder / "writer.lock")
-                self._db = sqlite3.connect(folder / "journal.sqlite", isolation_level=None)
-                self._db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON")
-            found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if found == 0 and not readonly:
-                self._db.executescript(f"BEGIN; {TABLES} PRAGMA user_version={VERSION}; COMMIT")
-            elif found != VERSION:
-                raise JournalError(f"{folder}: a journal of version {found}; version {VERSION} is read here")
-            self.last_seq: int = self._db.execute("SELECT coalesce(max(seq), 0) FROM events").fetchone()[0]
-        if not readonly:
+    def __init__(self, folder: Path) -> None:
+        with told(folder):
+            (folder / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
+        self._lock = _lock(folder)
+        try:
+            super().__init__(folder)
+            self.last_seq = self.newest
+            self.run = uuid7()
             self._begin_run()
+        except JournalError:
+            self._lock.close()
+            raise
 
     def close(self) -> None:
-        """Let go of the files."""
-        self._db.close()
-        if self._lock is not None:
-            self._lock.close()
+        """Let go of the files, and of the lock."""
+        super().close()
+        self._lock.close()
 
     def append(self, event: E, payload: Payload = ()) -> tuple[E, list[bytes]]:
         """Put the event on disk with the next `seq`; return it as stamped, and its frames, now fit to be published.
@@ -102,25 +76,12 @@ class Journal:
         stamp = {"run": self.run, "seq": self.last_seq + 1, "id": event.id or uuid7(), "time": now_utc()}
         stamped = msgspec.structs.replace(event, **stamp)
         frames = encode(stamped, payload)
-        with _told(self.folder):
+        with told(self.folder):
             digest = self._write_array(stamped.id, payload) if payload else None
             with self._transaction():
                 self._insert(stamped, frames, digest)
         self.last_seq += 1
         return stamped, frames
-
-    def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
-        """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""
-        rows = "seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
-        return self._frames(rows, max(since, 0), self.last_seq if until is None else until, most)
-
-    def sweeps(self, measurement: str) -> list[list[bytes]]:
-        """Return the frames of the sweep events of a measurement, in order."""
-        return self._frames("measurement = ? AND kind = 'sweep' ORDER BY seq", measurement)
-
-    def fits(self, measurement: str) -> list[list[bytes]]:
-        """Return the frames of what the fitters answered to a measurement, in order."""
-        return self._frames("seq IN (SELECT seq FROM fits WHERE measurement = ?) ORDER BY seq", measurement)
 
     def answered(self, event: FitEvent | DiagnosisEvent) -> int | None:
         """Return the `seq` of the answer that stands already for these sweeps, fitter and version.
@@ -139,7 +100,7 @@ class Journal:
             return str(known[0]), False
         text, new = to_json(build), uuid7()
         digest = hashlib.sha256(text).hexdigest()
-        with _told(self.folder), self._transaction():
+        with told(self.folder), self._transaction():
             self._db.execute("INSERT OR IGNORE INTO builds VALUES (?, ?)", (digest, text))
             self._db.execute(
                 "INSERT INTO measurements (id, request, run, sample, step, build, state, time) VALUES"
@@ -148,76 +109,26 @@ class Journal:
             )
         return new, True
 
-    def measurement(self, found: str) -> Measurement | None:
-        """Return the measurement with this id."""
-        return next(iter(self.measurements("id = ?", found)), None)
-
-    def build(self, measurement: str) -> Build:
-        """Return the build that was measured."""
-        row = self._one(
-            "SELECT json FROM builds WHERE hash = (SELECT build FROM measurements WHERE id = ?)", measurement
-        )
-        if row is None:
-            raise JournalError(f"{self.folder}: no measurement {measurement!r}")
-        return msgspec.json.decode(row[0], type=Build)
-
-    def latest(self, sample: str, step: str, before: str) -> str | None:
-        """Return the latest complete measurement of a sample's step that is older than measurement `before`."""
-        row = self._one(
-            "SELECT id FROM measurements WHERE sample = ? AND step = ? AND state = 'measured' AND number < "
-            "(SELECT number FROM measurements WHERE id = ?) ORDER BY number DESC",
-            *(sample, step, before),
-        )
-        return row[0] if row else None
+    def unfinished(self) -> list[Measurement]:
+        """Return the measurements of earlier runs that never came to an end."""
+        return self.measurements("state IN ('queued', 'measuring') AND run != ?", self.run)
 
     def unanswered(self, fitter: str) -> list[str]:
         """Return the complete measurements of this run that a fitter has not answered."""
         rows = "state = 'measured' AND run = ? AND id NOT IN (SELECT measurement FROM fits WHERE fitter = ?)"
         return [found.id for found in self.measurements(rows, self.run, fitter)]
 
-    def unfinished(self) -> list[Measurement]:
-        """Return the measurements of earlier runs that never came to an end."""
-        return self.measurements("state IN ('queued', 'measuring') AND run != ?", self.run)
-
-    def measurements(self, where: str = "1", *values: str) -> list[Measurement]:
-        """Return the measurements for which the SQL condition holds, oldest first."""
-        rows = self._all(
-            f"SELECT id, run, sample, step, state, time FROM measurements WHERE {where} ORDER BY number",  # noqa: S608
-            *values,
-        )
-        return [Measurement(i, run, Sample(sample, step), state, time) for i, run, sample, step, state, time in rows]
-
-    def sweep_ids(self, measurement: str) -> tuple[str, ...]:
-        """Return the ids of a measurement's sweeps, in order."""
-        rows = self._all("SELECT id FROM events WHERE measurement = ? AND kind = 'sweep' ORDER BY seq", measurement)
-        return tuple(row[0] for row in rows)
-
-    def has_sweep(self, sweep: str) -> bool:
-        """Return whether there is a sweep with this id."""
-        return self._one("SELECT 1 FROM events WHERE id = ? AND kind = 'sweep'", sweep) is not None
-
-    def fitters(self, measurement: str) -> tuple[str, ...]:
-        """Return the names of those that answered a measurement with a result."""
-        rows = self._all("SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok ORDER BY fitter", measurement)
-        return tuple(row[0] for row in rows)
-
-    def verify(self) -> list[str]:
-        """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
-        wrong: list[str] = []
-        for k, (seq, event, digest) in enumerate(self._all("SELECT seq, id, hash FROM events ORDER BY seq"), start=1):
-            if seq != k:
-                return [*wrong, f"event {k} is missing: the next one is {seq}"]
-            path = self.arrays / f"{event}.bin"
-            if digest and not path.exists():
-                wrong.append(f"event {seq}: its array {path} is missing")
-            elif digest and hashlib.sha256(path.read_bytes()).hexdigest() != digest:
-                wrong.append(f"event {seq}: its array {path} is not what was written")
-        return wrong
+    def _open(self) -> sqlite3.Connection:
+        """Open the database, its tables made where it is new."""
+        db = sqlite3.connect(self.folder / "journal.sqlite", isolation_level=None)
+        db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON")
+        if db.execute("PRAGMA user_version").fetchone()[0] == 0:
+            db.executescript(f"BEGIN; {TABLES} PRAGMA user_version={VERSION}; COMMIT")
+        return db
 
     def _begin_run(self) -> None:
-        """Remove what an interrupted write left, and begin a new run."""
-        self.run = uuid7()
-        with _told(self.folder):
+        """Remove what an interrupted write left, and record the new run."""
+        with told(self.folder):
             known = {row[0] for row in self._db.execute("SELECT id FROM events WHERE hash IS NOT NULL")}
             for path in self.arrays.iterdir():
                 if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known):
@@ -250,33 +161,6 @@ class Journal:
             row = (*_key(event), measurement, _succeeded(event), event.seq)
             self._db.execute("INSERT OR REPLACE INTO fits VALUES (?,?,?,?,?,?,?)", row)
 
-    def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
-        """Return the frames of the events for which the SQL condition holds."""
-        rows = self._all(f"SELECT id, topic, header, lengths, hash FROM events WHERE {where}", *values)  # noqa: S608
-        return [[topic, header, *self._read_array(i, lengths, digest)] for i, topic, header, lengths, digest in rows]
-
-    def _read_array(self, event: str, lengths: str, digest: str | None) -> Iterator[bytes]:
-        """Yield an event's raw columns."""
-        if digest is None:
-            return
-        path = self.arrays / f"{event}.bin"
-        with _told(path):
-            data = path.read_bytes()
-        if hashlib.sha256(data).hexdigest() != digest:
-            raise JournalError(f"{path}: these are not the bytes that were written; the file is damaged")
-        begin = 0
-        for length in map(int, lengths.split(",")):
-            yield data[begin : begin + length]
-            begin += length
-
-    def _all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        with _told(self.folder):
-            return self._db.execute(sql, values).fetchall()
-
-    def _one(self, sql: str, *values: str | int) -> tuple[Any, ...] | None:
-        with _told(self.folder):
-            return self._db.execute(sql, values).fetchone()
-
     @contextmanager
     def _transaction(self) -> Generator[None]:
         """All or nothing."""
@@ -289,6 +173,17 @@ class Journal:
         self._db.execute("COMMIT")
 
 
+def is_written(folder: Path) -> bool:
+    """Return whether a living process has the journal open for writing."""
+    if not (folder / LOCK).exists():
+        return False
+    try:
+        _lock(folder, patience=0).close()
+    except JournalError:
+        return True
+    return False
+
+
 def _key(event: FitEvent | DiagnosisEvent) -> tuple[str, str, str, str]:
     """Return what a fitter's answer is known by: kind, sweeps, fitter, version."""
     return (str(event.__struct_config__.tag), " ".join(event.sweeps), event.fitter, event.version)
@@ -299,14 +194,20 @@ def _succeeded(event: FitEvent | DiagnosisEvent) -> bool:
     return not (isinstance(event, FitEvent) and event.report is None)
 
 
-def _lock(path: Path) -> sqlite3.Connection:
-    """Take the writer's lock: a transaction held for as long as the process lives, on every platform."""
-    lock = sqlite3.connect(path, timeout=2, isolation_level=None)
+def _lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
+    """Take the writer's lock: a transaction held for as long as the process lives, on every platform.
+
+    Waits `patience` seconds, so that a daemon that is just ending does not keep the next one out.
+    """
+    with told(folder):
+        lock = sqlite3.connect(folder / LOCK, timeout=patience, isolation_level=None)
     try:
         lock.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError:
+    except sqlite3.Error as error:
         lock.close()
-        raise JournalError(f"{path.parent}: another daemon writes this journal; only one can") from None
+        if "locked" in str(error):
+            raise JournalError(f"{folder}: another daemon writes this journal; only one can") from None
+        raise JournalError(f"{folder / LOCK}: the journal cannot be locked: {error}") from error
     return lock
 
 
@@ -318,12 +219,3 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
-
-
-@contextmanager
-def _told(where: Path) -> Generator[None]:
-    """Turn the errors of disk and database into a sentence."""
-    try:
-        yield
-    except (OSError, sqlite3.Error) as error:
-        raise JournalError(f"{where}: the journal cannot be read or written: {error}") from error

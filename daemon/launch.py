@@ -41,13 +41,20 @@ def start(options: Options | None = None) -> Location:
 
     Raises DaemonError with the daemon's own sentence where it does not start.
     """
+    wanted = options or Options()
     found = running()
     if found is not None:
+        if wanted.resource not in (None, found.resource):
+            raise DaemonError(
+                f"a daemon runs already (process {found.pid}) and measures with {found.resource}, "
+                f"not {wanted.resource}; end it first",
+                "other-resource",
+            )
         return found
     log = log_file(home(), "daemon")
     with log.open("ab") as output:
         process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "pzctl.daemon.launch", to_json(asdict(options or Options())).decode()],
+            [sys.executable, "-m", "pzctl.daemon.launch", to_json(asdict(wanted)).decode()],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
@@ -60,6 +67,8 @@ def start(options: Options | None = None) -> Location:
         if where is not None and where.pid == process.pid and (found := running()) is not None:
             return found
         if process.poll() is not None:
+            if (found := running()) is not None:  # somebody else was quicker
+                return found
             raise DaemonError(f"{last_line(log)} (log: {log})", "not-started")
         time.sleep(0.05)
     process.terminate()

@@ -1,13 +1,13 @@
 """How a daemon is found: a small file in the data folder that says who runs and where it can be reached."""
 
-import os
 from pathlib import Path
 
 import msgspec
 
 from .connection import DaemonError
 from .frames import WireError, from_json, to_json
-from .paths import daemon_file, home
+from .journal import is_written
+from .paths import daemon_file, home, journal_folder
 
 
 class Location(msgspec.Struct, frozen=True):
@@ -37,12 +37,12 @@ def withdraw(folder: Path) -> None:
 
 
 def find(folder: Path) -> Location | None:
-    """Return where the daemon is, or None where none runs; a file whose process is gone counts for nothing."""
+    """Return where the daemon is, or None where none runs; a file left by a killed one counts for nothing."""
     try:
         location = from_json(daemon_file(folder).read_bytes(), _location)
     except (FileNotFoundError, WireError):
         return None
-    return location if _alive(location.pid) else None
+    return location if is_written(journal_folder(folder)) else None
 
 
 def locate() -> Location:
@@ -54,16 +54,3 @@ def locate() -> Location:
 
 
 _location = msgspec.json.Decoder(Location)
-
-
-def _alive(pid: int) -> bool:
-    """Return whether a process has this number; another program may have it by now, so `hello` has the last word."""
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

@@ -11,9 +11,9 @@ import zmq.asyncio
 from ..models.errors import PzctlError
 from ..sim.control import bench_command
 from . import requests as ask
+from .archive import JournalError
 from .desk import Desk, RequestError
 from .frames import MOST_FRAMES, WireError, from_json, to_json
-from .journal import JournalError
 from .wire import WIRE
 
 log = logging.getLogger(__name__)

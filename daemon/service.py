@@ -76,6 +76,7 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
     async with AsyncExitStack() as stack:
         journal = Journal(journal_folder(folder))
         stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
+        withdraw(folder)  # what a killed daemon left
         stack.callback(withdraw, folder)
         context = zmq.asyncio.Context()
         stack.callback(context.term)
@@ -154,14 +155,16 @@ class Daemon:
         tasks = [acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())
         try:
-            await self._until_stopped(stop, {*tasks})
+            await self._until_stopped(stop, acquiring, {*tasks})
         finally:
             self._acquisition.cancel_all()
             for task in (*tasks, stop):
                 task.cancel()
             await asyncio.wait((*tasks, stop))
 
-    async def _until_stopped(self, stop: "asyncio.Task[Any]", tasks: "set[asyncio.Task[None]]") -> None:
+    async def _until_stopped(
+        self, stop: "asyncio.Task[Any]", acquiring: "asyncio.Task[None]", tasks: "set[asyncio.Task[None]]"
+    ) -> None:
         """Wait until told to end; then let the running measurement come to its end. A task that failed raises."""
         while not stop.done():
             done, _ = await asyncio.wait({stop, *tasks}, return_when=asyncio.FIRST_COMPLETED)
@@ -170,7 +173,7 @@ class Daemon:
                 tasks.discard(task)
         self.publish(StateEvent(state="stopping"), ())
         self._acquisition.cancel_all()
-        while self._acquisition.current is not None or self._acquisition.waiting:
+        while not acquiring.done() and (self._acquisition.current is not None or self._acquisition.waiting):
             await asyncio.sleep(0.02)
 
     async def _listen(self) -> None:
@@ -192,8 +195,11 @@ class Daemon:
         self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
 
     def _fitter_died(self, fate: Fate) -> None:
-        """Answer in a fitter's place what it died over, so that nobody waits for it in vain."""
-        for measurement in self._journal.unanswered(fate.fitter):
+        """Answer in a fitter's place what it died over, so that nobody waits for it in vain.
+
+        It takes one measurement after the other: the first open one is what it died over.
+        """
+        for measurement in self._journal.unanswered(fate.fitter)[:1]:
             key = (fate.fitter, measurement)
             self._deaths[key] = self._deaths.get(key, 0) + 1
             known = self._journal.measurement(measurement)

@@ -53,7 +53,6 @@ class Supervisor:
             fate = await self._live(name)
             if fate.code == GIVEN_UP:
                 self._set(FitterState(name, "broken", None, fate.says))
-                self.died(fate)
                 return
             self._set(FitterState(name, "ended", self.states[name].version, fate.says))
             self.died(fate)
