@@ -19,7 +19,7 @@ def fit_picture(result: FitResult, path: Path) -> Path:
     from matplotlib.figure import Figure
 
     columns = len(result.curves)
-    figure = Figure(figsize=(max(6.0, 4.6 * columns), 12), layout="constrained")
+    figure: Any = Figure(figsize=(max(6.0, 4.6 * columns), 12), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
     for k, curve in enumerate(result.curves):
@@ -44,8 +44,8 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
     for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
         axes[0].semilogy(f, np.abs(values), **style)
         axes[1].plot(f, np.angle(values, deg=True), **style)
-        axes[2].semilogy(f, np.maximum((1 / values).real, 1e-12), **style)
-        axes[3].plot(f, (1 / values).imag, **style)
+        axes[2].semilogy(f, np.maximum(np.real(1 / values), 1e-12), **style)
+        axes[3].plot(f, np.imag(1 / values), **style)
     ratio = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
     axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")

@@ -14,12 +14,10 @@ _DERIVED_SHOWN = ("kt", "Qm", "tan_delta", "c33", "compliance", "delay")
 
 def fit_table(result: FitResult, build: Build | None) -> Table:
     """Return the table of a fit: constants with uncertainties, beside what the data sheet says."""
-    table = Table(title=_title(result), title_justify="left", header_style="bold")
-    table.add_column("constant")
-    table.add_column("fitted")
-    table.add_column("unit")
-    table.add_column("data sheet")
-    table.add_column("deviation", justify="right")
+    table = Table(header_style="bold")
+    for column in ("constant", "fitted", "unit", "data sheet, build"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("deviation", justify="right", no_wrap=True)
     nominal = _nominal(build)
     layer = ""
     for name, constant in result.constants.items():
@@ -34,8 +32,10 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
 
 
 def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
-    """Print table, figures of merit and what must be known of them."""
-    console.print(fit_table(result, build))
+    """Print table, figures of merit and what must be known of them; a table is wider than a pipe says it is."""
+    console.print(_title(result), style="bold", highlight=False)
+    table = fit_table(result, build)
+    console.print(table, width=max(console.width, console.measure(table).maximum))
     for sentence in result.says:
         console.print(f"! {sentence}", style="yellow", highlight=False)
 
@@ -53,7 +53,7 @@ def _nominal(build: Build | None) -> dict[str, Quantity]:
     return {
         f"{layer.name}.{name}": quantity
         for layer in build.layers
-        for name, quantity in (layer.nominal or layer.values).items()
+        for name, quantity in {**layer.values, **layer.nominal}.items()
     }
 
 

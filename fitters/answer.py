@@ -43,7 +43,7 @@ def fitted_constants(
 def strong_correlations(names: tuple[str, ...], covariance: Reals) -> tuple[tuple[str, str, float], ...]:
     """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first, twenty at most."""
     sigma = np.sqrt(np.diag(covariance))
-    moving = np.flatnonzero(sigma > 0)
+    moving: list[int] = np.flatnonzero(sigma > 0).tolist()
     pairs = [
         (names[i], names[j], float(covariance[i, j] / (sigma[i] * sigma[j])))
         for k, i in enumerate(moving)

@@ -128,8 +128,9 @@ class Coordinates:
         self.names = tuple(name for block in blocks for name in block.coordinates)
         self.parameters = tuple(name for block in blocks for name in block.parameters)
         self.all = self._all_of(start)
-        self.moving = np.array([k for k, name in enumerate(self.names) if name in free], dtype=np.intp)
-        self.free = tuple(self.names[k] for k in self.moving)
+        moving = [k for k, name in enumerate(self.names) if name in free]
+        self.moving = np.array(moving, dtype=np.intp)
+        self.free = tuple(self.names[k] for k in moving)
 
     @property
     def x(self) -> Reals:

@@ -59,7 +59,7 @@ def derived_constants(
     result: dict[str, Constant] = {}
     for layer in layers:
         there = derived_of(layer, values)
-        gradients = {name: np.zeros(len(names), complex) for name in there}
+        gradients = {name: np.zeros(len(names), np.complex128) for name in there}
         for k, name in enumerate(names):
             if covariance is None or covariance[k, k] == 0 or not name.startswith(f"{layer.name}."):
                 continue

@@ -44,8 +44,17 @@ class _Search:
 
     def minimise(self, error: Callable[[Reals], float], x: Reals) -> Reals:
         """Return where Nelder-Mead ends; `x` in the thesis's own units, which its tolerances refer to."""
-        options = {"maxfev": _MAX_EVALUATIONS, "maxiter": _MAX_EVALUATIONS, "xatol": _TOLERANCE, "fatol": _TOLERANCE}
-        found = minimize(error, x, method="Nelder-Mead", options=options)
+        found = minimize(
+            error,
+            x,
+            method="Nelder-Mead",
+            options={
+                "maxfev": _MAX_EVALUATIONS,
+                "maxiter": _MAX_EVALUATIONS,
+                "xatol": _TOLERANCE,
+                "fatol": _TOLERANCE,
+            },
+        )
         self.evaluations += int(found.nfev)
         self.converged = self.converged and bool(found.success)
         return np.asarray(found.x)

@@ -1,0 +1,35 @@
+"""`pzctl materials`: the library, each value with its source."""
+
+import json
+from typing import Annotated
+
+import typer
+
+
+def materials(
+    name: Annotated[str | None, typer.Argument(help="One material with all its values; without it, the list.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the materials, or show one with every value, its uncertainty and its source."""
+    from ...models.materials import MATERIALS, find
+
+    chosen = [find(name)] if name else list(MATERIALS)
+    if as_json:
+        import msgspec
+
+        print(json.dumps({"materials": [msgspec.to_builtins(material) for material in chosen]}))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    from ..numbers import complex_with_uncertainty
+
+    table = Table("material", "kind", *(("constant", "value (SI)", "source") if name else ("constants",)))
+    for material in chosen:
+        if not name:
+            table.add_row(material.name, material.kind, " ".join(material.values))
+            continue
+        for constant, q in material.values.items():
+            value = complex_with_uncertainty(q.re, q.im, q.u, q.u_im)
+            table.add_row(material.name, material.kind, constant, value, q.source)
+    Console().print(table)

@@ -1,0 +1,182 @@
+"""`pzctl measure`: sweep each gluing step and, with --fit, see its constants at once."""
+
+import json
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .fit import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ...fitters.interface import FitResult
+    from ...models.build import Build
+    from ..client import Client, Measurement
+
+_STORY_TIME_SCALE = 0.02
+"""The simulated story runs fifty times faster than a real 4294A, which needs over four minutes a step."""
+
+
+@dataclass
+class Report:
+    """What `--json` prints at the end."""
+
+    build: str
+    measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+
+
+def measure(
+    build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
+    step: Annotated[str | None, typer.Option(help="One gluing step; without it, all of them in order.")] = None,
+    fit: Annotated[bool, typer.Option("--fit", help="Fit after each step and print the constants.")] = False,
+    fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
+    resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
+    time_scale: Annotated[float, typer.Option(help="Speed of a simulated 4294A started here.")] = _STORY_TIME_SCALE,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
+
+    With nothing else, plays the whole story on a simulated bench: disk, first and second matching layer.
+
+    Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    from rich.console import Console
+
+    from ..buildfile import read_build
+
+    known = read_build(build or Path(__file__).parents[1] / "thesis.toml")
+    names = [one.name for one in known.steps]
+    if step is not None and step not in names:
+        raise UsageError(f"--step {step}: build {known.name!r} has the steps {', '.join(names)}")
+    wanted = tuple(fitter or (["mason"] if fit else []))
+    console = Console(stderr=as_json)
+    report = Report(known.name)
+    with _daemon(resource, wanted, time_scale, console) as (lab, simulated):
+        for name in [step] if step else names:
+            _prepare(lab, name, simulated, console)
+            _one_step(lab, known, name, wanted, console, report)
+        if simulated and report.fits:
+            _against_truth(lab, report, console)
+    if as_json:
+        print(json.dumps({"build": report.build, "measurements": report.measurements, "fits": report.fits}))
+
+
+@contextmanager
+def _daemon(
+    resource: str | None, fitters: tuple[str, ...], time_scale: float, console: "Console"
+) -> "Generator[tuple[Client, bool]]":
+    """Give a client of the daemon that runs, or of one started here; and whether its instrument is a simulated one.
+
+    A daemon started for a simulated bench ends with the story; one for a real instrument stays.
+    """
+    from ..client import connect
+    from ..connection import DaemonError
+    from ..launch import running, start
+    from ..service import Options
+
+    place = running()
+    started = place is None
+    if place is None:
+        console.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}", style="dim")
+        kept = {"fitters": fitters} if fitters else {}
+        place = start(Options(resource=resource, simulator={"time_scale": time_scale}, **kept))
+    elif resource is not None and place.resource != resource:
+        raise DaemonError(
+            f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
+        )
+    console.print(f"instrument: {place.resource}", style="dim", highlight=False, soft_wrap=True)
+    with connect(place.events, place.requests) as lab:
+        try:
+            yield lab, place.bench is not None
+        finally:
+            if started and resource is None:
+                lab.shutdown()
+            elif started:
+                console.print("the daemon stays; end it with `pzctl daemon --stop`", style="dim")
+
+
+def _one_step(
+    lab: "Client", build: "Build", step: str, fitters: tuple[str, ...], console: "Console", report: Report
+) -> None:
+    measurement = _sweep(lab, build, step, console)
+    ended = time.perf_counter()
+    report.measurements.append(
+        {"id": measurement.id, "step": step, "sweeps": [sweep.id for sweep in measurement.sweeps]}
+    )
+    points = sum(sweep.frequency.size for sweep in measurement.sweeps)
+    console.print(f"{step}: {points} points in {len(measurement.sweeps)} sweep(s)", highlight=False)
+    for fitter in fitters:
+        _show(lab.wait_fit(fitter, measurement.id), build, ended, console, report)
+
+
+def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
+    """Bring the device to its step: the simulated bench glues, a person is asked."""
+    from ..connection import DaemonError
+
+    if simulated:
+        try:
+            lab.bench({"command": "step", "name": step})
+        except DaemonError as error:
+            console.print(f"bench: {error}", style="dim", highlight=False)
+    elif sys.stdin.isatty():
+        typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
+
+
+def _sweep(lab: "Client", build: "Build", step: str, console: "Console") -> "Measurement":
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from ..wire import ProgressEvent
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
+        task = progress.add_task(step, total=1.0)
+
+        def show(event: ProgressEvent) -> None:
+            progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
+
+        return lab.measure(build, step, progress=show)
+
+
+def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:
+    """Print table and picture of one fit, and how long after the sweep they came."""
+    from ..answers import fit_json
+    from ..paths import home
+    from ..pictures import fit_picture
+    from ..tables import print_fit
+
+    print_fit(console, result, build)
+    seconds = time.perf_counter() - ended
+    picture = home() / "pictures" / f"{result.build}-{result.steps[-1]}-{result.fitter}.png"
+    console.print(f"constants {seconds:.2f} s after the sweep", highlight=False)
+    console.print(f"picture: {fit_picture(result, picture)}\n", highlight=False, soft_wrap=True)
+    report.fits.append(fit_json(result) | {"seconds_after_sweep": seconds, "picture": str(picture)})
+
+
+def _against_truth(lab: "Client", report: Report, console: "Console") -> None:
+    """On the simulated bench, print how far the last fit is from what the bench knows, in stated uncertainties."""
+    from rich.table import Table
+
+    truth: dict[str, dict[str, Any]] = lab.bench({"command": "truth"})["constants"]
+    table = Table(title="Recovered against the truth of the simulated bench", title_justify="left")
+    for column in ("constant", "fitted", "true", "error", "|error|/u"):
+        table.add_column(column, justify="left" if column == "constant" else "right")
+    for name, fitted in report.fits[-1]["constants"].items():
+        for part in ("re", "im"):
+            true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]
+            if true and u:
+                row = (
+                    f"{value:.5g}",
+                    f"{true:.5g}",
+                    f"{100 * (value / true - 1):+.2f} %",
+                    f"{abs(value - true) / u:.1f}",
+                )
+                table.add_row(f"{name}.{part}" if fitted["im"] else name, *row)
+    console.print(table)

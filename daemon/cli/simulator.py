@@ -1,0 +1,23 @@
+"""`pzctl sim`: a simulated 4294A on its raw socket."""
+
+from typing import Annotated
+
+import typer
+
+
+def sim(
+    port: Annotated[int, typer.Option(help="Raw socket of the instrument; 0 takes any free port.")] = 5025,
+    bench_port: Annotated[int, typer.Option(help="Port of the bench: the next gluing step is done there.")] = 5026,
+    time_scale: Annotated[float, typer.Option(help="Length of a sweep against the real one; 0 answers at once.")] = 1.0,
+    seed: Annotated[int, typer.Option(help="Which sample lies on the bench, and which noise.")] = 0,
+    jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips ...")] = "compensated",
+    noise: Annotated[bool, typer.Option(help="Random noise as the analyzer has it.")] = True,
+    off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
+) -> None:
+    """Run a simulated Agilent 4294A with a virtual bench behind it, until Ctrl-C.
+
+    Example: pzctl sim --port 5025 --time-scale 0.01
+    """
+    from ...sim.server import SimOptions, run
+
+    run(SimOptions(port=port, bench_port=bench_port, time_scale=time_scale, seed=seed, jig=jig, noise=noise, off=off))
