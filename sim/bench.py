@@ -31,22 +31,23 @@ class Bench:
     """Systematic error of section 8.2, the same for every sweep of this instrument."""
     jig: Jig = field(default_factory=lambda: JIGS["compensated"])
     effects: Effects = field(default_factory=Effects)
-    step: str = STEPS[0]
-    content: str = CONTENTS[0]
-    seconds: float = 0.0
+    step: str = field(init=False, default=STEPS[0])
+    content: str = field(init=False, default=CONTENTS[0])
+    seconds: float = field(init=False, default=0.0)
     """Bench time: the unscaled seconds that all sweeps so far took."""
     inverted: bool = False
     """Fault: polarity reversed, the impedance comes with the opposite sign."""
     sample: Sample = field(init=False)
+    _random: np.random.Generator = field(init=False)
+    _idle_random: np.random.Generator = field(init=False)
 
     def __post_init__(self) -> None:
-        self._random = np.random.default_rng([self.seed, 0])
-        self.sample = sample(self.seed)
+        self.new_sample(self.seed)
 
     def new_sample(self, seed: int) -> None:
         """Put another bare disk into the fixture."""
         self.seed, self.sample, self.step, self.content = seed, sample(seed), STEPS[0], "device"
-        self._random = np.random.default_rng([seed, 0])
+        self._random, self._idle_random = (np.random.default_rng([seed, stream]) for stream in (0, 1))
 
     def glue(self, step: str) -> None:
         """Bring the device to a gluing step. Raises BenchError for one that does not exist or lies behind."""
@@ -71,17 +72,20 @@ class Bench:
             raise BenchError(f"bench: cannot connect {content!r}; there are {', '.join(CONTENTS)}")
         self.content = content
 
-    def measure(self, axis: Axis, point_seconds: Reals, reverse: bool) -> Impedances:
+    def measure(self, axis: Axis, point_seconds: Reals, reverse: bool, idle: bool = False) -> Impedances:
         """Return one sweep as the bridge sees it, shape (N,), points in the axis's order; bench time goes on.
 
         `point_seconds`, shape (N,), is how long each point takes; `reverse` sweeps from the last point to the first.
+        An `idle` sweep is one of CONT: how many there were depends on when people came, so they take no bench
+        time and have a noise of their own, and what is measured after them is the same on every run.
         """
         order = np.arange(axis.values.size, dtype=np.intp)[:: -1 if reverse else 1]
         when = np.empty_like(point_seconds)
         when[order] = self.seconds + np.cumsum(point_seconds[order])
         z = self._true(axis, when, point_seconds, order)
-        self.seconds += float(point_seconds.sum())
-        return self._as_read(z, axis)
+        if not idle:
+            self.seconds += float(point_seconds.sum())
+        return self._as_read(z, axis, self._idle_random if idle else self._random)
 
     def _true(self, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]) -> Impedances:
         if self.content == "short":
@@ -96,13 +100,13 @@ class Bench:
         stack = self.sample.stack(self.step)
         return 1 / device_impedance(stack, self.effects, axis, when, point_seconds, order)
 
-    def _as_read(self, z: Impedances, axis: Axis) -> Impedances:
+    def _as_read(self, z: Impedances, axis: Axis, random: np.random.Generator) -> Impedances:
         level = np.where(axis.level > 0, axis.level, 1e-3)
         if self.off:
             z = systematic(z, terms(axis.frequency, axis.bandwidth, level), self._own_error())
         if self.noise:
             sigma = noise_sigma(z, axis.frequency, axis.bandwidth, level, axis.point_average)
-            z = noisy(z, sigma, self._random)
+            z = noisy(z, sigma, random)
         return -z if self.inverted else z
 
     def _own_error(self) -> Complexes:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from ..models.errors import PzctlError
+from .dialect import panel
 from .faults import LASTING, Faults
 from .instrument import Instrument
 from .jig import JIGS, Jig
@@ -35,7 +36,7 @@ class BenchPort:
             "effects": self._effects,
             "fault": self._fault,
             "trigger": lambda _: self._done(self._trigger()),
-            "panel": lambda c: self._done(self._instrument.panel(_text(c, "message").encode("latin-1", "replace"))),
+            "panel": lambda c: self._done(panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))),
             "power-cycle": lambda c: self._done(self._power_cycle(float(c.get("seconds", 0.2)))),
         }
 

@@ -29,9 +29,12 @@ class Correction:
     on: set[str] = field(default_factory=set[str])
 
     def store(self, standard: str, frequency: Frequencies, z: Impedances) -> None:
-        """Keep what was seen with a standard connected, and switch its correction on."""
-        self.frequency[standard] = frequency
-        self.measured[standard] = 1 / z if standard == "A" else z
+        """Keep the impedance that was seen with a standard connected, and switch its correction on."""
+        self.put(standard, frequency, 1 / z if standard == "A" else z)
+
+    def put(self, standard: str, frequency: Frequencies, values: Complexes) -> None:
+        """Keep a standard's array as the instrument does (open in S, the others in ohm), and switch it on."""
+        self.frequency[standard], self.measured[standard] = frequency, values
         self.on.add(standard)
 
     def switch(self, standard: str, on: bool) -> None:

@@ -1,4 +1,4 @@
-"""Files as the instrument writes them: its ASCII export, Touchstone, and the binary arrays (reference 6.1, 6.2, 6.4)."""
+"""Files as the instrument writes them: ASCII export, Touchstone, binary arrays (reference 6.1, 6.2, 6.4)."""
 
 import struct
 from datetime import UTC, datetime
@@ -39,6 +39,7 @@ def _header(instrument: Instrument) -> list[str]:
     sweep = SWEEPS[str(state["SWPT"])] if state["SWPP"] == "FREQ" else AXIS_TITLES[str(state["SWPP"])].upper()
     mode = str(state["POWMOD"])
     level = f"{state.levels[mode] * 1e3:4.0f} mVolt" if mode == "VOLT" else f"{state.levels[mode] * 1e6:4.0f} uAmp"
+    bias = f"{state.real('DCV'):g} Volt" if state.on("DCO") else "OFF"
     return [
         f"4294A {FIRMWARE}",
         f'"DATE: {_date(instrument)}"',
@@ -51,7 +52,7 @@ def _header(instrument: Instrument) -> list[str]:
         f'"POINT DELAY TIME:  {state.real("PDELT"):g} Sec"',
         f'"SWEEP DELAY TIME:  {state.real("SDELT"):g} Sec"',
         f'"OSC LEVEL: {level}"',
-        f'"DC BIAS: {f"{state.real('DCV'):g} Volt" if state.on("DCO") else "OFF"}"',
+        f'"DC BIAS: {bias}"',
         f'"BW: {state.count("BWFACT")}"',
         f'"SWEEP AVERAGING: {state.count("AVERFACT") if state.on("AVER") else "OFF"}"',
         f'"POINT AVERAGING: {state.count("PAVERFACT") if state.on("PAVER") else "OFF"}"',

@@ -20,6 +20,11 @@ class Disk:
     writing: tuple[str, str, bytes] | None = None
     """Device, name and what came so far."""
 
+    def power_off(self) -> None:
+        """Lose what is not in flash."""
+        self.close()
+        self.files = {"MEMO": {}, "FLASH": self.files["FLASH"], "DISK": {}}
+
     def save(self, device: str, name: str, content: bytes, replace: bool = False) -> None:
         """Write a file. Raises CommandError for a bad name, and for one that exists unless `replace`."""
         if not name or len(name) > NAME_LIMIT or any(c in name for c in '\\/:*?"<>|'):

@@ -1,13 +1,9 @@
-"""The instrument: its parts put together, and the way of one program message through them.
-
-Commands that take time are overlapped: `execute` never waits. The queries that wait (`*OPC?`, `*WAI`) are awaited
-in `perform`, so they hold up the client that sent them and nobody else.
-"""
+"""The instrument: its parts put together, and its time. What a program message does to it stands in `dialect`."""
 
 import asyncio
 import math
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..models.arrays import Impedances
@@ -15,10 +11,9 @@ from .axis import Axis
 from .bench import Bench
 from .correction import Correction
 from .files import Disk
-from .messages import CommandError, Unit, parse
 from .settings import RESTARTS_SWEEP, Value
 from .state import State
-from .status import OPC, POWER_ON, USER_REQUEST, Status
+from .status import OPC, POWER_ON, Status
 from .sweeping import Sweeper
 
 SERIAL, FIRMWARE = "MY43202956", "REV1.11"
@@ -47,17 +42,19 @@ class Instrument:
         """Fault: the clock's battery is dead."""
         self.bias_overload = False
         """Fault: DCO ON answers with error 137."""
+        self.disk = Disk()
         self._changed = asyncio.Event()
         self.power_on()
 
     def power_on(self) -> None:
-        """Come up as from the mains switch: everything in RAM is gone, the power-on bit is set."""
+        """Come up as from the mains switch: RAM is empty, the power-on bit is set, and it sweeps as after PRES."""
         self.state, self.status = State(), Status(standard=POWER_ON)
         self.calibration, self.compensation = Correction(), Correction()
-        self.disk = Disk()
+        self.disk.power_off()
         self.memory: Memory | None = None
         self.opc_wanted = False
         self.sweeper = Sweeper(self.bench, self.state, self.status, self.clock, self.time_scale, self.corrected)
+        self.reset(continuous=True)
         self.wake()
 
     def reset(self, continuous: bool) -> None:
@@ -81,12 +78,6 @@ class Instrument:
         self.state.set(mnemonic, argument)
         self._after_change(mnemonic, before)
 
-    def panel(self, message: bytes) -> None:
-        """Do what somebody at the front panel does: a message's settings, and the user-request bit."""
-        self.status.raise_standard(USER_REQUEST)
-        for unit in parse(message):
-            self.execute(unit)
-
     def _shape(self) -> tuple[Value | tuple[float, float], ...]:
         return self.state["SWPP"], self.state["SWPT"], self.state["POIN"], *self.state.edges.values()
 
@@ -97,36 +88,6 @@ class Instrument:
             self.sweeper.forget()
             self.memory = None
         self.sweeper.restart()
-
-    # one unit, one message ---------------------------------------------------------------------------------------
-
-    def execute(self, unit: Unit, message_available: bool = False) -> bytes | None:
-        """Carry out one unit and return its answer, None for a command. What is refused goes to the error queue."""
-        from .commands import run  # the table imports this module's types
-
-        self.advance()
-        try:
-            return run(self, unit, message_available)
-        except CommandError as error:
-            self.status.error(error)
-            return None
-        finally:
-            self.advance()
-            self.wake()
-
-    async def perform(
-        self, message: bytes, message_available: Callable[[], bool] = lambda: False
-    ) -> AsyncIterator[bytes]:
-        """Carry out a program message; yield the answers one by one, without their newline."""
-        try:
-            for unit in parse(message):
-                if unit.header in ("*OPC?", "*WAI"):
-                    await self.until_idle()
-                answer = self.execute(unit, message_available())
-                if answer is not None:
-                    yield answer
-        except CommandError as error:
-            self.status.error(error)
 
     # time --------------------------------------------------------------------------------------------------------
 

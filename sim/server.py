@@ -15,8 +15,10 @@ from ..models.errors import PzctlError
 from .bench import Bench
 from .benchport import LINE_LIMIT, BenchPort
 from .faults import Faults
+from .gpib import GpibDevice
 from .instrument import Instrument
 from .jig import JIGS
+from .prologix import serve_prologix
 from .session import Exchange, Midway, serve_socket
 
 
@@ -32,6 +34,8 @@ class SimOptions:
     """Instrument's raw socket; 0 takes any free port."""
     bench_port: int = 5026
     """The bench's own port; 0 takes any free port."""
+    prologix_port: int | None = None
+    """GPIB adapter in the manner of Prologix (1234 is its usual port, 0 any free one); None has no adapter."""
     time_scale: float = 1.0
     """How long a sweep lasts compared with the real instrument; 0 answers at once."""
     seed: int = 0
@@ -46,7 +50,8 @@ class SimOptions:
     """Address to listen on: the loopback unless told otherwise."""
 
     def __post_init__(self) -> None:
-        for name, value in (("port", self.port), ("bench port", self.bench_port)):
+        ports = (("port", self.port), ("bench port", self.bench_port), ("prologix port", self.prologix_port or 0))
+        for name, value in ports:
             if not 0 <= value <= 65535:
                 raise SimError(f"simulator: {name} is {value}; 0 to 65535 is allowed")
         if not 0 <= self.time_scale <= 1000:
@@ -68,6 +73,9 @@ class Simulator:
     port: int = 0
     """The instrument's real port, once it listens."""
     bench_port: int = 0
+    prologix_port: int | None = None
+    """The adapter's real port; None without one."""
+    _gpib: GpibDevice | None = None
     _servers: list[asyncio.Server] = field(default_factory=list[asyncio.Server])
     _clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
     _instrument_clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
@@ -89,6 +97,11 @@ class Simulator:
         bench_port = BenchPort(self.instrument, faults, midway, self._power_cycle)
         self.port = await self._listen(o.port, lambda r, w: serve_socket(exchange, r, w), instrument=True)
         self.bench_port = await self._listen(o.bench_port, bench_port.serve, instrument=False)
+        if o.prologix_port is not None:
+            gpib = self._gpib = GpibDevice(exchange)
+            self.prologix_port = await self._listen(
+                o.prologix_port, lambda r, w: serve_prologix(gpib, r, w), instrument=False
+            )
 
     async def _listen(self, port: int, handler: Handler, *, instrument: bool) -> int:
         async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -129,6 +142,8 @@ class Simulator:
         self._off_until = asyncio.get_running_loop().time() + seconds
         for task in list(self._instrument_clients):
             task.cancel()
+        if self._gpib is not None:
+            self._gpib.clear()
         self.instrument.power_on()
 
     async def stop(self) -> None:
@@ -138,6 +153,8 @@ class Simulator:
         for task in list(self._clients):
             task.cancel()
         await asyncio.gather(*self._clients, return_exceptions=True)
+        if self._gpib is not None:
+            await self._gpib.close()
         for server in self._servers:
             await server.wait_closed()
 
@@ -161,7 +178,10 @@ def run(options: SimOptions) -> None:
     def ready(simulator: Simulator) -> None:
         bench = f"{options.host}:{simulator.bench_port}"
         print(f"simulated 4294A at {simulator.resource}, its bench at {bench}", file=sys.stderr, flush=True)
-        print(json.dumps({"instrument": simulator.resource, "bench": bench}), flush=True)
+        addresses = {"instrument": simulator.resource, "bench": bench}
+        if simulator.prologix_port is not None:
+            addresses["prologix"] = f"PRLGX-TCPIP0::{options.host}::{simulator.prologix_port}::INTFC"
+        print(json.dumps(addresses), flush=True)
 
     async def main() -> None:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()

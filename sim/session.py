@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 
+from .dialect import panel, perform
 from .faults import Fault, Faults
 from .instrument import Instrument
 from .messages import CommandError, Framer
@@ -35,7 +36,7 @@ class Midway:
         if fault.kind == "power-cycle":
             self._power_cycle(fault.seconds)
         else:
-            self._instrument.panel(fault.message.encode("latin-1"))
+            panel(self._instrument, fault.message.encode("latin-1", "replace"))
 
 
 class Exchange:
@@ -68,7 +69,7 @@ class Exchange:
             if fault.kind in ("power-cycle", "meddle"):
                 self._midway.strike(fault)
         dropped = any(fault.kind == "drop" for fault in due)
-        async for reply in self.instrument.perform(text, available):
+        async for reply in perform(self.instrument, text, available):
             if dropped:
                 break
             out, cut = self.faults.spoiled(reply + b"\n")

@@ -70,6 +70,11 @@ class Status:
         if not before and self.byte() & MASTER_SUMMARY:
             self.requested = True
 
+    def answer_waits(self) -> None:
+        """Say that an answer went into an empty output queue: service is requested where bit 4 is enabled."""
+        if self.request_enable & MESSAGE_AVAILABLE:
+            self.requested = True
+
     def byte(self, message_available: bool = False) -> int:
         """Return the status byte as `*STB?` answers it, bit 6 being the master summary."""
         value = INSTRUMENT_SUMMARY if self.instrument & self.instrument_enable else 0

@@ -146,7 +146,7 @@ class Sweeper:
 
     def _finish(self, running: Running) -> None:
         reverse = self.state["SWED"] == "DOWN"
-        measured = self.bench.measure(running.axis, running.points_s, reverse)
+        measured = self.bench.measure(running.axis, running.points_s, reverse, running.left == FOREVER)
         if running.done is not None:
             running.done(running.axis, measured)
             return
