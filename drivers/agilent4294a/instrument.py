@@ -1,6 +1,5 @@
 """The 4294A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
 
-import contextlib
 import dataclasses
 import re
 from collections.abc import Callable
@@ -49,7 +48,8 @@ class Agilent4294A:
         """Carry out `plan`: one Sweep for each segment, in order; see `Analyzer.measure`.
 
         A segment of more than 801 points is swept in overlapping parts. Where the instrument could not be set back
-        after a sweep that is sound, the Sweep says so in its notes.
+        after a sweep that is sound, the Sweep says so in its notes; where its bias could not be switched off, that is
+        an InstrumentError all the same.
         """
         count = sum(len(_sweeps_of(segment)) for segment in plan.segments)
         course = _Course(self.estimated_seconds(plan), count, progress, cancelled)
@@ -83,25 +83,37 @@ class Agilent4294A:
 
     def _leave_after(self, error: BaseException, found: state.Found | None) -> None:
         """Make the instrument safe after `error`; say in it what could not be done."""
-        left = ""
-        if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
-            with contextlib.suppress(InstrumentError):
+        try:
+            if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
                 self._link.recover()
-        left = self._leave(found, resume=False)
+            left = self._leave(found, resume=False)
+        except InstrumentError as second:
+            left = str(second)
         if left and isinstance(error, InstrumentError):
             raise type(error)(f"{error}. Besides: {left}") from None
         if left:
             error.add_note(left)
 
     def _leave(self, found: state.Found | None, resume: bool) -> str:
-        """Bias off, then everything as found; return "", or a sentence on what could not be done."""
+        """Bias off, then everything as found; return "", or a sentence on what could not be set back.
+
+        Raises InstrumentError where the bias is not known to be off: nobody may overlook that.
+        """
+        self._twice(lambda: state.bias_off(self._link))
         try:
-            state.bias_off(self._link)
             if found is not None:
-                state.give_back(self._link, found, resume)
+                self._twice(lambda: state.give_back(self._link, found, resume))
         except InstrumentError as error:
             return f"The instrument could not be left as found: {error}"
         return ""
+
+    def _twice(self, action: Callable[[], None]) -> None:
+        """Do `action`, and once more on a fresh line where it fails."""
+        try:
+            action()
+        except InstrumentError:
+            self._link.recover()
+            action()
 
 
 class _Course:
