@@ -1,0 +1,161 @@
+"""A bare round disk as an analyzer sees it: its radial mode alone, or radial and thickness mode in one recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from .arrays import Complexes, Frequencies, Impedances, j_omega
+from .causal import continued
+from .constants import Radial
+from .named import require
+from .radial import RadialArm
+from .stack import Stack
+from .stack.laws import CONSTANT, LossLaw, law_with
+
+
+@dataclass(frozen=True)
+class RadialDisk:
+    """A thin disk at frequencies far below its thickness mode. Satisfies `Model`.
+
+    The radial arm beside the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E + s12E).
+    """
+
+    arm: RadialArm
+    eps33T: complex
+    """F/m."""
+    eps_law: LossLaw = CONSTANT
+    """How eps33T continues from the law's reference frequency."""
+
+    @classmethod
+    def of(cls, name: str, constants: Radial, area: float, thickness: float, density: float, psi: float = 0.0) -> Self:
+        """Return the disk of these constants; m2, m, kg/m3. Raises RadialError."""
+        arm = RadialArm(name, area, thickness, density, constants.s11E, constants.s12E, constants.d31, psi)
+        return cls(arm, constants.eps33T)
+
+    @property
+    def radial(self) -> Radial:
+        """The radial-mode constants."""
+        return Radial(self.arm.s11E, self.arm.s12E, self.arm.d31, self.eps33T)
+
+    def parameters(self) -> dict[str, float]:
+        """Return the arm's parameters, and `name.eps33T.re`, `name.eps33T.im` (F/m)."""
+        at = f"{self.arm.name}.eps33T"
+        own = self.arm.parameters() | {f"{at}.re": self.eps33T.real, f"{at}.im": self.eps33T.imag}
+        return own | {f"{at}.{key}": exponent for key, exponent in self.eps_law.parameters().items()}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        require(values, self.parameters(), "the disk")
+        at, old = f"{self.arm.name}.eps33T", self.eps33T
+        eps = complex(values.get(f"{at}.re", old.real), values.get(f"{at}.im", old.imag))
+        return replace(self, arm=self.arm.replace(values), eps33T=eps, eps_law=law_with(self.eps_law, values, f"{at}."))
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        constants = {key: value for key, (value, _) in self.arm.constants(frequency).items()}
+        eps33T, _ = continued(self.eps_law, self.eps33T, frequency)
+        clamped = eps33T - 2 * constants["d31"] ** 2 / (constants["s11E"] + constants["s12E"])
+        return 1 / (self._empty(frequency) * clamped + self.arm.admittance(frequency))
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
+        require(names, self.parameters(), "the disk")
+        _, slopes = self.arm.slopes(frequency)
+        Z = self.impedance(frequency)
+        for name, slope in self._clamped_slopes(frequency).items():
+            slopes[name] = slopes.get(name, 0) + slope
+        rows = np.array([-slopes[name] * Z for name in names], np.complex128)
+        return Z, rows.reshape(len(names), frequency.size)
+
+    def _empty(self, frequency: Frequencies) -> Complexes:
+        """Return jw area/t: the admittance for a permittivity of one."""
+        return j_omega(frequency) * self.arm.area / self.arm.thickness
+
+    def _clamped_slopes(self, frequency: Frequencies) -> dict[str, Complexes]:
+        """Return the derivatives of the clamped disk's admittance, for every parameter that it depends on."""
+        constants, name = self.arm.constants(frequency), self.arm.name
+        eps33T, chain = continued(self.eps_law, self.eps33T, frequency)
+        plus, d31 = constants["s11E"][0] + constants["s12E"][0], constants["d31"][0]
+        empty = self._empty(frequency)
+        Y = empty * (eps33T - 2 * d31**2 / plus)
+        made = {"area": Y / self.arm.area, f"{name}.thickness": -Y / self.arm.thickness}
+        made |= {f"{name}.eps33T.{part}": empty * size for part, size in chain.items()}
+        by_s, by_d = empty * 2 * d31**2 / plus**2, -4 * empty * d31 / plus
+        for key, by in (("s11E", by_s), ("s12E", by_s), ("d31", by_d)):
+            made |= {f"{name}.{key}.{part}": by * size for part, size in constants[key][1].items()}
+        return made
+
+
+@dataclass(frozen=True)
+class BothModes:
+    """A disk whose recording runs from the radial through the thickness mode. Satisfies `Model`.
+
+    Y = Y_stack + Y_radial arm. In the expansion of the admittance over the disk's short-circuited modes, every mode
+    is an arm in parallel to the fully clamped capacitance; modes of pure thickness motion and modes of pure radial
+    motion are different modes, so their arms add. The capacitances join without a further constant: far below its
+    resonance the stack is the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the
+    arm adds eps33T - eps33p; so eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
+
+    What it leaves out: radial overtones in the thickness band are plates' waves there, not radial ones; their
+    places and strengths are those of a thin disk only while the disk is thin against their wavelength.
+    """
+
+    stack: Stack
+    arm: RadialArm
+    """Its name is that of the piezo layer of the stack, its area, thickness and density are the stack's."""
+
+    @classmethod
+    def of(cls, stack: Stack, name: str, constants: Radial, psi: float = 0.0) -> Self:
+        """Return the stack's layer `name` with its radial modes; `constants.eps33T` is not used, it follows.
+
+        Raises KeyError where the stack has no piezo layer of this name, RadialError.
+        """
+        own = stack.parameters()
+        require([f"{name}.c33D.re"], own, "the stack")
+        sizes = own["area"], own[f"{name}.thickness"], own[f"{name}.density"]
+        return cls(stack, RadialArm(name, *sizes, constants.s11E, constants.s12E, constants.d31, psi))
+
+    @property
+    def radial(self) -> Radial:
+        """The radial-mode constants, with the eps33T that follows."""
+        own, name = self.stack.parameters(), self.arm.name
+        c33D, h33, eps33S = (
+            complex(own[f"{name}.{key}.re"], own[f"{name}.{key}.im"]) for key in ("c33D", "h33", "eps33S")
+        )
+        eps33p = eps33S / (1 - h33**2 * eps33S / c33D)
+        arm = self.arm
+        return Radial(arm.s11E, arm.s12E, arm.d31, eps33p + 2 * arm.d31**2 / (arm.s11E + arm.s12E))
+
+    def parameters(self) -> dict[str, float]:
+        """Return the stack's parameters and the arm's: `name.s11E.re`, ..., `name.psi`."""
+        return self.stack.parameters() | self.arm.parameters()
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        require(values, self.parameters(), "the disk")
+        own = self.stack.parameters()
+        stack = self.stack.replace({name: value for name, value in values.items() if name in own})
+        return replace(self, stack=stack, arm=self.arm.replace(values))
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        Z = self.stack.impedance(frequency)
+        return Z / (1 + Z * self.arm.admittance(frequency))
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
+        require(names, self.parameters(), "the disk")
+        own = self.stack.parameters()
+        of_stack = [name for name in names if name in own]
+        plate, rows = self.stack.jacobian(frequency, of_stack)
+        Y, slopes = self.arm.slopes(frequency)
+        Z = plate / (1 + plate * Y)
+        made = np.zeros((len(names), frequency.size), np.complex128)
+        for k, name in enumerate(names):
+            if name in own:  # d ln Z = -Z dY, and dY = -d ln(plate)/plate for what the stack moves
+                made[k] += rows[of_stack.index(name)] * (Z / plate)
+            if name in slopes:
+                made[k] -= Z * slopes[name]
+        return Z, made
