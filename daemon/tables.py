@@ -16,8 +16,8 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
     """Return the table of a fit: constants with uncertainties, beside what the data sheet says."""
     table = Table(header_style="bold")
     for column in ("constant", "fitted", "unit", "data sheet, build"):
-        table.add_column(column, no_wrap=True)
-    table.add_column("deviation", justify="right", no_wrap=True)
+        table.add_column(column)
+    table.add_column("deviation", justify="right")
     nominal = _nominal(build)
     layer = ""
     for name, constant in result.constants.items():
@@ -32,10 +32,9 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
 
 
 def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
-    """Print table, figures of merit and what must be known of them; a table is wider than a pipe says it is."""
+    """Print figures of merit, table, and what must be known of them."""
     console.print(_title(result), style="bold", highlight=False)
-    table = fit_table(result, build)
-    console.print(table, width=max(console.width, console.measure(table).maximum))
+    console.print(fit_table(result, build))
     for sentence in result.says:
         console.print(f"! {sentence}", style="yellow", highlight=False)
 

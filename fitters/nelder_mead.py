@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 
 from ..models.arrays import Complexes, Reals
 from ..models.build import Build
+from ..models.errors import PzctlError
 from ..models.sweep import Sweep
 from .answer import fitted_constants
 from .assembly import layers_of, nominal_parameters, stack_of
@@ -105,12 +106,18 @@ class MasonNelderMead:
 
 
 def _error(build: Build, step: str, sweeps: Sequence[Sweep]) -> Callable[[dict[str, float]], float]:
-    """Return the thesis's objective (3.1) of one step: sum |w Z_model - w Z_measured|^2."""
+    """Return the thesis's objective (3.1) of one step: sum |w Z_model - w Z_measured|^2.
+
+    It is infinite where the search has left physics (a glue of negative thickness), which turns the simplex back.
+    """
     stack = stack_of(build, build.step(step))
     own = set(stack.parameters())
 
     def error(values: dict[str, float]) -> float:
-        model = stack.replace({name: value for name, value in values.items() if name in own})
+        try:
+            model = stack.replace({name: value for name, value in values.items() if name in own})
+        except PzctlError:
+            return np.inf
         total = 0.0
         for sweep in sweeps:
             difference = 2 * np.pi * sweep.frequency * (model.impedance(sweep.frequency) - sweep.impedance)

@@ -65,16 +65,15 @@ def fit(
         print(json.dumps(objects[0] if len(objects) == 1 else {"fits": objects}))
         if picture is None:
             return
-    from rich.console import Console
-
     from ..pictures import fit_picture
     from ..tables import print_fit
+    from ..terminal import console
 
-    console = Console(stderr=as_json)
+    screen = console(stderr=as_json)
     for result in results:
         if not as_json:
-            print_fit(console, result, known)
+            print_fit(screen, result, known)
         target = picture or Path(f"{result.build}-{'-'.join(result.steps)}-{result.fitter}.png")
         if len(results) > 1 and picture is not None:
             target = picture.with_stem(f"{picture.stem}-{result.fitter}")
-        console.print(f"picture: {fit_picture(result, target)}", highlight=False, soft_wrap=True)
+        screen.print(f"picture: {fit_picture(result, target)}", highlight=False, soft_wrap=True)

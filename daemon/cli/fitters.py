@@ -15,10 +15,11 @@ def fitters(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON
     if as_json:
         print(json.dumps({"fitters": [asdict(entry) for entry in listed]}))
         return
-    from rich.console import Console
     from rich.table import Table
+
+    from ..terminal import console
 
     table = Table("fitter", "version", "package", "what it does")
     for entry in listed:
         table.add_row(entry.name, entry.version, entry.package, entry.summary, style=None if entry.works else "red")
-    Console().print(table)
+    console().print(table)

@@ -19,10 +19,10 @@ def materials(
 
         print(json.dumps({"materials": [msgspec.to_builtins(material) for material in chosen]}))
         return
-    from rich.console import Console
     from rich.table import Table
 
     from ..numbers import complex_with_uncertainty
+    from ..terminal import console
 
     table = Table("material", "kind", *(("constant", "value (SI)", "source") if name else ("constants",)))
     for material in chosen:
@@ -32,4 +32,4 @@ def materials(
         for constant, q in material.values.items():
             value = complex_with_uncertainty(q.re, q.im, q.u, q.u_im)
             table.add_row(material.name, material.kind, constant, value, q.source)
-    Console().print(table)
+    console().print(table)

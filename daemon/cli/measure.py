@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,6 +31,8 @@ class Report:
     build: str
     measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    truth: dict[str, Any] | None = None
+    """What a simulated bench knows of its device; None for a real one."""
 
 
 def measure(
@@ -48,25 +50,26 @@ def measure(
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from rich.console import Console
-
     from ..buildfile import read_build
+    from ..terminal import console
 
     known = read_build(build or Path(__file__).parents[1] / "thesis.toml")
     names = [one.name for one in known.steps]
     if step is not None and step not in names:
         raise UsageError(f"--step {step}: build {known.name!r} has the steps {', '.join(names)}")
     wanted = tuple(fitter or (["mason"] if fit else []))
-    console = Console(stderr=as_json)
+    screen = console(stderr=as_json)
     report = Report(known.name)
-    with _daemon(resource, wanted, time_scale, console) as (lab, simulated):
+    with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
         for name in [step] if step else names:
-            _prepare(lab, name, simulated, console)
-            _one_step(lab, known, name, wanted, console, report)
-        if simulated and report.fits:
-            _against_truth(lab, report, console)
+            _prepare(lab, name, simulated, screen)
+            _one_step(lab, known, name, wanted, screen, report)
+        if simulated:
+            report.truth = lab.bench({"command": "truth"})["constants"]
+        if report.truth and report.fits:
+            _against_truth(report.truth, report.fits[-1], screen)
     if as_json:
-        print(json.dumps({"build": report.build, "measurements": report.measurements, "fits": report.fits}))
+        print(json.dumps(asdict(report)))
 
 
 @contextmanager
@@ -86,8 +89,8 @@ def _daemon(
     started = place is None
     if place is None:
         console.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}", style="dim")
-        kept = {"fitters": fitters} if fitters else {}
-        place = start(Options(resource=resource, simulator={"time_scale": time_scale}, **kept))
+        kept = fitters or Options.fitters
+        place = start(Options(resource=resource, fitters=kept, simulator={"time_scale": time_scale}))
     elif resource is not None and place.resource != resource:
         raise DaemonError(
             f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
@@ -160,23 +163,18 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
     report.fits.append(fit_json(result) | {"seconds_after_sweep": seconds, "picture": str(picture)})
 
 
-def _against_truth(lab: "Client", report: Report, console: "Console") -> None:
+def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
     """On the simulated bench, print how far the last fit is from what the bench knows, in stated uncertainties."""
     from rich.table import Table
 
-    truth: dict[str, dict[str, Any]] = lab.bench({"command": "truth"})["constants"]
     table = Table(title="Recovered against the truth of the simulated bench", title_justify="left")
     for column in ("constant", "fitted", "true", "error", "|error|/u"):
         table.add_column(column, justify="left" if column == "constant" else "right")
-    for name, fitted in report.fits[-1]["constants"].items():
+    for name, fitted in fit["constants"].items():
         for part in ("re", "im"):
             true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]
             if true and u:
-                row = (
-                    f"{value:.5g}",
-                    f"{true:.5g}",
-                    f"{100 * (value / true - 1):+.2f} %",
-                    f"{abs(value - true) / u:.1f}",
-                )
-                table.add_row(f"{name}.{part}" if fitted["im"] else name, *row)
+                label = f"{name}.{part}" if fitted["im"] else name
+                error = f"{100 * (value / true - 1):+.2f} %"
+                table.add_row(label, f"{value:.5g}", f"{true:.5g}", error, f"{abs(value - true) / u:.1f}")
     console.print(table)

@@ -32,5 +32,5 @@ def daemon(
 
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
     simulator: dict[str, Any] = {"time_scale": time_scale, "seed": seed}
-    kept = {"fitters": tuple(fitter)} if fitter else {}
-    run(Options(resource=resource, events=events, requests=requests, bench=bench, simulator=simulator, **kept))
+    kept = tuple(fitter) if fitter else Options.fitters
+    run(Options(resource, events, requests, fitters=kept, bench=bench, simulator=simulator))
