@@ -11,22 +11,31 @@ import select
 import socket
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from pyvisa import VisaIOError
 from pyvisa.constants import InterfaceType, ResourceAttribute, StatusCode
+from pyvisa.errors import InvalidSession
 from pyvisa.resources import MessageBasedResource
 
 from . import replies
 from .analyzer import InstrumentError
 
 SLICE_SECONDS = 0.25
-"""An answer is awaited in slices this long; between them a lost connection is noticed."""
+"""Over a network an answer is awaited in slices this long; between them a lost connection is noticed."""
 
 CHUNK_BYTES = 4096
 
 LONGEST_LINE_BYTES = 4096
 """No ASCII answer the driver asks for is longer (an `OUTPERRO?` text is the longest)."""
+
+
+class Session(NamedTuple):
+    """An open VISA session to an instrument."""
+
+    instrument: MessageBasedResource
+    bridge: MessageBasedResource | None = None
+    """The adapter the instrument is reached through, where there is one: it must be open as long as the instrument."""
 
 
 class Link:
@@ -35,31 +44,32 @@ class Link:
     Every failure is an InstrumentError whose sentence starts with `name`.
     """
 
-    def __init__(self, name: str, opener: Callable[[], MessageBasedResource], timeout_seconds: float) -> None:
+    def __init__(self, name: str, opener: Callable[[], Session], timeout_seconds: float) -> None:
         self.name = name
         """What people call the instrument: the resource string."""
         self.timeout_seconds = timeout_seconds
         """How long a single answer may take."""
         self._opener = opener
         self._buffer = bytearray()
-        self._resource = _prepared(opener())
+        self._open()
 
     def close(self) -> None:
         """Let go of the session."""
-        with contextlib.suppress(VisaIOError, OSError):
-            self._resource.close()
+        for resource in (self._resource, self._bridge):
+            if resource is not None:
+                with contextlib.suppress(VisaIOError, OSError, InvalidSession):
+                    resource.close()
 
     def recover(self) -> None:
-        """Get back in step after a failure: device clear on GPIB, a new connection on a socket.
+        """Get back in step after a failure: a new session, and on GPIB a device clear.
 
-        Raises InstrumentError where nobody answers any more.
+        Raises InstrumentError where nobody is there any more.
         """
         self._buffer.clear()
+        self.close()
+        self._open()
         if self._is_gpib:
             self._guarded("device clear", self._resource.clear)
-            return
-        self.close()
-        self._resource = _prepared(self._opener())
 
     def ask(self, message: str) -> str:
         """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError.
@@ -108,6 +118,10 @@ class Link:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
 
+    def _open(self) -> None:
+        self._resource, self._bridge = self._opener()
+        self._socket = _prepared(self._resource, self._bridge)
+
     def _send(self, message: str) -> None:
         data = message.encode("ascii") + b"\n"
         self._guarded(f"sending {message}", lambda: self._resource.write_raw(data))
@@ -126,8 +140,12 @@ class Link:
 
     def _receive(self, count: int, until: float, message: str) -> None:
         """Move what comes within one slice, at most `count` bytes, to the buffer."""
-        seconds = min(SLICE_SECONDS, max(until - time.monotonic(), 0.001))
-        self._resource.timeout = max(1, round(1000 * seconds))
+        seconds = max(until - time.monotonic(), 0.001)
+        if self._socket is not None:  # elsewhere a slice that ends in mid-answer would lose what came
+            seconds = min(SLICE_SECONDS, seconds)
+        for resource in (self._resource, self._bridge):
+            if resource is not None:
+                resource.timeout = max(1, round(1000 * seconds))
         try:
             library, session = self._resource.visalib, self._resource.session
             with library.ignore_warning(session, StatusCode.success_max_count_read):
@@ -141,7 +159,7 @@ class Link:
 
     def _still_there(self, until: float, message: str) -> None:
         came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
-        if _hung_up(self._resource):
+        if _hung_up(self._socket):
             raise InstrumentError(f"{self.name}: the connection was lost while awaiting the answer to {message}{came}")
         if time.monotonic() >= until:
             wait = f"{self.timeout_seconds:g} s"
@@ -155,19 +173,20 @@ class Link:
     def _guarded(self, doing: str, action: Callable[[], Any]) -> Any:
         try:
             return action()
-        except (VisaIOError, OSError, ValueError) as error:
+        except (VisaIOError, OSError, ValueError, InvalidSession) as error:
             raise InstrumentError(f"{self.name}: {doing} failed: {_plain(error)}") from None
 
 
-def _prepared(resource: MessageBasedResource) -> MessageBasedResource:
-    resource.read_termination = "\n"
-    if resource.interface_type == InterfaceType.tcpip:
+def _prepared(instrument: MessageBasedResource, bridge: MessageBasedResource | None) -> socket.socket | None:
+    """Set the session up for whole answers; return the socket below it, None where there is none."""
+    (bridge or instrument).read_termination = "\n"
+    line = underlying_socket(bridge or instrument)
+    if line is not None:
         # What came before a timeout is then handed over instead of being dropped with it.
-        resource.set_visa_attribute(ResourceAttribute.suppress_end_enabled, False)
-    if (line := underlying_socket(resource)) is not None:
-        # Else a message without answer holds the next one back until the peer's delayed acknowledgement, 40 ms.
+        (bridge or instrument).set_visa_attribute(ResourceAttribute.suppress_end_enabled, False)
+        # Else a message is held back until the peer acknowledges the one before, 40 ms later.
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return resource
+    return line
 
 
 def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
@@ -177,14 +196,13 @@ def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
     return interface if isinstance(interface, socket.socket) else None
 
 
-def _hung_up(resource: MessageBasedResource) -> bool:
+def _hung_up(line: socket.socket | None) -> bool:
     """Tell whether the peer closed the connection. pyvisa-py (0.8) takes that for silence."""
-    line = underlying_socket(resource)
     if line is None:
         return False
     try:
         return bool(select.select([line], [], [], 0)[0]) and line.recv(1, socket.MSG_PEEK) == b""
-    except OSError:
+    except (OSError, ValueError):
         return True
 
 

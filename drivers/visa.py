@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from .analyzer import Analyzer, InstrumentError
 
 if TYPE_CHECKING:
-    from pyvisa import ResourceManager
     from pyvisa.resources import MessageBasedResource
+
+    from .link import Session
 
 ALLOWED = (
     "GPIB0::17::INSTR, TCPIP0::HOST::5025::SOCKET, HOST:5025, PROLOGIX::HOST:1234::17, PROLOGIX::/dev/ttyUSB0::17 "
@@ -22,9 +23,17 @@ ALLOWED = (
 OPEN_SECONDS = 5.0
 """How long a connection may take to be made."""
 
+PROLOGIX_PORT = 1234
+"""Where a Prologix or AR488 adapter listens unless told otherwise."""
+
 _HOST_PORT = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]*):(\d{1,5})")
 _SOCKET = re.compile(r"TCPIP\d*::([^:,\s]+)::(\d{1,5})::SOCKET", re.IGNORECASE)
-_GPIB = re.compile(r"GPIB\d*::(\d{1,2})(::\d{1,2})?::INSTR", re.IGNORECASE)
+_GPIB = re.compile(r"GPIB\d*::(?P<address>\d{1,2})(::\d{1,2})?::INSTR", re.IGNORECASE)
+_PROLOGIX = re.compile(
+    r"PROLOGIX::(?:(?P<serial>/[\w./-]+|COM\d+)|(?P<host>[A-Za-z0-9][\w.-]*)(?::(?P<port>\d{1,5}))?)::(?P<address>\d{1,2})",
+    re.IGNORECASE,
+)
+_NETWORK = re.compile(r"(?:TCPIP|PRLGX-TCPIP)\d*::([^:,\s]+)::(\d{1,5})::(?:SOCKET|INTFC)", re.IGNORECASE)
 _GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECASE)
 _RECORDING = "recording:"
 
@@ -38,9 +47,11 @@ def resource_name(given: str) -> str:
         if not 0 < int(line[2]) < 65536:
             raise InstrumentError(f"resource {given!r}: port {line[2]} does not exist; 1 to 65535 is allowed")
         return text
-    if bus := _GPIB.fullmatch(text):
-        if int(bus[1]) > 30:
-            raise InstrumentError(f"resource {given!r}: GPIB address {bus[1]} does not exist; 0 to 30 is allowed")
+    if bus := _GPIB.fullmatch(text) or _PROLOGIX.fullmatch(text):
+        if int(bus["address"]) > 30:
+            raise InstrumentError(
+                f"resource {given!r}: GPIB address {bus['address']} does not exist; 0 to 30 is allowed"
+            )
         return text
     if _GATEWAY.fullmatch(text):
         return text
@@ -64,10 +75,30 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     return Agilent4294A(Link(resource.strip(), lambda: open_session(name), timeout_seconds))
 
 
-def open_session(name: str) -> "MessageBasedResource":
-    """Return an open VISA session to the VISA resource `name`. Raises InstrumentError."""
+def open_session(name: str) -> "Session":
+    """Return an open VISA session to `name`, a result of `resource_name`. Raises InstrumentError."""
+    from .link import Session
+
+    found = _PROLOGIX.fullmatch(name)
+    if not found:
+        return Session(_open(name, "@py" if not name.upper().startswith("GPIB") else _gpib_library()))
+    by_net = f"PRLGX-TCPIP0::{found['host']}::{found['port'] or PROLOGIX_PORT}::INTFC"
+    bridge = _open(f"PRLGX-ASRL0::{found['serial']}::INTFC" if found["serial"] else by_net, "@py")
+    try:
+        # It gives up on an answer that has not begun by then; its end is seen by EOI, so patience costs nothing.
+        bridge.write_raw(b"++read_tmo_ms 3000\n")
+        return Session(_open(f"GPIB0::{found['address']}::INSTR", "@py"), bridge)
+    except (InstrumentError, OSError) as error:
+        bridge.close()
+        raise InstrumentError(f"{name}: {' '.join(str(error).split())}") from None
+
+
+def _open(name: str, library: str) -> "MessageBasedResource":
+    from pyvisa import ResourceManager
+
     _check_host(name)
-    manager = resource_manager(name)
+    # One manager per library and process, shared by pyvisa itself; closing it would close every session.
+    manager = ResourceManager(library)
     try:
         resource: Any = manager.open_resource(name, open_timeout=round(1000 * OPEN_SECONDS))
     except Exception as error:  # pyvisa-py raises bare Exception and ValueError besides VisaIOError
@@ -80,22 +111,19 @@ def open_session(name: str) -> "MessageBasedResource":
     return resource
 
 
-def resource_manager(name: str) -> "ResourceManager":
-    """Return the VISA library for `name`: the vendor's for GPIB where one is installed, pyvisa-py otherwise.
-
-    One per process, shared by pyvisa itself; it must not be closed, as that would close every session.
-    """
+def _gpib_library() -> str:
+    """Return the VISA library for GPIB: the vendor's where one is installed, pyvisa-py otherwise."""
     from pyvisa import ResourceManager
 
-    if name.upper().startswith("GPIB"):
-        with contextlib.suppress(Exception):  # no vendor library: OSError, ValueError or LibraryError by platform
-            return ResourceManager("@ivi")
-    return ResourceManager("@py")
+    with contextlib.suppress(Exception):  # no vendor library: OSError, ValueError or LibraryError by platform
+        ResourceManager("@ivi")
+        return "@ivi"
+    return "@py"
 
 
 def _check_host(name: str) -> None:
     """Find an unknown host before pyvisa-py does: it would leave a socket behind."""
-    if found := _SOCKET.fullmatch(name):
+    if found := _NETWORK.fullmatch(name):
         try:
             socket.getaddrinfo(found[1], None, socket.AF_INET)
         except (OSError, UnicodeError):
@@ -114,7 +142,7 @@ def _check_connected(name: str, resource: "MessageBasedResource") -> None:
 def _why_not(name: str, error: Exception) -> str:
     """Return the reason, as one clause, why a session could not be opened."""
     text = " ".join(str(error).split())
-    found = _SOCKET.fullmatch(name)
+    found = _NETWORK.fullmatch(name)
     if found and isinstance(error, OSError):
         reason = os.strerror(error.errno or 0).lower()
         return f"nothing listens there ({reason}); is the analyzer (or `pzctl sim`) on, and the port {found[2]}?"

@@ -17,6 +17,8 @@ from pzctl.drivers.visa import resource_name
         ("TCPIP0::10.0.0.7::5025::SOCKET", "TCPIP0::10.0.0.7::5025::SOCKET"),
         (" GPIB0::17::INSTR ", "GPIB0::17::INSTR"),
         ("TCPIP0::10.0.0.7::gpib0,17::INSTR", "TCPIP0::10.0.0.7::gpib0,17::INSTR"),
+        ("PROLOGIX::10.0.0.7::17", "PROLOGIX::10.0.0.7::17"),
+        ("PROLOGIX::/dev/ttyUSB0::17", "PROLOGIX::/dev/ttyUSB0::17"),
     ],
 )
 def test_what_is_a_resource(given, name):
@@ -30,6 +32,7 @@ def test_what_is_a_resource(given, name):
         ("the 4294A", "resource 'the 4294A': not an instrument's address; allowed are GPIB0::17::INSTR"),
         ("host:70000", "port 70000 does not exist; 1 to 65535"),
         ("GPIB0::31::INSTR", "GPIB address 31 does not exist; 0 to 30"),
+        ("PROLOGIX::/dev/no-such-port::17", r"PRLGX-ASRL0::/dev/no-such-port::INTFC: "),
         ("ASRL1::INSTR", "not an instrument's address"),
     ],
 )

@@ -113,3 +113,18 @@ def test_the_next_gluing_step_is_seen(sim, analyzer):
     bench(sim, command="next")
     (glued,) = analyzer.measure(plan)
     assert np.max(np.abs(np.log(glued.impedance / disk.impedance))) > 0.1
+
+
+def test_gpib_through_a_prologix_adapter():
+    plan = SweepPlan((Segment(1e6, 6e6, 801),), bias_V=1.0)
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0, noise=False)) as sim:
+        by_socket = open_analyzer(sim.resource)
+        (straight,) = by_socket.measure(plan)
+        by_socket.close()
+        by_gpib = open_analyzer(f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17")
+        (bridged,) = by_gpib.measure(plan)
+        by_gpib.close()
+        assert ask(sim, "DCO?") == ["0"]
+        with pytest.raises(InstrumentError, match=r"no answer to \*IDN\?"):
+            open_analyzer(f"PROLOGIX::127.0.0.1:{sim.prologix_port}::5", timeout_seconds=0.3).identify()
+    np.testing.assert_array_equal(bridged.impedance, straight.impedance)
