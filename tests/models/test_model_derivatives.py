@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from pzctl.models.disk import BothModes, RadialDisk
+from pzctl.models.fixture import Fixture
 from pzctl.models.lumped import Branch, Lumped
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, Piezo, PowerLoss, Stack
+from pzctl.models.terminals import Line, Scale, Series, Shunt
 
 WEIGHTS = np.array([-1, 9, -45, 45, -9, 1]) / 60
 STEPS = np.array([-3, -2, -1, 1, 2, 3])
@@ -30,23 +32,37 @@ STACK = Stack(
     AREA,
 )
 BOTH = BothModes.of(STACK, "disk", SHERRIT_RADIAL, psi=0.5)
+PATH = (
+    Series(3e-8, 0.3, 0.1), Shunt(2e-12, 2e-6), Line(0.7, 50.0, 2e8, 1e-3),
+    Shunt(1e-13, 1e-7), Series(1e-9, 0.01, 0.001), Scale(1.002, 3e-11),
+)  # fmt: skip
 RADIAL_BAND = np.linspace(40e3, 900e3, 87)
 MODELS = {
     "lumped": (LUMPED, np.linspace(1e6, 15e6, 61)),
     "radial": (DISK, RADIAL_BAND),
     "radial with laws": (LAWFUL, RADIAL_BAND),
     "both modes": (BOTH, np.geomspace(4e4, 1e7, 97)),
+    "lumped in a fixture": (Fixture(LUMPED, *PATH), np.linspace(1e6, 15e6, 61)),
+    "stack in a fixture": (Fixture(STACK, *PATH), np.linspace(1e6, 15e6, 61)),
+    "stack in a null fixture": (Fixture(STACK), np.linspace(1e6, 15e6, 61)),
 }
 
 
-def step_of(value):
-    return 1e-4 * (abs(value) or 1e-3)
+# The size of a change where the value itself is zero.
+NULL_SIZES = {
+    "inductance": 1e-9, "resistance": 0.1, "skin": 0.1, "capacitance": 1e-12, "conductance": 1e-6, "length": 0.1,
+    "loss": 1e-3, "delay": 1e-10,
+}  # fmt: skip
+
+
+def step_of(model, name):
+    return 1e-4 * (abs(model.parameters()[name]) or NULL_SIZES[name.split(".")[1]])
 
 
 def differences(model, frequency, name):
     """d ln Z / d name by a sixth-order difference."""
     value = model.parameters()[name]
-    h = step_of(value)
+    h = step_of(model, name)
     Z = [model.replace({name: value + k * h}).impedance(frequency) for k in STEPS]
     logs = np.log(Z / model.impedance(frequency))
     return WEIGHTS @ logs / h
@@ -61,7 +77,7 @@ def test_derivatives_are_exact(which):
     assert J.shape == (len(names), frequency.size)
     for row, name in zip(J, names, strict=True):
         expected = differences(model, frequency, name)
-        rounding = 1e-14 / step_of(model.parameters()[name])  # of the differences, not of the derivative
+        rounding = 1e-14 / step_of(model, name)  # of the differences, not of the derivative
         assert np.abs(row - expected).max() < 1e-8 * np.abs(row).max() + rounding, name
 
 
