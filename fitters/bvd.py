@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..models.arrays import Reals
 from ..models.lumped import Branch, Lumped
 from ..models.sweep import Sweep
 from .answer import curves_of
@@ -15,7 +16,7 @@ from .coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from .covariance import estimate
 from .interface import Constant, FitError, FitResult, FitTask
 from .joint import Descent, descend
-from .noise import relative_noise
+from .noise import noise_of
 from .objective import Objective, Recording
 from .start import resonance_pairs
 
@@ -44,7 +45,7 @@ def _starts(sweep: Sweep) -> list[Lumped]:
     return circuits[:_PAIRS]
 
 
-def _descend(sweep: Sweep, start: Lumped, noise: float) -> Descent:
+def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
     blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), resonant_branch("branch1"))
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)
@@ -64,9 +65,10 @@ class ButterworthVanDyke:
         sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
         if len(sweeps) != 1:
             raise FitError(f"`bvd` fits one recording; {len(sweeps)} were given")
-        (step, sweep), noise = sweeps[0], relative_noise([sweeps[0][1]])
+        step, sweep = sweeps[0]
+        noise, (sigma,) = noise_of([sweep])
         progress(f"fitting {step}")
-        descents = [_descend(sweep, start, noise.relative) for start in _starts(sweep)]
+        descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
         best = min(descents, key=lambda descent: descent.cost)
         coordinates = best.objective.coordinates
         result = estimate(best.objective, best.x, best.converged)

@@ -12,7 +12,7 @@ from ..models.build import Build, LayerSpec
 from ..models.sweep import Sweep
 from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, stack_of
 from .interface import FitError, FitTask, Noise
-from .noise import relative_noise
+from .noise import noise_of
 from .objective import Objective, Recording
 from .start import disk_starts, distinct, spread_starts
 
@@ -65,7 +65,8 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     """Fit all steps jointly, each new step starting from where the earlier ones ended. Raises FitError."""
     began = time.perf_counter()
     build, sweeps = check_task(task)
-    noises = {step: relative_noise(of_step) for step, of_step in sweeps.items()}
+    found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
+    noises = {step: noise for step, (noise, _) in found.items()}
     recordings: list[Recording] = []
     values = nominal_parameters(build)
     begun = dict(values)
@@ -73,7 +74,8 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     descent: Descent | None = None
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
-        here = [Recording(step, sweep, stack_of(build, build.step(step)), noises[step].relative) for sweep in of_step]
+        stack = stack_of(build, build.step(step))
+        here = [Recording(step, sweep, stack, sigma) for sweep, sigma in zip(of_step, found[step][1], strict=True)]
         new = _new_layers(build, [recording.step for recording in recordings], step)
         starts = _start_values(new, here, values)
         recordings += here

@@ -22,7 +22,7 @@ from .assembly import layers_of, nominal_parameters, stack_of
 from .derived import derived_constants
 from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
-from .noise import relative_noise
+from .noise import noise_of
 from .objective import log_ratio
 from .start import coupling_squared, disk_starts
 
@@ -189,7 +189,7 @@ def _answer(
     seconds: float,
 ) -> FitResult:
     layers = layers_of(build, sweeps)
-    noises = {step: relative_noise(of_step) for step, of_step in sweeps.items()}
+    found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     curves: list[Curve] = []
     misfits: list[Complexes] = []
     weighted = 0.0
@@ -198,18 +198,18 @@ def _answer(
         own = stack.parameters()
         before = stack.replace({name: begun[name] for name in own if name in begun})
         after = stack.replace({name: search.values[name] for name in own if name in search.values})
-        for sweep in of_step:
+        for sweep, sigma in zip(of_step, found[step][1], strict=True):
             f = sweep.frequency
             curves.append(Curve(step, f, sweep.impedance, before.impedance(f), after.impedance(f)))
             misfits.append(log_ratio(curves[-1].fitted, sweep.impedance))
-            weighted += float(np.sum(np.abs(misfits[-1]) ** 2)) / noises[step].relative ** 2
+            weighted += float(np.sum(np.abs(misfits[-1] / sigma) ** 2))
     misfit = np.concatenate(misfits)
     return FitResult(
         build=build.name,
         fitter=fitter.name,
         version=fitter.version,
         steps=tuple(sweeps),
-        noise=max(noises.values(), key=lambda n: n.relative),
+        noise=max((noise for noise, _ in found.values()), key=lambda n: n.relative),
         chi2_per_dof=weighted / (2 * misfit.size),
         constants=fitted_constants(layers, search.values, (), None),
         derived=derived_constants(layers, search.values, (), None),

@@ -1,65 +1,105 @@
-"""Relative noise of a recording, from the recording itself."""
+"""Relative noise of a recording at each of its points, from the recording itself.
+
+An analyzer's noise has a part proportional to |Z| and two that outgrow it where |Z| is very small or very large
+(4294A Operation Manual: Zs/|Z| and Yo |Z| beside the proportional term). So the variance of ln Z is modelled as
+a^2 + (b/|Z|)^2 + (c |Z|)^2 and a, b, c are estimated from what differs between neighbouring points.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import comb, sqrt
+from math import comb
 
 import numpy as np
+from scipy.optimize import nnls
 
-from ..models.arrays import Complexes
+from ..models.arrays import Complexes, Reals
 from ..models.sweep import Sweep
 from .interface import Noise
 
 _ORDER = 5
 # Differences of this order remove all that is smooth over six points; higher orders gain nothing (measured on
 # 801-point sweeps of disks: orders 4, 5 and 6 agree within 3 %, order 3 still sees the resonances).
-_MAD_TO_SIGMA = 1.4826
+_CLIP = 8.0
+# Squared differences above this multiple of their expectation are signal (a resonance too sharp for the grid): noise
+# exceeds it once in 3000 points. What the clip cuts off the mean is put back.
+_KEPT_MEAN = 1 - _CLIP * np.exp(-_CLIP) / (1 - np.exp(-_CLIP))
+_ROUNDS = 12
 _FLOOR = 1e-7
 # 4294A data carry seven digits: no recording is better than this.
+_UNKNOWN = 1e-3
+# The analyzer's own accuracy at 1 MHz, for recordings too short to tell.
 
 
-def _spread(differences: Complexes) -> float:
-    """Return the robust standard deviation of real and imaginary parts together."""
-    parts = np.concatenate([differences.real, differences.imag])
-    return float(_MAD_TO_SIGMA * np.median(np.abs(parts)))
+def _from_differences(squares: Reals, size: Reals) -> Reals:
+    """Return a, b, c: `squares` are estimates of the variance of Re (or Im) of ln Z, `size` is |Z|, shape (M,).
+
+    Iteratively reweighted non-negative least squares; squares of complex Gaussian numbers scatter exponentially.
+    """
+    middle = float(np.median(size))
+    terms = np.column_stack([np.ones_like(size), (middle / size) ** 2, (size / middle) ** 2])
+    variance = np.full(squares.size, max(float(np.median(squares)) / np.log(2), _FLOOR**2))
+    parts = np.zeros(3)
+    for _ in range(_ROUNDS):
+        kept = squares < _CLIP * variance
+        weight = 1 / variance[kept]
+        parts, _ = nnls(terms[kept] * weight[:, None], squares[kept] * weight / _KEPT_MEAN)
+        variance = np.maximum(terms @ parts, _FLOOR**2)
+    return np.sqrt(np.maximum(parts, 0.0)) * np.array([1.0, middle, 1 / middle])
 
 
-def noise_from_smoothness(sweep: Sweep) -> float | None:
-    """Return the standard deviation of Re and Im of ln Z per point, from fifth differences.
+def _at(parts: Reals, impedance: Complexes) -> Reals:
+    """Return the standard deviation of Re and Im of ln Z at each point, shape (N,)."""
+    a, b, c = parts
+    size = np.abs(impedance)
+    return np.maximum(np.sqrt(a**2 + (b / size) ** 2 + (c * size) ** 2), _FLOOR)
 
-    The median makes it blind to the resonances, where even fifth differences hold signal, as long as they fill less
-    than half of the points. None for fewer than 20 points.
+
+def noise_from_smoothness(sweep: Sweep) -> Reals | None:
+    """Return the standard deviation of Re and Im of ln Z, shape (N,), from fifth differences.
+
+    None for fewer than 20 points.
     """
     if sweep.frequency.size < 20:
         return None
-    differences = np.diff(np.log(sweep.impedance), _ORDER)
-    return _spread(differences) / sqrt(comb(2 * _ORDER, _ORDER))
+    squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
+    near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
+    return _at(_from_differences(squares, near), sweep.impedance)
 
 
-def noise_from_repeats(sweeps: Sequence[Sweep]) -> float | None:
-    """Return the same from repeats: sweeps on one and the same grid. None where there are none.
+def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
+    """Return the same for repeats, each shape (N,): sweeps on one and the same grid. None where there are none.
 
     Only what differs from point to point counts: a slow drift between repeats is a mismatch, not noise.
     """
-    values: list[float] = []
+    squares: list[Reals] = []
+    sizes: list[Reals] = []
     for first, second in pairwise(sweeps):
-        if first.frequency.shape == second.frequency.shape and np.allclose(
-            first.frequency, second.frequency, rtol=1e-9
-        ):
-            ratio = np.log(second.impedance / first.impedance)
-            values.append(_spread(np.diff(ratio)) / 2.0)
-    return float(np.sqrt(np.mean(np.square(values)))) if values else None
+        same = first.frequency.shape == second.frequency.shape
+        if same and np.allclose(first.frequency, second.frequency, rtol=1e-9):
+            squares.append(np.abs(np.diff(np.log(second.impedance / first.impedance))) ** 2 / 8)
+            sizes.append(np.abs(first.impedance[1:]))
+    if not squares:
+        return None
+    parts = _from_differences(np.concatenate(squares), np.concatenate(sizes))
+    return tuple(_at(parts, sweep.impedance) for sweep in sweeps)
 
 
-def relative_noise(sweeps: Sequence[Sweep]) -> Noise:
-    """Return the noise of one step's sweeps: from repeats where there are some, else from smoothness.
+def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
+    """Return the noise of one step's sweeps, in a word and at each point of each sweep.
 
-    Falls back to 1e-3, which is the analyzer's accuracy at 1 MHz, for recordings too short to tell.
+    From repeats where there are some, else from smoothness, else what the analyzer's accuracy is.
     """
     repeats = noise_from_repeats(sweeps)
     if repeats is not None:
-        return Noise(max(repeats, _FLOOR), "repeats")
-    smooth = [value for value in map(noise_from_smoothness, sweeps) if value is not None]
-    if smooth:
-        return Noise(max(float(np.median(smooth)), _FLOOR), "smoothness")
-    return Noise(1e-3, "analyzer accuracy")
+        return Noise(_typical(repeats), "repeats"), repeats
+    smooth = [noise_from_smoothness(sweep) for sweep in sweeps]
+    found = tuple(
+        np.full(sweep.frequency.size, _UNKNOWN) if sigma is None else sigma
+        for sweep, sigma in zip(sweeps, smooth, strict=True)
+    )
+    source = "analyzer accuracy" if all(sigma is None for sigma in smooth) else "smoothness"
+    return Noise(_typical(found), source), found
+
+
+def _typical(sigmas: Sequence[Reals]) -> float:
+    return float(np.median(np.concatenate(sigmas)))

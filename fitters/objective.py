@@ -29,8 +29,8 @@ class Recording:
     sweep: Sweep
     model: Model
     """Knows the constants of its step; `Model.replace` takes those of its names that the fit moves."""
-    noise: float
-    """Standard deviation of Re and Im of ln Z per point."""
+    noise: Reals
+    """Standard deviation of Re and Im of ln Z at each point, shape (N,)."""
 
 
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
@@ -90,7 +90,7 @@ class Objective:
             names = [self.coordinates.parameters[i] for i in moved]
             Z, dlnZ = self._with(k, values).jacobian(recording.sweep.frequency, names)
             r = log_ratio(Z, recording.sweep.impedance) / recording.noise
-            J = dlnZ.T @ (chain[moved] / recording.noise)
+            J = (dlnZ / recording.noise).T @ chain[moved]
             residuals += [r.real, r.imag]
             rows += [J.real, J.imag]
         for prior in self.priors:
