@@ -20,7 +20,7 @@ def test_every_fault_at_every_exchange():
                 outcome = faults["attempt"](sim, kind, at)
                 faults["check"](outcome, clean.impedance, kind, at)
                 sound = "sweep, correct" if outcome.impedance is not None else "clear error"
-                said = ", not left as found (said)" if "could not be left" in outcome.error else ""
+                said = ", not left as found (said)" if "Besides: " in outcome.error else ""
                 outcomes[sound + said if outcome.struck else "fault did not strike"] += 1
                 slowest[kind] = max(slowest[kind], outcome.seconds)
             table[kind] = outcomes

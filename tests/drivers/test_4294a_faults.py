@@ -19,7 +19,7 @@ from pzctl.sim.server import SimOptions, running
 PLAN = SweepPlan((Segment(1e6, 6e6, 21),), oscillator_V=0.3, bandwidth=2, bias_V=4.0)
 ANSWER_SECONDS = 0.25
 KINDS = {
-    "hang": {"seconds": 0.3},
+    "hang": {},  # for ever, or until this attempt is over
     "ignore": {},
     "drop": {},
     "power-cycle": {"seconds": 0.05},
@@ -87,14 +87,16 @@ def check(outcome, reference, kind, at):
     """Complete and correct, or a sentence; bias off; after an error in HOLD.
 
     Not in HOLD: where power had failed, and where the very first exchange failed, so that nothing was touched.
+    An instrument that hangs for ever cannot be brought there: then the sentence says so.
     """
     if outcome.impedance is not None:
         np.testing.assert_array_equal(outcome.impedance, reference)
     else:
         assert outcome.error.startswith("TCPIP0::127.0.0.1::")
         assert "\n" not in outcome.error
-        assert outcome.left[0] == "0" or kind == "power-cycle" or at == 1
-    assert outcome.left[1] == "0"
+        assert outcome.left[0] == "0" or kind == "power-cycle" or at == 1 or "Besides: " in outcome.error
+    unreachable = kind == "hang" and outcome.error
+    assert outcome.left[1] == "0" or unreachable
 
 
 @pytest.fixture(scope="module")
