@@ -1,0 +1,108 @@
+"""From the numbers of a file to a `Sweep`: order, units and polarity are checked here for every format."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import Impedances, Reals
+from ...models.sweep import Sweep
+from .page import Page, file_time
+
+LOWEST_Hz = 40.0
+"""Where the 4294A begins; a recording that ends below it has its frequencies in another unit."""
+HIGHEST_Hz = 1e11
+"""Far above any impedance analyzer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The points of a file in its own order."""
+
+    lines: Sequence[int]
+    """The line each point stands on, shape (N,)."""
+    frequency: Reals
+    """Hz, shape (N,)."""
+    impedance: Impedances
+    """ohm, shape (N,)."""
+
+
+def assemble(
+    page: Page,
+    points: Points,
+    settings: Mapping[str, Any],
+    time: str | None = None,
+    id_: str | None = None,
+    notes: Sequence[str] = (),
+) -> Sweep:
+    """Return the recording. `time`: None for that of the file; `id_`: None for the file's name.
+
+    A downward sweep is turned round. Inverted polarity is said in the notes and the numbers stay as recorded.
+    Raises RecordingError for one point, frequencies out of order, doubled or in another unit, impedances that are
+    not finite or zero.
+    """
+    lines, frequency, impedance = points.lines, points.frequency, points.impedance
+    if frequency.size < 2:
+        found = "one point" if frequency.size else "no points"
+        raise page.error(None, f"{found} found; at least 2 are needed")
+    settings = dict(settings)
+    if np.all(np.diff(frequency) < 0):
+        frequency, impedance, lines = frequency[::-1], impedance[::-1], lines[::-1]
+        settings["direction"] = "down"
+    _check_frequency(page, lines, frequency)
+    _check_impedance(page, lines, impedance)
+    return Sweep(
+        frequency=frequency,
+        impedance=impedance,
+        settings=settings,
+        time=file_time(page.path) if time is None else time,
+        id=page.path.name if id_ is None else id_,
+        notes=tuple(dict.fromkeys((*notes, *_polarity(impedance)))),
+    )
+
+
+def _check_frequency(page: Page, lines: Sequence[int], f: Reals) -> None:
+    bad = np.flatnonzero(~np.isfinite(f) | (f <= 0))
+    if bad.size:
+        k = int(bad[0])
+        raise page.error(lines[k], f"the frequency is {f[k]:g} Hz; a positive one is needed")
+    if f.max() < LOWEST_Hz:
+        raise page.error(
+            lines[0],
+            f"frequencies end at {f.max():g} Hz, where no analyzer measures ({LOWEST_Hz:g} Hz upwards); if they are "
+            "in MHz, name the column so, as frequency_MHz",
+        )
+    if f.max() > HIGHEST_Hz:
+        raise page.error(
+            lines[int(f.argmax())],
+            f"the frequency is {f.max():g} Hz, above any analyzer ({HIGHEST_Hz:g} Hz); is its unit the column's?",
+        )
+    falls = np.flatnonzero(np.diff(f) <= 0)
+    if falls.size:
+        k = int(falls[0])
+        word = "doubles" if f[k + 1] == f[k] else "is below"
+        raise page.error(
+            lines[k + 1],
+            f"the frequency {f[k + 1]:.12g} Hz {word} that of line {lines[k]} ({f[k]:.12g} Hz); frequencies must rise "
+            "(or fall) throughout",
+        )
+
+
+def _check_impedance(page: Page, lines: Sequence[int], z: Impedances) -> None:
+    bad = np.flatnonzero(~np.isfinite(z) | (z == 0))
+    if bad.size:
+        k = int(bad[0])
+        found = "an impedance of 0 ohm, which nothing measured has" if z[k] == 0 else "no finite impedance"
+        raise page.error(lines[k], f"these numbers give {found}")
+
+
+def _polarity(z: Impedances) -> list[str]:
+    """Return what is to be said where the real part is negative at most points, as no passive device has it."""
+    negative = int(np.count_nonzero(z.real < 0))
+    if 2 * negative <= z.size:
+        return []
+    return [
+        f"Re Z is negative at {negative} of {z.size} points: the recording is inverted by 180 degrees; the numbers are "
+        "left as recorded."
+    ]

@@ -1,0 +1,200 @@
+"""Column names as people and instruments write them: quantity, unit, data or memory trace."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.arrays import Reals
+from .assemble import Points
+from .convert import RESISTANCE_WEAK, SIGN_LOST, to_impedance
+from .page import Page, clipped
+
+_NAMES = {
+    "f": "f freq frequency",
+    "R": "r rs re(z) real(z) rez z' resistance",
+    "X": "x xs im(z) imag(z) imz z'' reactance",
+    "G": "g gp re(y) real(y) conductance",
+    "B": "b bp im(y) imag(y) susceptance",
+    "|Z|": "|z| abs(z) mag(z) zmod zabs",
+    "theta": "theta theta-z θ θz theta(z) phase phase(z) arg(z) phase-z",
+    "|Y|": "|y| abs(y) mag(y)",
+    "theta-y": "theta-y θy theta(y) phase(y) arg(y) phase-y",
+    "Cp": "cp",
+    "Cs": "cs",
+    "Lp": "lp",
+    "Ls": "ls",
+    "Rp": "rp",
+    "D": "d",
+    "Q": "q",
+}
+QUANTITIES = {name: quantity for quantity, names in _NAMES.items() for name in names.split()}
+REFLECTION = re.compile(r"return\s*loss|swr|vswr|s11", re.IGNORECASE)
+"""Beside such a column `phase` is the angle of the reflection, not of the impedance."""
+
+_OHM, _SIEMENS, _ANGLE = ("ohm", "ohms", "Ω", "Ω"), ("s", "siemens", "mho"), ("deg", "degree", "degrees", "°", "rad")
+_BASES = {
+    "f": ("hz",),
+    **dict.fromkeys(("theta", "theta-y"), _ANGLE),
+    **dict.fromkeys(("D", "Q"), ("",)),
+    **dict.fromkeys(("R", "X", "|Z|", "Rp"), _OHM),
+    **dict.fromkeys(("G", "B", "|Y|"), _SIEMENS),
+    **dict.fromkeys(("Cp", "Cs"), ("f",)),
+    **dict.fromkeys(("Lp", "Ls"), ("h",)),
+}
+_PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
+_PREFIXES["p"] = 1e-12
+_NO_UNIT_SAID = {*_OHM, *_SIEMENS}
+_EXAMPLE = {"f": "frequency_Hz", "theta": "theta_deg", "theta-y": "theta-y_deg"}
+_WITH_UNIT = re.compile(r"(.+?)\s*(?:[(\[]\s*([^()\[\]]*?)\s*[)\]]|\s/\s*(\S+)|_([^\W_]+|°))")
+
+PAIRS = (
+    ("R", "X", "IRIM"), ("G", "B", "ARIM"), ("|Z|", "theta", "IMPH"), ("|Y|", "theta-y", "AMPH"),
+    ("|Y|", "theta", "AMPH"), ("Ls", "R", "LSR"), ("Ls", "Q", "LSQ"), ("Cs", "R", "CSR"), ("Cs", "Q", "CSQ"),
+    ("Cs", "D", "CSD"), ("Lp", "G", "LPG"), ("Lp", "Q", "LPQ"), ("Lp", "Rp", "LPR"), ("Cp", "G", "CPG"),
+    ("Cp", "Q", "CPQ"), ("Cp", "D", "CPD"), ("Cp", "Rp", "CPR"), ("|Z|", "Ls", "IMLS"), ("|Z|", "Cs", "IMCS"),
+    ("|Z|", "Lp", "IMLP"), ("|Z|", "Cp", "IMCP"), ("|Z|", "R", "IMRS"), ("|Z|", "Q", "IMQ"), ("|Z|", "D", "IMD"),
+)  # fmt: skip
+"""Which two quantities make an impedance, the best first, with the name of that measurement parameter."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that is understood."""
+
+    index: int
+    quantity: str
+    name: str
+    factor: float | None
+    """SI value (radians for an angle) = number times this; None where the unit is not known."""
+    memory: bool
+    unit: str | None
+    """None where the name says none."""
+
+
+def read_header(page: Page, cells: Sequence[str], line: int) -> list[Column]:
+    """Return the columns of a header row that are understood; others are no concern of ours.
+
+    Raises RecordingError where there is no frequency.
+    """
+    beside_reflection = any(REFLECTION.search(cell) for cell in cells)
+    columns: list[Column] = []
+    for k, cell in enumerate(cells):
+        column = _column(k, cell)
+        if column and not (beside_reflection and cell.strip(' "').casefold().startswith("phase")):
+            columns.append(column)
+    if not any(column.quantity == "f" for column in columns):
+        found = ", ".join(clipped(cell.strip(' "')) for cell in cells[:6])
+        raise page.error(line, f"no frequency column among {found}; a header row names it, as frequency_Hz")
+    return columns
+
+
+def _column(index: int, cell: str) -> Column | None:
+    name = cell.strip().strip("\"'").strip()
+    memory = name.casefold().endswith("-mem")
+    name = re.sub(r"-(data|mem)$", "", name, flags=re.IGNORECASE)
+    quantity, unit = QUANTITIES.get(_plain(name)), None
+    split = None if quantity else _WITH_UNIT.fullmatch(name)
+    if split:
+        quantity, unit = QUANTITIES.get(_plain(split[1])), next(part for part in split.groups()[1:] if part is not None)
+    if quantity is None:
+        return None
+    return Column(index, quantity, name, _factor(quantity, unit), memory, unit)
+
+
+def _in_si(page: Page, column: Column, numbers: Reals, line: int) -> Reals:
+    """Return the numbers of a column that is taken in SI units. Raises RecordingError for an unknown unit."""
+    if column.factor is None:
+        says = f"has the unit {clipped(column.unit)!r}" if column.unit else "has no unit"
+        units = "Hz, kHz, MHz or GHz" if column.quantity == "f" else f"a unit such as {_BASES[column.quantity][0]}"
+        example = _EXAMPLE.get(column.quantity)
+        hint = f", as in {example}" if example else ""
+        raise page.error(line, f"column {clipped(column.name)!r} {says}; {units} is needed{hint}")
+    with np.errstate(over="ignore"):
+        return column.factor * numbers
+
+
+def _plain(name: str) -> str:
+    return name.replace(" ", "").casefold()
+
+
+def _factor(quantity: str, unit: str | None) -> float | None:
+    """Return the factor to SI, or None where the unit is not known, or needed and not there."""
+    bases = _BASES[quantity]
+    if not unit:
+        return 1.0 if bases[0] in _NO_UNIT_SAID or bases == ("",) else None
+    if bases is _ANGLE:
+        return None if unit.casefold() not in bases else 1.0 if unit.casefold() == "rad" else float(np.pi / 180)
+    for base in filter(None, bases):
+        if unit.casefold().endswith(base.casefold()):
+            prefix = unit[: len(unit) - len(base)]
+            if prefix in _PREFIXES and not (quantity == "f" and _PREFIXES[prefix] < 1):  # mHz: 1e-3 or 1e6?
+                return _PREFIXES[prefix]
+    return None
+
+
+def pair_of(page: Page, columns: Sequence[Column], line: int) -> tuple[str, Column, Column]:
+    """Return the measurement parameter that the columns make up, with its two columns. Raises RecordingError."""
+    named: dict[str, Column] = {}
+    for column in columns:
+        if column.quantity in named:
+            raise page.error(line, f"two columns give {column.quantity}; one is needed")
+        named[column.quantity] = column
+    for first, second, parameter in PAIRS:
+        if first in named and second in named:
+            if parameter in SIGN_LOST:
+                raise page.error(line, sign_lost(parameter))
+            return parameter, named[first], named[second]
+    found = ", ".join(name for name in named if name != "f") or "none"
+    raise page.error(
+        line,
+        f"the columns do not determine an impedance (understood besides the frequency: {found}); needed are two of one "
+        "kind, as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S",
+    )
+
+
+def sign_lost(parameter: str) -> str:
+    """Return why a measurement parameter does not determine Z."""
+    return (
+        f"{SIGN_LOST[parameter]} ({parameter}) do not say whether the device is inductive or capacitive; "
+        "record R and X (IRIM) instead"
+    )
+
+
+def points_of(
+    page: Page, columns: Sequence[Column], names: Sequence[str], body: Sequence[tuple[int, list[str]]], line: int
+) -> tuple[Points, list[str]]:
+    """Return the points of a table and notes on them. Raises RecordingError.
+
+    `columns`: those to take; `names`: all names of the header on `line`; `body`: each row's line and cells.
+    """
+    parameter, first, second = pair_of(page, columns, line)
+    frequency = next(column for column in columns if column.quantity == "f")
+    taken = (frequency, first, second)
+    table = [page.row(cells, names, n, [column.index for column in taken]) for n, cells in body]
+    numbers = np.array(table, dtype=np.float64).reshape(len(table), len(taken))
+    f, a, b = (_in_si(page, column, numbers[:, k], line) for k, column in enumerate(taken))
+    notes = weak_resistance(parameter)
+    bare = [c.quantity for c in (first, second) if c.unit is None and _BASES[c.quantity] != ("",)]
+    if bare:
+        notes.append(f"Columns {' and '.join(bare)} carry no unit; they are taken as SI units (ohm, siemens).")
+    return Points([n for n, _ in body], f, to_impedance(parameter, f, a, b)), notes
+
+
+def memory_columns(columns: Sequence[Column]) -> list[Column]:
+    """Return the columns of the memory trace with the frequency, or none where there is no memory trace."""
+    memory = [column for column in columns if column.memory]
+    return [column for column in columns if column.quantity == "f"] + memory if memory else []
+
+
+def data_columns(columns: Sequence[Column]) -> list[Column]:
+    """Return the columns of the data trace."""
+    return [column for column in columns if not column.memory]
+
+
+def weak_resistance(parameter: str) -> list[str]:
+    """Return the note that goes with parameters that hardly determine the resistive part."""
+    if parameter not in RESISTANCE_WEAK:
+        return []
+    return [f"{parameter} gives resistance only as a small difference, taken as positive; losses are uncertain."]

@@ -1,0 +1,111 @@
+"""The comment lines of a recording: `key: value`, settings and provenance, so that a round trip loses nothing."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...models.sweep import Sweep
+from .page import Page, RecordingError, clipped
+
+FORMAT = "pzctl recording 1"
+OWN = ("format", "rows", "time", "id", "note")
+"""Keys that are not settings."""
+NUMBERS = ("bandwidth", "oscillator_V", "point_average", "sweep_average", "sweep_seconds", "bias_V")
+"""Settings that others calculate with: numbers, or null where unknown."""
+
+
+@dataclass
+class Provenance:
+    """What the comment lines of a recording say."""
+
+    settings: dict[str, Any] = field(default_factory=dict[str, Any])
+    time: str | None = None
+    id: str | None = None
+    rows: int | None = None
+    own: bool = False
+    """Whether pzctl wrote the file."""
+    notes: list[str] = field(default_factory=list[str])
+
+
+def provenance_lines(sweep: Sweep, points: int) -> list[str]:
+    """Return the comment lines, without comment sign. Raises RecordingError for a setting that no line can hold."""
+    lines = [f"format: {FORMAT}", f"rows: {points}", f"time: {_text(sweep.time)}", f"id: {_text(sweep.id)}"]
+    lines += [f"note: {_text(note)}" for note in sweep.notes]
+    for key, value in sweep.settings.items():
+        if key in OWN or ":" in key or key != key.strip() or not key or not key.isprintable():
+            raise RecordingError(f"setting {clipped(key)!r} cannot be written: its name is not allowed in a file")
+        lines.append(f"{key}: {_text(value)}")
+    return lines
+
+
+def _text(value: Any) -> str:
+    """Return a value on one line: bare text where it reads back as that text, JSON otherwise."""
+    if isinstance(value, str) and value and value.isprintable() and _value(value) == value and value == value.strip():
+        return value
+    try:
+        return json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError, RecursionError):
+        raise RecordingError(f"setting {clipped(repr(value))} cannot be written: it is no finite plain value") from None
+
+
+def _not_finite(text: str) -> Any:
+    raise ValueError(text)
+
+
+def _value(text: str) -> Any:
+    """Return JSON as what it means, anything else as text."""
+    try:
+        return json.loads(text, parse_constant=_not_finite)
+    except (ValueError, RecursionError):
+        return text
+
+
+def read_provenance(page: Page, comments: Sequence[tuple[int, str]]) -> Provenance:
+    """Return what comment lines (with their line numbers, without comment sign) say. Raises RecordingError."""
+    said = Provenance()
+    for line, comment in comments:
+        key, colon, text = comment.partition(":")
+        key, value = key.strip(), _value(text.strip())
+        if not colon or not key:
+            continue  # a remark, for people only
+        if key == "format":
+            said.own = value == FORMAT
+        elif key == "rows":
+            said.rows = _count(page, value, line)
+        elif key == "time":
+            said.time = str(value)
+        elif key == "id":
+            said.id = str(value)
+        elif key == "note":
+            said.notes.append(str(value))
+        else:
+            said.settings[key] = _checked(page, key, value, line)
+    return said
+
+
+def _count(page: Page, value: object, line: int) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise page.error(line, f"rows is {clipped(str(value))}; a whole number is needed")
+    return value
+
+
+def _checked(page: Page, key: str, value: Any, line: int) -> Any:
+    """Refuse a setting that is no finite number where others calculate with it."""
+    if key in NUMBERS and value is not None:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        try:
+            finite = number and math.isfinite(value)
+        except OverflowError:
+            finite = False
+        if not finite:
+            raise page.error(line, f"{key} is {clipped(str(value))}; a number is needed")
+    return value
+
+
+def check_points(page: Page, announced: int | None, found: int, what: str = "the file") -> None:
+    """Refuse a file that holds fewer or more points than it announces. Raises RecordingError."""
+    if announced is not None and announced != found:
+        says = "is cut off" if found < announced else "is damaged"
+        raise page.error(None, f"{what} {says}: {announced} points announced, {found} found")

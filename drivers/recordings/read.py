@@ -1,0 +1,45 @@
+"""Which reader a file belongs to: by its extension and its content, never by guess alone."""
+
+from pathlib import Path
+
+from ...models.sweep import Sweep
+from .ascii4294a import is_4294a, read_4294a
+from .keysight import is_keysight, read_keysight
+from .page import RecordingError, clipped, read_bytes, read_page
+from .table import read_table
+from .touchstone import SUFFIXES, read_touchstone
+
+TEXTS = (".csv", ".txt", ".tsv")
+
+
+def read_recording(path: Path) -> Sweep:
+    """Read a recording: one file is one sweep. Raises RecordingError, one sentence for a person.
+
+    `.txt`, `.csv`, `.tsv`: a 4294A's ASCII export, a Keysight E4990A's CSV, or a table with known column names (among
+    them the project's own CSV), told apart by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1.
+    """
+    return _read(path)[0]
+
+
+def read_memory_trace(path: Path) -> Sweep | None:
+    """Read the memory trace of a recording, or return None where none was saved. Raises RecordingError."""
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[Sweep, Sweep | None]:
+    suffix = path.suffix.lower()
+    if suffix == ".dat":
+        read_bytes(path)
+        raise RecordingError(f"{path}: a binary data trace holds no frequencies; save as ASCII (.txt) on the 4294A")
+    if suffix not in (*TEXTS, *SUFFIXES):
+        read_bytes(path)  # a file that is not there is said before its name
+        allowed = ", ".join((*TEXTS, *SUFFIXES))
+        raise RecordingError(f"{path}: {clipped(suffix) or 'no extension'} is not known; known are {allowed}")
+    page = read_page(path)
+    if suffix in SUFFIXES:
+        return read_touchstone(page)
+    if is_4294a(page):
+        return read_4294a(page)
+    if is_keysight(page):
+        return read_keysight(page)
+    return read_table(page)
