@@ -68,8 +68,6 @@ class AnalyzerThread:
         return self._analyzer
 
     def _measure(self, job: Job, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
-        if job.cancelled.is_set():
-            raise Cancelled("the measurement was cancelled before it began")
         try:
             return self._opened().measure(job.plan, report, job.cancelled.is_set)
         except Cancelled:
@@ -135,6 +133,9 @@ class Acquisition:
             await self._more.wait()
 
     async def _do(self, job: Job) -> None:
+        if job.cancelled.is_set():
+            self._state(job, "cancelled", "the measurement was cancelled before it began")
+            return
         self._state(job, "measuring")
         try:
             sweeps = await self._analyzer.measure(job, self._reporter(job))

@@ -117,6 +117,14 @@ class Client:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
         self._asker.ask(ask.Shutdown(id=uuid7()), ask.Answer)
 
+    def replay(self, since: int, until: int | None = None) -> Iterator[Heard]:
+        """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
+        more = True
+        while more:
+            heard, more = self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
+            yield from heard
+            since += len(heard)
+
     def listen(self, patience: float) -> Iterator[Heard]:
         """Return every event from now on, in order, none lost; they end when none comes within `patience` seconds."""
         subscription = self._subscribed()
@@ -135,13 +143,17 @@ class Client:
         measurement failed or was cancelled.
         """
         subscription = self._subscribed()
-        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan)
-        measurement = self._asker.ask(request, ask.MeasureAnswer).measurement
+        measurement = self.begin(build, step, plan)
         try:
             return self._follow(subscription, measurement, progress)
         except KeyboardInterrupt:
             self.cancel(measurement)
             raise
+
+    def begin(self, build: Build, step: str, plan: SweepPlan | None = None) -> str:
+        """Ask for a measurement and do not wait for it; return its id."""
+        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan)
+        return self._asker.ask(request, ask.MeasureAnswer).measurement
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
         """Return what a fitter answered to a measurement, waiting for it.

@@ -18,7 +18,7 @@ from .wire import WELCOME, Envelope, Heard, decode, envelope
 SILENCE = 5.0
 """Seconds without a beat after which a daemon counts as gone; it beats every second."""
 
-TRIES, PATIENCE = 3, 5.0
+TRIES, PATIENCE = 3, 2.0
 """How often a request is sent, and how many seconds each time is waited for its answer."""
 
 A = TypeVar("A", bound=Answer)

@@ -125,7 +125,7 @@ class Desk:
     def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
-        return _events(request.id, events, more=max(request.since, 1) + len(events) <= until)
+        return _events(request.id, events, more=request.since + len(events) <= until)
 
     @answer.register
     def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:

@@ -3,6 +3,7 @@
 import logging
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import asdict
 
@@ -19,9 +20,6 @@ from .service import Options, run
 
 PATIENCE = 60.0
 """Seconds within which a daemon answers, or does not."""
-
-_children: list["subprocess.Popen[bytes]"] = []
-"""Daemons outlive whoever started them; kept here so that Python does not complain of it."""
 
 
 def running() -> Location | None:
@@ -60,7 +58,7 @@ def start(options: Options | None = None) -> Location:
             stderr=output,
             start_new_session=True,
         )
-    _children.append(process)
+    threading.Thread(target=process.wait, daemon=True).start()  # it outlives us; if it does not, no zombie stays
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         where = find(home())

@@ -97,8 +97,12 @@ class Reception:
 
 
 class _Named(msgspec.Struct):
-    id: str
+    id: str | None = None
+    request: str | None = None
 
+
+NAMES = tuple(str(kind.__struct_config__.tag) for kind in ask.AnyRequest.__args__)
+"""Of the requests."""
 
 _request = msgspec.json.Decoder(ask.AnyRequest)
 _named = msgspec.json.Decoder(_Named)
@@ -108,6 +112,9 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
     """Return the request. Raises WireError with a sentence, whatever the bytes are."""
     if not 1 <= len(frames) <= MOST_FRAMES:
         raise WireError(f"request: {len(frames)} frame(s); 1 to {MOST_FRAMES} are allowed")
+    name = from_json(frames[0], _named).request
+    if name not in NAMES:
+        raise WireError(f"request: {name!r} is not known; known are {', '.join(NAMES)}")
     request = from_json(frames[0], _request)
     if request.v != WIRE:
         raise WireError(

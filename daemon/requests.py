@@ -59,7 +59,7 @@ class Cancel(Request, frozen=True, kw_only=True, tag="cancel"):
 class Replay(Request, frozen=True, kw_only=True, tag="replay"):
     """The events `since` .. `until` (both included) once more; at most `max` in one answer."""
 
-    since: Annotated[int, msgspec.Meta(ge=0)]
+    since: Annotated[int, msgspec.Meta(ge=1)]
     until: int | None = None
     max: Annotated[int, msgspec.Meta(ge=1, le=MOST_EVENTS)] = MOST_EVENTS
 
