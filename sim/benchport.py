@@ -131,11 +131,13 @@ class BenchPort:
         return {}
 
     def _lasting(self, kind: str) -> None:
-        if kind == "none":
+        """Switch a lasting fault on; `none` switches all of them off and disarms the others."""
+        none = kind == "none"
+        if none:
             self._faults.clear()
-        self._bench.inverted = kind == "polarity"
-        self._instrument.date_lost = kind == "dead-clock"
-        self._instrument.bias_overload = kind == "bias-overload"
+        self._bench.inverted = not none and (self._bench.inverted or kind == "polarity")
+        self._instrument.date_lost = not none and (self._instrument.date_lost or kind == "dead-clock")
+        self._instrument.bias_overload = not none and (self._instrument.bias_overload or kind == "bias-overload")
 
     def _trigger(self) -> None:
         if self._instrument.state["TRGS"] not in ("EXT", "MAN") or not self._instrument.sweeper.trigger():

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 MESSAGE_LIMIT = 1 << 20
 """Bytes a message may have; the longest honest one (801 complex doubles as ASCII) has some 40 000."""
 
+BLANK = b" \t\r\n\0"
+
 
 class CommandError(Exception):
     """What the instrument puts into its error queue: a number and a text."""
@@ -93,18 +95,28 @@ def _block_length(data: bytes | bytearray, at: int) -> int | None:
 def parse(message: bytes) -> Iterator[Unit]:
     """Yield the units of a message in order. Raises CommandError at the first that cannot be read."""
     for part in _split(message, b";"):
-        if text := part.strip(b" \t\r\n\0"):
+        if text := part.lstrip(BLANK):
             yield _unit(text)
 
 
 def _unit(text: bytes) -> Unit:
     head, _, rest = text.partition(b" ")
+    head = head.rstrip(BLANK)
     query = head.endswith(b"?")
     mnemonic = head[:-1] if query else head
     if not mnemonic.isascii() or not _looks_like_mnemonic(mnemonic):
         raise CommandError(-113, "UNDEFINED HEADER")
-    arguments = tuple(a.strip(b" \t") for a in _split(rest, b",")) if rest.strip(b" \t") else ()
+    arguments = tuple(_trimmed(a) for a in _split(b" " + rest, b",")) if rest.strip(BLANK) else ()
     return Unit(mnemonic.decode("ascii").upper(), query, arguments)
+
+
+def _trimmed(argument: bytes) -> bytes:
+    """Return a parameter without the blanks around it; a block's own bytes are kept whatever they are."""
+    argument = argument.lstrip(BLANK)
+    length = _block_length(argument, 0) if argument[:1] == b"#" else None
+    if length is not None and not argument[length:].strip(BLANK):
+        return argument[:length]
+    return argument.rstrip(BLANK)
 
 
 def _looks_like_mnemonic(word: bytes) -> bool:

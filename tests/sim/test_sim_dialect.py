@@ -1,0 +1,264 @@
+"""The instrument's words, over its own socket: the checklist of section 9 of the reference."""
+
+import time
+
+import numpy as np
+import pytest
+
+
+def test_identifies_itself_and_comes_up_sweeping(lab):
+    wire = lab.wire()
+    assert wire.ask("*IDN?") == "HEWLETT-PACKARD,4294A,MY43202956,REV1.11"
+    assert wire.ask("CONT?") == "1"
+    assert int(wire.ask("*ESR?")) & 128
+
+
+def test_defaults_after_reset(wire):
+    wire.say("MEAS COMP;POIN 33;STAR 1 MHZ;BWFACT 5;POWE 0.1;FORM3;SWPT LOG;DCV 3;TRAC B;*RST")
+    expected = {
+        "MEAS?": "IMPH", "SWPP?": "FREQ", "SWPT?": "LIN", "POIN?": "201", "BWFACT?": "1", "PAVER?": "0",
+        "PAVERFACT?": "4", "AVER?": "0", "AVERFACT?": "16", "POWMOD?": "VOLT", "DCO?": "0", "TRGS?": "INT",
+        "TRAC?": "A", "CONT?": "0", "COMSTA?": "0", "E4TP?": "OFF",
+    }  # fmt: skip
+    assert {query: wire.ask(query) for query in expected} == expected
+    assert [float(wire.ask(q)) for q in ("STAR?", "STOP?", "POWE?", "DCV?")] == [40, 110e6, 0.5, 0]
+    assert wire.numbers("OUTPSWPRM?").size == 201, "FORM4 is back"
+
+
+def test_preset_sweeps_on(wire):
+    wire.say("PRES")
+    assert wire.ask("CONT?") == "1"
+    assert wire.ask("*OPC?") == "1", "CONT has no end to wait for"
+    wire.say("HOLD")
+    assert wire.ask("CONT?") == "0"
+
+
+def test_tolerates_what_people_send(wire):
+    wire.say(b"star 1mhz; STOP 2000000 hz ;poin 11\r\n")
+    assert [float(x) for x in (wire.ask("STAR?"), wire.ask("stop?"))] == [1e6, 2e6]
+    assert wire.ask("TRAC B;TRAC?") == "B"
+    assert wire.ask("TITL 'one; two';TITL?") == '"one; two"'
+    assert wire.errors() == []
+
+
+@pytest.mark.parametrize(
+    ("command", "query", "value"),
+    [
+        ("POIN 1001", "POIN?", 801),
+        ("POIN 1", "POIN?", 2),
+        ("STOP 140000000 HZ", "STOP?", 110e6),
+        ("STAR 1", "STAR?", 40),
+        ("SWPT LOG;STAR 110E6", "STAR?", 109.9998e6),
+        ("SWPT LOG;STAR 40;STOP 50", "STOP?", 60),
+        ("POWE 2", "POWE?", 1),
+        ("POWMOD CURR;POWE 1", "POWE?", 20e-3),
+        ("BWFACT 9", "BWFACT?", 5),
+        ("DCV -50", "DCV?", -40),
+        ("AVERFACT 999", "AVERFACT?", 256),
+        ("STAR 1000000.0004", "STAR?", 1000000.0),
+    ],
+)
+def test_out_of_range_is_clamped_without_a_word(wire, command, query, value):
+    wire.say(command)
+    assert float(wire.ask(query)) == pytest.approx(value, abs=1e-9)
+    assert wire.errors() == []
+
+
+@pytest.mark.parametrize(
+    ("message", "number", "event_bit"),
+    [
+        ("MEAS ZTD", -224, 4),
+        ("MEAS{IMPH}", -113, 5),
+        ("POIN101", -113, 5),
+        ("POWMOD", -109, 5),
+        ("POIN ON", -104, 5),
+        ("POWE 1 HZ", -131, 5),
+        ("SYST:ERR?", -113, 5),
+        ("*RST 1", -108, 5),
+        ("COMSTA ON", -221, 4),
+        ("OUTPDATAP? 202", -222, 4),
+        ('TITL "open', -151, 5),
+    ],
+)
+def test_what_is_refused_stands_in_the_queue_and_changes_nothing(wire, message, number, event_bit):
+    wire.say(message)
+    assert wire.ask("MEAS?") == "IMPH"
+    assert int(wire.ask("*ESR?")) & ~1 == 1 << event_bit
+    (error,) = wire.errors()
+    assert int(error.split(",")[0]) == number
+
+
+def test_the_queue_holds_ten_errors_oldest_first(wire):
+    wire.say("MEAS FOO")
+    for _ in range(11):
+        wire.say("FOO")
+    numbers = [int(e.split(",")[0]) for e in wire.errors()]
+    assert numbers == [-224, *[-113] * 8, -350]
+    wire.say("FOO;*CLS")
+    assert wire.ask("OUTPERRO?") == '0,"NO ERROR"'
+
+
+def test_start_takes_stop_along_and_center_moves_both(wire):
+    wire.say("STAR 5 MHZ;STOP 1 MHZ")
+    assert float(wire.ask("STAR?")) == float(wire.ask("STOP?")) == 1e6
+    wire.say("CENT 3 MHZ;SPAN 2 MHZ")
+    assert [float(wire.ask(q)) for q in ("STAR?", "STOP?", "CENT?", "SPAN?")] == [2e6, 4e6, 3e6, 2e6]
+
+
+def test_the_log_grid_is_that_of_a_real_export(wire, recordings):
+    real = [
+        line.split("\t")[0] for line in (recordings / "hp4294a-exports" / "MD1.txt").read_text().splitlines()[21:822]
+    ]
+    wire.say("SWPT LOG;POIN 801;STAR 25.5E3;STOP 32.5E3;FORM3")
+    mine = wire.block("OUTPSWPRM?", ">f8")
+    np.testing.assert_allclose(mine, [float(f) for f in real], atol=1.01e-3, rtol=0)
+    np.testing.assert_array_equal(mine, np.round(mine * 1000) / 1000)
+
+
+def test_the_formats_carry_the_same_numbers(wire):
+    wire.say("STAR 1 MHZ;STOP 6 MHZ;POIN 801;SING")
+    assert wire.ask("*OPC?") == "1"
+    wire.say("FORM3")
+    exact = wire.block("OUTPDATA?", ">f8")
+    assert exact.nbytes == 12_816
+    np.testing.assert_array_equal(wire.numbers("FORM4;OUTPDATA?"), exact)
+    for form, dtype in ((2, ">f4"), (5, "<f4")):
+        np.testing.assert_array_equal(wire.block(f"FORM{form};OUTPDATA?", dtype), exact.astype("f4"))
+    np.testing.assert_array_equal(wire.numbers("FORM4;OUTPDATAP? 3"), exact[4:6])
+    assert [f"{x:.6e}" for x in exact[:9]] == [f"{float(f'{x:.6e}'):.6e}" for x in exact[:9]], "seven digits"
+
+
+def test_traces_are_derived_from_the_stored_impedance(wire):
+    wire.say("MEAS IRIM;STAR 1 MHZ;STOP 6 MHZ;SING")
+    wire.ask("*OPC?")
+    z = wire.impedance()
+    w = 2 * np.pi * wire.block("OUTPSWPRM?", ">f8")
+
+    def traces(measurement):
+        wire.say(f"MEAS {measurement}")
+        return [wire.block(f"TRAC {t};OUTPDTRC?", ">f8") for t in "AB"]
+
+    for measurement, first, second in (
+        ("IMPH", abs(z), np.angle(z, deg=True)),
+        ("ARIM", (1 / z).real, (1 / z).imag),
+        ("CPD", (1 / z).imag / w, z.real / abs(z.imag)),
+        ("LSR", z.imag / w, z.real),
+    ):
+        a, b = traces(measurement)
+        np.testing.assert_allclose(a[0::2], first, rtol=2e-6)
+        np.testing.assert_allclose(b[0::2], second, rtol=2e-6)
+        assert not a[1::2].any(), "a scalar's subsidiary is 0"
+        assert not b[1::2].any()
+    a, b = traces("COMP")
+    np.testing.assert_allclose(a[0::2] + 1j * a[1::2], z, rtol=1e-6)
+    np.testing.assert_allclose(b[0::2] + 1j * b[1::2], 1 / z, rtol=1e-6)
+
+
+def test_a_sweep_is_overlapped_and_its_data_appear_at_the_end(lab_with):
+    lab = lab_with(time_scale=0.1)
+    wire, other = lab.wire(), lab.wire()
+    wire.say("*RST;*CLS;ESNB 1;*SRE 4;STAR 1 MHZ;STOP 6 MHZ;SING;*OPC?")
+    assert other.ask("BWFACT?") == "1", "*OPC? holds up nobody else"
+    assert not np.any(other.impedance()), "nothing yet"
+    assert int(other.ask("*STB?")) & 4 == 0
+    assert wire.line() == "1\n"
+    assert np.all(other.impedance() != 0)
+    assert int(other.ask("*STB?")) == 4 | 64
+    assert int(other.ask("ESB?")) & 1
+    assert int(other.ask("ESB?")) == 0, "reading clears"
+
+
+def test_a_sweep_takes_its_time(lab_with):
+    lab = lab_with(time_scale=0.05)
+    wire = lab.wire()
+    wire.say("*RST;STAR 1 MHZ;STOP 3 MHZ;BWFACT 3;NUMG 2")
+    began = time.monotonic()
+    wire.ask("*OPC?")
+    model = 0.05 * 2 * 201 * 14.4e-3
+    assert time.monotonic() - began >= 0.9 * model
+    assert lab.bench("status")["bench_seconds"] == pytest.approx(model / 0.05, rel=1e-2)
+
+
+def test_hold_ends_a_sweep_that_waits_and_opc_with_it(lab):
+    wire, other = lab.wire(), lab.wire()
+    wire.say("*RST;*CLS;TRGS BUS;SING;*OPC?")
+    assert int(other.ask("ESB?")) & 2, "waits for its trigger"
+    other.say("HOLD")
+    assert wire.line() == "1\n"
+
+
+def test_a_bus_trigger_starts_each_sweep(wire):
+    wire.say("*TRG")
+    assert wire.errors()[0].startswith("-211")
+    wire.say("TRGS BUS;*OPC;NUMG 2;*OPC;*TRG")
+    assert int(wire.ask("ESB?")) & 1 == 0, "one more to come"
+    wire.say("*TRG")
+    assert int(wire.ask("ESB?")) & 1
+    assert int(wire.ask("*ESR?")) & 1
+
+
+def test_an_external_trigger_comes_from_the_bench(lab, wire):
+    wire.say("TRGS EXT;SING")
+    lab.bench("trigger")
+    assert wire.ask("*OPC?") == "1"
+    assert np.all(wire.impedance() != 0)
+
+
+def test_averaging_needs_groups(lab_with):
+    lab = lab_with(noise=True)
+    clean = lab_with(noise=False).wire()
+    wire = lab.wire()
+    setup = "*RST;STAR 1 MHZ;STOP 3 MHZ;POIN 801;AVER ON;AVERFACT 16;AVERREST"
+    clean.say(setup + ";SING;*OPC?")
+    clean.line()
+    truth = clean.impedance()
+
+    def noise(command):
+        wire.say(f"{setup};{command};*OPC?")
+        wire.line()
+        return np.std(wire.impedance() / truth - 1)
+
+    assert noise("SING") / noise("NUMG 16") == pytest.approx(4, rel=0.15)
+
+
+def test_a_new_axis_leaves_no_old_data(wire):
+    wire.say("SING")
+    assert np.all(wire.impedance() != 0)
+    wire.say("POIN 51")
+    assert wire.impedance().tolist() == [0] * 51
+
+
+def test_bias_beyond_its_range_is_error_137(wire):
+    wire.say("DCMOD VOLT;DCV 5;DCRNG M1;DCO ON")
+    assert wire.errors() == ['137,"DC BIAS OVERLOAD"']
+    assert wire.ask("DCO?") == "0"
+    wire.say("DCRNG M10;DCO ON")
+    assert wire.errors() == []
+    assert wire.ask("DCO?") == "1"
+
+
+def test_a_list_sweep_has_its_segments_own_settings(wire):
+    wire.say("EDITLIST;CLEL;SADD;STAR 1 MHZ;STOP 2 MHZ;POIN 11;BWFACT 5;SDON")
+    wire.say("SADD;STAR 4 MHZ;STOP 5 MHZ;POIN 201;POWE 0.1;SDON;EDITDONE;SWPT LIST;FORM3;SING")
+    assert wire.ask("*OPC?") == "1"
+    assert wire.errors() == []
+    assert wire.ask("POIN?") == "212"
+    assert wire.ask("BWFACT?") == "1"
+    axis = wire.block("OUTPSWPRM?", ">f8")
+    assert (axis[0], axis[10], axis[11], axis[-1]) == (1e6, 2e6, 4e6, 5e6)
+    assert wire.impedance().size == 212
+
+
+def test_a_list_may_not_pass_801_points_nor_overlap(wire):
+    wire.say("EDITLIST;CLEL" + "".join(f";SADD;STAR {k} MHZ;STOP {k + 1} MHZ;POIN 201;SDON" for k in range(1, 6)))
+    assert wire.errors()[0].startswith("-223")
+    wire.say("SADD;STAR 1.5 MHZ;STOP 9 MHZ;POIN 3;SDON;EDITDONE")
+    assert wire.errors()[0].startswith("-221")
+
+
+def test_a_level_sweep_stays_at_its_frequency(wire):
+    wire.say("SWPP OLEV;CWFREQ 1 MHZ;STAR 0.1 V;STOP 0.5;POIN 5;SING")
+    np.testing.assert_allclose(wire.numbers("OUTPSWPRM?"), [0.1, 0.2, 0.3, 0.4, 0.5])
+    np.testing.assert_allclose(wire.impedance(), wire.impedance()[0], rtol=0.01)
+    wire.say("SWPT LOG")
+    assert wire.errors()[0].startswith("-221")
