@@ -25,7 +25,7 @@ def test_smoothness_is_blind_to_resonances(noise: float) -> None:
 
 def test_noise_that_grows_where_the_impedance_is_small() -> None:
     clean = disk_sweep(0.0, 0)
-    sigma = 1e-4 * np.hypot(1.0, 3.0 / np.abs(clean.impedance))
+    sigma = 1e-4 * np.hypot(1.0, 15.0 / np.abs(clean.impedance))
     ratios = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
