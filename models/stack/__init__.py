@@ -9,14 +9,16 @@
 
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
 from .layers import Elastic, Piezo
-from .loads import AIR, VACUUM, HalfSpace, Load
+from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
 from .lumps import Mass, Spring
+from .radiation import Piston
 from .stack import Layer, Stack
 
 __all__ = [
     "AIR",
     "CONSTANT",
     "VACUUM",
+    "AnyLoad",
     "CausalConstantQ",
     "ConstantLoss",
     "Elastic",
@@ -26,9 +28,11 @@ __all__ = [
     "LossLaw",
     "Mass",
     "Piezo",
+    "Piston",
     "PowerLoss",
     "Spring",
     "Stack",
     "StackError",
+    "Support",
     "viscous",
-]  # fmt: skip
+]

@@ -1,11 +1,13 @@
 """What the outermost faces rest on, as a specific acoustic impedance over frequency."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
-from ..arrays import Frequencies
+import numpy as np
+
+from ..arrays import Complexes, Frequencies
 from .laws import ComplexLike, StackError
 from .row import Joins
 
@@ -57,6 +59,73 @@ class HalfSpace(Load):
     def gradients(self, frequency: Frequencies) -> Mapping[str, ComplexLike]:
         """Return 1."""
         return {"z": 1.0 + 0j}
+
+
+@dataclass(frozen=True)
+class Support(Load):
+    """What a jig, a rubber pad or a finger is to a face: `resistance + stiffness/(jw) + jw mass`, each per area."""
+
+    name: str
+    resistance: float = 0.0
+    """Rayl."""
+    stiffness: float = 0.0
+    """Pa/m."""
+    mass: float = 0.0
+    """kg/m2."""
+
+    def __post_init__(self) -> None:
+        for key, value in self.parameters().items():
+            if not 0 <= value < float("inf"):
+                raise StackError(f"load {self.name!r}: {key} is {value:g}; allowed is zero or a positive finite number")
+
+    def parameters(self) -> dict[str, float]:
+        """Return `resistance` (Rayl), `stiffness` (Pa/m) and `mass` (kg/m2)."""
+        return {"resistance": self.resistance, "stiffness": self.stiffness, "mass": self.mass}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the support with these parameters."""
+        return replace(self, **values)
+
+    def impedance(self, frequency: Frequencies) -> ComplexLike:
+        """Return the specific impedance in Rayl, shape (N,)."""
+        omega = 2 * np.pi * frequency
+        return np.add(self.resistance, 1j * (omega * self.mass - self.stiffness / omega))
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d impedance / d parameter, shape (N,) where it depends on frequency."""
+        omega = 2 * np.pi * frequency
+        return {"resistance": 1.0 + 0j, "stiffness": np.divide(-1j, omega), "mass": np.multiply(1j, omega)}
+
+
+@dataclass(frozen=True)
+class AnyLoad(Load):
+    """Any specific acoustic impedance of frequency, given as a function: measured, or from another program."""
+
+    name: str
+    function: Callable[[Frequencies], Complexes]
+    """Takes Hz, shape (N,), returns Rayl, shape (N,)."""
+
+    def parameters(self) -> dict[str, float]:
+        """Return nothing: what the function depends on is its own affair."""
+        return {}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the load itself: it has no parameter."""
+        return self
+
+    def impedance(self, frequency: Frequencies) -> ComplexLike:
+        """Return what the function says. Raises StackError where its shape is wrong or a value is not finite."""
+        Z = np.asarray(self.function(frequency), np.complex128)
+        if Z.shape != frequency.shape or not np.all(np.isfinite(Z)):
+            raise StackError(
+                f"load {self.name!r}: its function gave shape {Z.shape}, finite: {bool(np.all(np.isfinite(Z)))}; "
+                f"a finite impedance for each of the {frequency.size} frequencies is needed"
+            )
+        return Z
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return nothing."""
+        return {}
 
 
 VACUUM = HalfSpace("vacuum", 0.0)
