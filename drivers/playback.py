@@ -71,7 +71,7 @@ def _files(path: Path) -> list[Path]:
     return files
 
 
-SUFFIXES = (".csv", ".s1p", ".txt", ".z1p")
+SUFFIXES = (".csv", ".s1p", ".tsv", ".txt", ".y1p", ".z1p")
 """What a recording's name ends with; other files of a folder are not played."""
 
 

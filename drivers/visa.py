@@ -67,7 +67,7 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     if resource.strip().startswith(_RECORDING):
         from .playback import Playback
 
-        return Playback(Path(resource.strip().removeprefix(_RECORDING)))
+        return Playback(Path(resource.strip().removeprefix(_RECORDING)).expanduser())
     from .agilent4294a import Agilent4294A
     from .link import Link
 
