@@ -14,8 +14,9 @@ from .children import last_line
 from .client import Client
 from .connection import DaemonError
 from .frames import to_json
+from .journal import is_written
 from .location import Location, find
-from .paths import home, log_file
+from .paths import home, journal_folder, log_file
 from .service import Options, run
 
 PATIENCE = 60.0
@@ -40,6 +41,9 @@ def start(options: Options | None = None) -> Location:
     Raises DaemonError with the daemon's own sentence where it does not start.
     """
     wanted = options or Options()
+    deadline = time.monotonic() + PATIENCE
+    while find(home()) is None and is_written(journal_folder(home())) and time.monotonic() < deadline:
+        time.sleep(0.05)  # one is just starting, or ending
     found = running()
     if found is not None:
         if wanted.resource not in (None, found.resource):
@@ -59,7 +63,6 @@ def start(options: Options | None = None) -> Location:
             start_new_session=True,
         )
     threading.Thread(target=process.wait, daemon=True).start()  # it outlives us; if it does not, no zombie stays
-    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         where = find(home())
         if where is not None and where.pid == process.pid and (found := running()) is not None:

@@ -120,6 +120,7 @@ class Daemon:
         self._journal = journal
         self._events = events
         self._options = options
+        self._folder = folder
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
         self._acquisition = Acquisition(analyzer, instrument, self.publish)
@@ -133,7 +134,7 @@ class Daemon:
             bench=options.bench,
             settings=asdict(options),
             publish=self.publish,
-            shutdown=self._stop.set,
+            shutdown=self._end,
         )
         self._reception = Reception(requests, desk)
 
@@ -144,7 +145,7 @@ class Daemon:
 
     async def serve(self) -> None:
         """Serve until told to end. Raises JournalError where the journal fails."""
-        _on_signals(self._stop.set)
+        _on_signals(self._end)
         self.publish(StateEvent(state="started"), ())
         for left in self._journal.unfinished():
             says = "the daemon ended before this measurement did; measure again"
@@ -161,6 +162,11 @@ class Daemon:
             for task in (*tasks, stop):
                 task.cancel()
             await asyncio.wait((*tasks, stop))
+
+    def _end(self) -> None:
+        """Begin to end; from now on nobody should find this daemon."""
+        withdraw(self._folder)
+        self._stop.set()
 
     async def _until_stopped(
         self, stop: "asyncio.Task[Any]", acquiring: "asyncio.Task[None]", tasks: "set[asyncio.Task[None]]"

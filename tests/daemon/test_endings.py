@@ -164,6 +164,16 @@ def test_a_simulator_that_dies_fails_the_measurement_only(start_daemon, build: B
         assert lab.status().measuring is None
 
 
+def test_one_daemon_right_after_another(start_daemon, build: Build) -> None:
+    runs: list[str] = []
+    for _ in range(3):
+        runs.append(start_daemon("Echo").run)
+        with connect() as lab:
+            lab.begin(build, "disk")
+            lab.shutdown()
+    assert len(set(runs)) == 3
+
+
 def test_one_daemon_for_one_data_folder(start_daemon, end, tmp_path: Path) -> None:
     where = start_daemon()
     assert start() == where == running()
