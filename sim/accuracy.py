@@ -44,7 +44,7 @@ class Terms:
 
 def terms(frequency: Frequencies, bandwidth: Reals, level_V: Reals) -> Terms:
     """Return the accuracy terms at frequencies (Hz), BWFACT and oscillator level (V), each of shape (N,)."""
-    band = np.searchsorted(_BAND_EDGES, frequency, side="right")
+    band = np.searchsorted(_BAND_EDGES, frequency, side="left")
     index = bandwidth.astype(int) - 1
     ep = np.where(band == 4, 0.1 * frequency / 1e6, _EP[band])
     ep_bandwidth = np.where(frequency >= 50e3, _EP_BANDWIDTH_HIGH[index], _EP_BANDWIDTH_LOW[index])

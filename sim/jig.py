@@ -7,6 +7,9 @@ import numpy as np
 
 from ..models.arrays import Complexes, Frequencies, Impedances
 
+OPEN = 1e-15
+"""Admittance of nothing at all, S: what keeps 1/Y finite."""
+
 
 @dataclass(frozen=True)
 class Jig:
@@ -25,7 +28,7 @@ class Jig:
         """Return the impedance seen, shape (N,), where the contacts hold a device of this admittance (S)."""
         w = 2 * np.pi * frequency
         shunt = self.conductance + 1j * w * self.capacitance + admittance
-        inner = 1 / np.where(shunt == 0, 1e-15, shunt)
+        inner = 1 / np.where(np.abs(shunt) < OPEN, OPEN, shunt)
         return np.asarray(self.short(frequency) + inner, dtype=np.complex128)
 
     def short(self, frequency: Frequencies) -> Impedances:

@@ -1,0 +1,43 @@
+"""The simulator as a process: says where it is, dies when told, refuses to start in one sentence."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from pzctl.sim.control import bench_command
+from pzctl.sim.server import SimError, SimOptions, running
+
+SCRIPT = "from pzctl.sim.server import SimOptions, run; run(SimOptions(port=0, bench_port=0, prologix_port=0))"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_says_its_addresses_and_dies_cleanly(number, tmp_path):
+    with subprocess.Popen(
+        [sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    ) as process:
+        addresses = json.loads(process.stdout.readline())
+        host, port = addresses["bench"].split(":")
+        assert bench_command(host, int(port), command="status")["step"] == "disk"
+        assert addresses["instrument"].startswith("TCPIP0::127.0.0.1::")
+        assert addresses["prologix"].startswith("PRLGX-TCPIP0::127.0.0.1::")
+        process.send_signal(number)
+        out, err = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert out == ""
+    (line,) = err.splitlines()
+    assert addresses["instrument"] in line
+    assert addresses["bench"] in line
+
+
+def test_a_port_that_is_taken_is_one_sentence():
+    with running() as first, pytest.raises(SimError, match=rf"cannot listen on 127.0.0.1:{first.port}"):
+        running(SimOptions(port=first.port, bench_port=0)).__enter__()
+
+
+@pytest.mark.parametrize("wrong", [{"port": 70000}, {"time_scale": -1.0}, {"seed": -1}, {"jig": "glove"}])
+def test_options_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(SimError, match="simulator: "):
+        SimOptions(**wrong)
