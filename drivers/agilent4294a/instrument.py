@@ -2,19 +2,23 @@
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from ...models.plan import Segment, SweepPlan
 from ...models.sweep import Sweep
 from .. import replies
 from ..analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..link import Link
-from . import grid, limits, state
+from . import compensation, grid, limits, state
+from .compensation import Compensation, Standard
 from .record import record
 from .sweeping import expected_seconds, sweep
 
 # String 1 was HEWLETT-PACKARD even on Agilent's own units; later badges are allowed for.
 _IDN = re.compile(r'"?(HEWLETT-PACKARD|AGILENT[^,]*|KEYSIGHT[^,]*), ?4294A, ?([^,]*), ?([^,"]*)"?', re.IGNORECASE)
+
+Result = TypeVar("Result")
 
 
 class Agilent4294A:
@@ -53,17 +57,41 @@ class Agilent4294A:
         """
         count = sum(len(_sweeps_of(segment)) for segment in plan.segments)
         course = _Course(self.estimated_seconds(plan), count, progress, cancelled)
-        identity = self.identify()
-        found: state.Found | None = None
-        try:
-            found = state.take(self._link)
-            sweeps = tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
-            self._check_in_step(identity)
-        except BaseException as error:
-            self._leave_after(error, found)
-            raise
-        left = self._leave(found, resume=True)
+
+        def sweep_all(identity: Identity) -> tuple[Sweep, ...]:
+            return tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
+
+        sweeps, left = self._as_found(sweep_all)
         return sweeps if not left else tuple(dataclasses.replace(s, notes=(*s.notes, left)) for s in sweeps)
+
+    def compensate(
+        self,
+        standards: Sequence[Standard],
+        prompt: Callable[[str], None],
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+        adapter: str = "OFF",
+    ) -> Compensation:
+        """Measure the fixture's `standards`, each after `prompt` has returned from asking a person to put it in.
+
+        The instrument corrects every later sweep by them; the arrays are returned to be kept. `adapter`: token of
+        `E4TP`. Raises InstrumentError where a standard is not what it should be, Cancelled, and what `prompt` raises.
+        """
+
+        def tick(passed: float, what: str) -> None:
+            if cancelled():
+                raise Cancelled(f"the {what} compensation was cancelled; the instrument is in HOLD, its bias off")
+            left = max(compensation.STANDARD_SECONDS - passed, 0.0)
+            progress(Progress(min(passed / compensation.STANDARD_SECONDS, 1.0), left, f"{what} compensation"))
+
+        def measure_all(identity: Identity) -> Compensation:
+            return compensation.measure(self._link, identity, standards, adapter, prompt, tick)
+
+        return self._as_found(measure_all)[0]
+
+    def apply_compensation(self, stored: Compensation) -> None:
+        """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
+        self._as_found(lambda identity: compensation.apply(self._link, identity, stored))
 
     def close(self) -> None:
         """Let go of the instrument."""
@@ -72,6 +100,19 @@ class Agilent4294A:
     def _measure(self, segment: Segment, plan: SweepPlan, identity: Identity, course: "_Course") -> Sweep:
         raws = [sweep(self._link, part, plan, course.next(part, plan)) for part in _sweeps_of(segment)]
         return record(raws, segment, plan, identity)
+
+    def _as_found(self, action: Callable[[Identity], Result]) -> tuple[Result, str]:
+        """Do `action` on the instrument in HOLD and leave it as found: what was got, and what could not be set back."""
+        identity = self.identify()
+        found: state.Found | None = None
+        try:
+            found = state.take(self._link)
+            result = action(identity)
+            self._check_in_step(identity)
+        except BaseException as error:
+            self._leave_after(error, found)
+            raise
+        return result, self._leave(found, resume=True)
 
     def _check_in_step(self, identity: Identity) -> None:
         """Find a line that fell behind by an answer: every reply since then would have been the one before."""

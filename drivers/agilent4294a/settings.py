@@ -96,6 +96,7 @@ SETTINGS: dict[str, Kind] = {
 """Every setting the driver sets, by mnemonic."""
 
 CONDITIONS: dict[str, Kind] = {
+    "CALP": Choice("points of compensation", ("FIXED", "USER")),
     "E4TP": Choice("adapter", ("OFF", "M1", "M2", "APC7", "PROBE")),
     "CALST": Flag("user calibration"),
     "COMSTA": Flag("open compensation"),
@@ -103,6 +104,8 @@ CONDITIONS: dict[str, Kind] = {
     "COMSTC": Flag("load compensation"),
 }
 """What belongs to the bench: recorded with every sweep, never changed by one."""
+
+_KINDS = SETTINGS | CONDITIONS
 
 
 def text_of(value: Value) -> str:
@@ -114,13 +117,13 @@ def text_of(value: Value) -> str:
 
 def query(link: Link, mnemonic: str) -> Value:
     """Return the setting or condition `mnemonic` as the instrument has it. Raises InstrumentError."""
-    kind = (SETTINGS | CONDITIONS)[mnemonic]
+    kind = _KINDS[mnemonic]
     return kind.read(link.ask(f"{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
 
 
 def put(link: Link, mnemonic: str, value: Value) -> None:
     """Set `mnemonic` to `value`, read it back, and compare. Raises InstrumentError where it was not taken."""
-    kind = SETTINGS[mnemonic]
+    kind = _KINDS[mnemonic]
     got = kind.read(link.ask(f"{mnemonic} {text_of(value)};{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
     if not kind.agrees(value, got):
         unit = f" {kind.unit}" if kind.unit else ""
@@ -138,7 +141,7 @@ def snapshot(link: Link, mnemonics: Iterable[str]) -> dict[str, Value]:
 def compare(link: Link, wanted: Mapping[str, Value], got: Mapping[str, Value], what: str) -> None:
     """Raise InstrumentError, saying `what` happened to the setting, where one `got` is not as `wanted`."""
     for mnemonic, value in wanted.items():
-        kind = (SETTINGS | CONDITIONS)[mnemonic]
+        kind = _KINDS[mnemonic]
         if not kind.agrees(value, got[mnemonic]):
             found = f"{kind.words} ({mnemonic}) was {text_of(value)}, is {text_of(got[mnemonic])}"
             raise InstrumentError(f"{link.name}: {found}: {what}")

@@ -15,7 +15,12 @@ from ..link import Link
 from . import errorqueue
 
 EVENT = 0b100
-"""Bit 2 of the status byte: an enabled instrument event, here the end of the sweep."""
+"""Bit 2 of the status byte: the enabled instrument event."""
+
+SWEEP_END = 1
+"""Bit 0 of the instrument event register: a single sweep, or a number of them, is complete."""
+STANDARD_END = 256
+"""Bit 8: a standard of calibration or compensation has been measured."""
 
 ERRORS = 0b111100
 """Bits 2 to 5 of the standard event register: query, device, execution and command error."""
@@ -25,9 +30,12 @@ SLOWEST_POLL_SECONDS = 0.25
 FASTEST_POLL_SECONDS = 0.005
 
 
-def start(link: Link, command: str) -> None:
-    """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...). Raises InstrumentError where it is refused."""
-    events = replies.integer(link.ask(f"ESNB 1;*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
+def start(link: Link, command: str, end: int = SWEEP_END) -> None:
+    """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...), which ends in the instrument event `end`.
+
+    Raises InstrumentError where it is refused.
+    """
+    events = replies.integer(link.ask(f"ESNB {end};*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
     if events & ERRORS:
         errorqueue.check(link, f"after {command}")
         raise InstrumentError(f"{link.name}: {command} was refused (event status register {events})")

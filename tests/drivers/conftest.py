@@ -17,7 +17,7 @@ POWER_ON = {
     "SWPP": "FREQ", "SWPT": "LIN", "STAR": "+4.00000000000E+01", "STOP": "+1.10000000000E+08", "POIN": "201",
     "SWED": "UP", "SDELT": "0", "PDELT": "0", "BWFACT": "1", "PAVER": "0", "PAVERFACT": "4", "AVER": "0",
     "AVERFACT": "16", "POWMOD": "VOLT", "POWE": "5.000000E-01", "DCMOD": "VOLT", "DCRNG": "M1", "DCV": "0",
-    "DCO": "0", "TRGS": "INT", "CONT": "1", "E4TP": "OFF", "CALST": "0",
+    "DCO": "0", "TRGS": "INT", "CONT": "1", "E4TP": "OFF", "CALP": "FIXED", "CALST": "0",
     "COMSTA": "1", "COMSTB": "1", "COMSTC": "0",
 }  # fmt: skip
 

@@ -115,6 +115,59 @@ def test_the_next_gluing_step_is_seen(sim, analyzer):
     assert np.max(np.abs(np.log(glued.impedance / disk.impedance))) > 0.1
 
 
+@pytest.fixture
+def clips():
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, jig="clips", noise=False)) as simulator:
+        yield simulator
+
+
+def standards_put_in(sim, asked):
+    """A technician who does what is asked."""
+
+    def prompt(sentence):
+        asked.append(sentence)
+        what = "open" if "open" in sentence else "short" if "Short" in sentence else "load"
+        bench(sim, command="connect", what=what)
+
+    return prompt
+
+
+def test_compensation_takes_the_clips_out_and_can_be_given_back(clips):
+    plan = SweepPlan((Segment(1e6, 15e6, 201),))
+    analyzer, asked = open_analyzer(clips.resource), []
+    (raw,) = analyzer.measure(plan)
+
+    stored = analyzer.compensate(("open", "short"), standards_put_in(clips, asked))
+
+    assert len(asked) == 2
+    bench(clips, command="connect", what="device")
+    (compensated,) = analyzer.measure(plan)
+    assert (raw.settings["compensation"], compensated.settings["compensation"]) == ([], ["open", "short"])
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", noise=False)) as ideal:
+        direct = open_analyzer(ideal.resource)
+        (true,) = direct.measure(plan)
+        direct.close()
+    error = np.abs(np.log(compensated.impedance / true.impedance))
+    assert np.max(np.abs(np.log(raw.impedance / true.impedance))) > 0.5
+    assert np.max(error) < 0.02
+    analyzer.close()
+
+    bench(clips, command="power-cycle", seconds=0.0)
+    again = open_analyzer(clips.resource)
+    again.apply_compensation(stored)
+    (restored,) = again.measure(plan)
+    again.close()
+    np.testing.assert_allclose(restored.impedance, compensated.impedance, rtol=1e-5)
+
+
+def test_a_standard_that_is_none_is_refused(clips):
+    analyzer = open_analyzer(clips.resource)
+    with pytest.raises(InstrumentError, match=r"short compensation: .* ohm was measured; at most 10 ohm can be"):
+        analyzer.compensate(("short",), lambda _: bench(clips, command="connect", what="open"))
+    assert ask(clips, "COMSTB?", "BWFACT?", "CONT?") == ["0", "1", "0"]
+    analyzer.close()
+
+
 def test_gpib_through_a_prologix_adapter():
     plan = SweepPlan((Segment(1e6, 6e6, 801),), bias_V=1.0)
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0, noise=False)) as sim:
