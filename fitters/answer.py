@@ -77,7 +77,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution) -> FitRe
     """Return the answer of a least-squares fitter: constants, uncertainties, curves, and what to know of them."""
     objective = solution.descent.objective
     coordinates = objective.coordinates
-    result = estimate(objective, solution.descent.x, solution.descent.converged)
+    result = estimate(solution.descent)
     values, _ = coordinates.forward(result.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)

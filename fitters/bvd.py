@@ -14,10 +14,10 @@ from ..models.sweep import Sweep
 from .answer import curves_of
 from .coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from .covariance import estimate
+from .descent import Descent, settle, softened
 from .interface import Constant, FitError, FitResult, FitTask
-from .joint import Descent, descend
 from .noise import noise_of
-from .objective import Objective, Recording
+from .objective import Recording, log_ratio
 from .start import resonance_pairs
 
 _UNITS = {"C0": "F", "C0.tan_delta": "1", "branch1.R": "ohm", "branch1.L": "H", "branch1.C": "F"}
@@ -49,7 +49,9 @@ def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
     blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), resonant_branch("branch1"))
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)
-    return descend(Objective([Recording("", sweep, start, noise)], coordinates, ()), coordinates.x)
+    recording = Recording("", sweep, start, noise)
+    cautious = softened(recording, log_ratio(start.impedance(sweep.frequency), sweep.impedance))
+    return settle([cautious], coordinates, (), coordinates.x)
 
 
 class ButterworthVanDyke:
@@ -69,9 +71,9 @@ class ButterworthVanDyke:
         noise, (sigma,) = noise_of([sweep])
         progress(f"fitting {step}")
         descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
-        best = min(descents, key=lambda descent: descent.cost)
+        best = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
         coordinates = best.objective.coordinates
-        result = estimate(best.objective, best.x, best.converged)
+        result = estimate(best)
         values, _ = coordinates.forward(best.x)
         u = dict(zip(coordinates.parameters, np.sqrt(np.diag(result.covariance)), strict=True))
         circuit = Lumped(1.0, (Branch(1.0, 1.0, 1.0),)).replace(values)
@@ -93,7 +95,7 @@ class ButterworthVanDyke:
             correlation=(),
             rms_log_error=result.rms_log_error,
             converged=best.converged,
-            evaluations=sum(descent.objective.evaluations for descent in descents),
+            evaluations=sum(descent.evaluations for descent in descents),
             seconds=time.perf_counter() - began,
             says=_says(result.chi2_per_dof, result.rms_log_error),
             curves=curves_of(best.objective, best.start, best.x),

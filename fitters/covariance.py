@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.arrays import Complexes, Reals
-from .objective import Objective
+from ..models.arrays import Reals
+from .descent import Descent, chi2_per_point
 
 _SINGULAR = 1e-12
 
@@ -21,48 +21,33 @@ class Estimate:
     chi2_per_dof: float
     rms_log_error: float
     """Root mean square of |ln(Z_model/Z_measured)|."""
-    inflation: float
-    """Factor on the noise variance that the covariance carries: 1 where the model describes the data."""
     converged: bool
 
 
-def lag_one(r: Complexes) -> float:
-    """Return the correlation of neighbouring residuals, Re and Im together."""
-    norm = float(np.sum(np.abs(r) ** 2))
-    return float(np.real(np.sum(r[1:] * np.conj(r[:-1])))) / norm if norm > 0 else 0.0
+def estimate(descent: Descent) -> Estimate:
+    """Return the covariance and the figures of merit at a minimum.
 
-
-def variance_inflation(ratios: tuple[Complexes, ...], chi2_per_dof: float) -> float:
-    """Return the factor on the noise variance that the residuals call for.
-
-    Misfit above the noise is taken as noise that nobody knew of (Birge ratio), correlated as its neighbours are:
-    n correlated points are worth n (1 - rho)/(1 + rho) independent ones.
+    Misfit above the noise has been taken as noise by `descent.settle`; the little that remains widens the covariance
+    too (Birge ratio).
     """
-    n = sum(r.size for r in ratios)
-    rho = float(np.average([lag_one(r) for r in ratios], weights=[r.size for r in ratios]))
-    rho = min(max(0.0, rho - 2 / np.sqrt(n)), 0.999)
-    return max(1.0, chi2_per_dof) * (1 + rho) / (1 - rho)
-
-
-def estimate(objective: Objective, x: Reals, converged: bool) -> Estimate:
-    """Return the covariance and the figures of merit at a minimum."""
+    objective, x = descent.objective, descent.x
     ratios = objective.log_ratios(x)
-    data = 2 * objective.points
+    data, dof = 2 * objective.points, max(1, 2 * objective.points - x.size)
     r, J = objective.residual(x), objective.jacobian(x)
-    dof = max(1, data - x.size)
-    chi2_per_dof = float(np.sum(r[:data] ** 2)) / dof
-    inflation = variance_inflation(ratios, chi2_per_dof)
-    normal = J[:data].T @ J[:data] / inflation + J[data:].T @ J[data:]
+    remaining = max(1.0, float(np.sum(r[:data] ** 2)) / dof)
+    normal = J[:data].T @ J[:data] / remaining + J[data:].T @ J[data:]
     _, chain = objective.coordinates.forward(x)
     half = chain @ _inverse_root(normal)
-    squares = np.concatenate([np.abs(ratio) ** 2 for ratio in ratios])
+    weighted = sum(
+        2 * ratio.size * chi2_per_point(recording, ratio)
+        for recording, ratio in zip(objective.recordings, ratios, strict=True)
+    )
     return Estimate(
         x=x,
         covariance=half @ half.T,
-        chi2_per_dof=chi2_per_dof,
-        rms_log_error=float(np.sqrt(np.mean(squares))),
-        inflation=inflation,
-        converged=converged,
+        chi2_per_dof=weighted / dof,
+        rms_log_error=float(np.sqrt(np.mean(np.concatenate([np.abs(ratio) ** 2 for ratio in ratios])))),
+        converged=descent.converged,
     )
 
 

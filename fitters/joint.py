@@ -2,35 +2,21 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec
 from ..models.sweep import Sweep
 from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, stack_of
+from .descent import Descent, settle, softened
 from .interface import FitError, FitTask, Noise
 from .noise import noise_of
 from .objective import Objective, Recording
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS = 3
-_MAX_EVALUATIONS = 200
-_ROUGH, _FINE = 1e-4, 1e-10
-# Relative tolerances: enough to see which start leads deepest, and enough for the minimum that is reported.
-
-
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """Where a local descent began and ended."""
-
-    objective: Objective
-    start: Reals
-    x: Reals
-    cost: float
-    converged: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +53,7 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     build, sweeps = check_task(task)
     found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     noises = {step: noise for step, (noise, _) in found.items()}
-    recordings: list[Recording] = []
+    recordings: tuple[Recording, ...] = ()
     values = nominal_parameters(build)
     begun = dict(values)
     evaluations = 0
@@ -78,8 +64,8 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
         here = [Recording(step, sweep, stack, sigma) for sweep, sigma in zip(of_step, found[step][1], strict=True)]
         new = _new_layers(build, [recording.step for recording in recordings], step)
         starts = _start_values(new, here, values)
-        recordings += here
-        descent, tried = _best_descent(build, recordings, task.free, starts)
+        descent, tried = _best_descent(build, recordings, here, task.free, starts)
+        recordings = descent.objective.recordings
         evaluations += tried
         first, _ = descent.objective.coordinates.forward(descent.start)
         begun |= {name: value for name, value in first.items() if name.split(".")[0] in {n.name for n in new}}
@@ -118,38 +104,35 @@ def _start_values(
 
 
 def _best_descent(
-    build: Build, recordings: Sequence[Recording], free: tuple[str, ...] | None, starts: Sequence[dict[str, float]]
+    build: Build,
+    earlier: Sequence[Recording],
+    new: Sequence[Recording],
+    free: tuple[str, ...] | None,
+    starts: Sequence[dict[str, float]],
 ) -> tuple[Descent, int]:
-    """Go downhill from the most promising starts; return the deepest place and the number of evaluations.
+    """Settle from the most promising starts until one describes the new recordings.
 
-    The loads join in only at the end: far from the minimum they would be driven to absurd values.
+    Returns the deepest place found and the number of evaluations.
     """
-    steps = [recording.step for recording in recordings]
+    steps = [recording.step for recording in (*earlier, *new)]
     priors = priors_of(build, steps)
-    everything = [coordinates_of(build, steps, start, free) for start in starts]
-    objectives = [Objective(recordings, all_.without("back.z", "front.z"), priors) for all_ in everything]
-    ranked = sorted(objectives, key=lambda o: float(np.sum(o.residual(o.coordinates.x) ** 2)))
-    descents = [descend(objective, objective.coordinates.x, _ROUGH) for objective in ranked[:_DESCENTS]]
-    best = min(descents, key=lambda descent: descent.cost)
-    whole = Objective(recordings, everything[objectives.index(best.objective)], priors)
-    values, _ = best.objective.coordinates.forward(best.x)
-    last = descend(whole, whole.coordinates.inverse(values))
-    start = whole.coordinates.inverse(best.objective.coordinates.forward(best.start)[0])
-    return replace(last, start=start), sum(o.evaluations for o in (*objectives, whole))
-
-
-def descend(objective: Objective, x: Reals, tolerance: float = _FINE) -> Descent:
-    """Go downhill from `x` by trust-region least squares with the exact Jacobian."""
-    if x.size == 0:
-        return Descent(objective, x, x, float(np.sum(objective.residual(x) ** 2)) / 2, converged=True)
-    found = least_squares(
-        objective.residual,
-        x,
-        jac=objective.jacobian,
-        x_scale="jac",
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=tolerance,
-        max_nfev=_MAX_EVALUATIONS,
+    ranked = sorted(
+        (Objective(new, coordinates_of(build, steps, start, free), priors) for start in starts), key=_rms_at_start
     )
-    return Descent(objective, x, np.asarray(found.x), float(found.cost), bool(found.status > 0))
+    tried: list[Descent] = []
+    for objective in ranked[:_DESCENTS]:
+        coordinates = objective.coordinates
+        cautious = map(softened, new, objective.log_ratios(coordinates.x))
+        tried.append(settle((*earlier, *cautious), coordinates, priors, coordinates.x))
+        if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
+            break
+    best = min(tried, key=lambda descent: _rms(descent.objective, descent.x))
+    return best, len(starts) + sum(descent.evaluations for descent in tried)
+
+
+def _rms(objective: Objective, x: Reals) -> float:
+    return float(np.sqrt(np.mean(np.concatenate([np.abs(ratio) ** 2 for ratio in objective.log_ratios(x)]))))
+
+
+def _rms_at_start(objective: Objective) -> float:
+    return _rms(objective, objective.coordinates.x)

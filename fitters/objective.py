@@ -11,6 +11,11 @@ from ..models.model import Model
 from ..models.sweep import Sweep
 from .coordinates import Coordinates
 
+_LOSSES = (".c33D.loss", ".eps33S.loss")
+_LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
+# Logarithm of a loss tangent before any measurement: from 1e-4 to 1 within two standard deviations. A recording tells
+# it a thousand times better; where a wrong model would want a negative loss, this keeps the logarithm from running off.
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -31,6 +36,15 @@ class Recording:
     """Knows the constants of its step; `Model.replace` takes those of its names that the fit moves."""
     noise: Reals
     """Standard deviation of Re and Im of ln Z at each point, shape (N,)."""
+    misfit: float = 0.0
+    """What the model is known to miss, as further noise of Re and Im of ln Z."""
+    correlation: float = 1.0
+    """How many correlated points are worth one."""
+
+    @property
+    def sigma(self) -> Reals:
+        """What residuals are weighted by, shape (N,)."""
+        return np.sqrt((self.noise**2 + self.misfit**2) * self.correlation)
 
 
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
@@ -50,7 +64,8 @@ class Objective:
             [k for k, name in enumerate(coordinates.parameters) if name in recording.model.parameters()]
             for recording in self.recordings
         ]
-        self._rows = 2 * self.points + len(self.priors)
+        self._losses = [k for k, name in enumerate(coordinates.free) if name.endswith(_LOSSES)]
+        self._rows = 2 * self.points + len(self.priors) + len(self._losses)
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
         self._moving = np.zeros(0)
         self._cache: tuple[Reals, Reals] = (np.zeros(0), np.zeros((0, 0)))
@@ -89,18 +104,22 @@ class Objective:
             moved = [i for i in self._owned[k] if np.any(chain[i])]
             names = [self.coordinates.parameters[i] for i in moved]
             Z, dlnZ = self._with(k, values).jacobian(recording.sweep.frequency, names)
-            r = log_ratio(Z, recording.sweep.impedance) / recording.noise
-            J = (dlnZ / recording.noise).T @ chain[moved]
+            sigma = recording.sigma
+            r = log_ratio(Z, recording.sweep.impedance) / sigma
+            J = (dlnZ / sigma).T @ chain[moved]
             residuals += [r.real, r.imag]
             rows += [J.real, J.imag]
         for prior in self.priors:
             i = self._row[prior.parameter]
             residuals.append(np.array([(values[prior.parameter] - prior.mean) / prior.u]))
             rows.append(chain[i][None, :] / prior.u)
-        return np.concatenate(residuals), np.concatenate(rows)
+        tether = np.zeros((len(self._losses), x.size))
+        tether[range(len(self._losses)), self._losses] = 1 / _LOSS_WIDTH
+        residuals.append((x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH)
+        return np.concatenate(residuals), np.concatenate([*rows, tether])
 
     def residual(self, x: Reals) -> Reals:
-        """Return the weighted residuals, Re and Im of each recording in turn, then the priors."""
+        """Return the weighted residuals, Re and Im of each recording in turn, then priors and losses."""
         return self._evaluate(x)[0]
 
     def jacobian(self, x: Reals) -> Reals:
