@@ -19,7 +19,8 @@ from .stack.laws import CONSTANT, LossLaw, law_with
 class RadialDisk:
     """A thin disk at frequencies far below its thickness mode. Satisfies `Model`.
 
-    The radial arm beside the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E + s12E).
+    The radial arm beside the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E + s12E) and
+    what moving through the thickness adds to it, mu d33f^2.
     """
 
     arm: RadialArm
@@ -29,9 +30,9 @@ class RadialDisk:
     """How eps33T continues from the law's reference frequency."""
 
     @classmethod
-    def of(cls, name: str, constants: Radial, area: float, thickness: float, density: float, psi: float = 0.0) -> Self:
-        """Return the disk of these constants; m2, m, kg/m3. Raises RadialError."""
-        arm = RadialArm(name, area, thickness, density, constants.s11E, constants.s12E, constants.d31, psi)
+    def of(cls, name: str, constants: Radial, area: float, thickness: float, density: float) -> Self:
+        """Return the thin disk of these constants; m2, m, kg/m3. Raises RadialError."""
+        arm = RadialArm(name, area, thickness, density, constants.s11E, constants.s12E, constants.d31)
         return cls(arm, constants.eps33T)
 
     @property
@@ -57,6 +58,7 @@ class RadialDisk:
         constants = {key: value for key, (value, _) in self.arm.constants(frequency).items()}
         eps33T, _ = continued(self.eps_law, self.eps33T, frequency)
         clamped = eps33T - 2 * constants["d31"] ** 2 / (constants["s11E"] + constants["s12E"])
+        clamped = clamped + self.arm.mass(frequency) * self.arm.d33f**2
         return 1 / (self._empty(frequency) * clamped + self.arm.admittance(frequency))
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
@@ -79,8 +81,10 @@ class RadialDisk:
         eps33T, chain = continued(self.eps_law, self.eps33T, frequency)
         plus, d31 = constants["s11E"][0] + constants["s12E"][0], constants["d31"][0]
         empty = self._empty(frequency)
-        Y = empty * (eps33T - 2 * d31**2 / plus)
-        made = {"area": Y / self.arm.area, f"{name}.thickness": -Y / self.arm.thickness}
+        moved = empty * self.arm.mass(frequency) * self.arm.d33f
+        Y, by_mass = empty * (eps33T - 2 * d31**2 / plus) + moved * self.arm.d33f, moved * self.arm.d33f
+        made = {"area": Y / self.arm.area, f"{name}.thickness": (2 * by_mass - Y) / self.arm.thickness}
+        made |= {f"{name}.density": by_mass / self.arm.density, f"{name}.d33f": 2 * moved}
         made |= {f"{name}.eps33T.{part}": empty * size for part, size in chain.items()}
         by_s, by_d = empty * 2 * d31**2 / plus**2, -4 * empty * d31 / plus
         for key, by in (("s11E", by_s), ("s12E", by_s), ("d31", by_d)):
@@ -107,15 +111,15 @@ class BothModes:
     """Its name is that of the piezo layer of the stack, its area, thickness and density are the stack's."""
 
     @classmethod
-    def of(cls, stack: Stack, name: str, constants: Radial, psi: float = 0.0) -> Self:
-        """Return the stack's layer `name` with its radial modes; `constants.eps33T` is not used, it follows.
+    def of(cls, stack: Stack, name: str, constants: Radial) -> Self:
+        """Return the stack's layer `name` with its thin disk's modes; `constants.eps33T` is not used, it follows.
 
         Raises KeyError where the stack has no piezo layer of this name, RadialError.
         """
         own = stack.parameters()
         require([f"{name}.c33D.re"], own, "the stack")
         sizes = own["area"], own[f"{name}.thickness"], own[f"{name}.density"]
-        return cls(stack, RadialArm(name, *sizes, constants.s11E, constants.s12E, constants.d31, psi))
+        return cls(stack, RadialArm(name, *sizes, constants.s11E, constants.s12E, constants.d31))
 
     @property
     def radial(self) -> Radial:
@@ -129,7 +133,7 @@ class BothModes:
         return Radial(arm.s11E, arm.s12E, arm.d31, eps33p + 2 * arm.d31**2 / (arm.s11E + arm.s12E))
 
     def parameters(self) -> dict[str, float]:
-        """Return the stack's parameters and the arm's: `name.s11E.re`, ..., `name.psi`."""
+        """Return the stack's parameters and the arm's: `name.s11E.re`, ..., `name.alpha`."""
         return self.stack.parameters() | self.arm.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:

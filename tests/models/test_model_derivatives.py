@@ -19,7 +19,8 @@ LUMPED = Lumped(
     1.2e-9, (Branch.from_resonance(4.2e6, 80, 2.2e-10), Branch.from_resonance(4.6e6, 40, 1e-11)), 0.017, 0.5, 3e-8
 )
 AREA, THICKNESS = 7.85e-5, 0.5e-3
-DISK = RadialDisk.of("disk", SHERRIT_RADIAL, AREA, THICKNESS, 7800, psi=0.5)
+THICK = {"disk.alpha": 0.75, "disk.d33f": 1.4e-10}
+DISK = RadialDisk.of("disk", SHERRIT_RADIAL, AREA, THICKNESS, 7800).replace(THICK)
 LAWS = {"s11E": PowerLoss(1e5, 0.3), "s12E": CausalConstantQ(1e5), "d31": CausalConstantQ(1e5)}
 LAWFUL = RadialDisk(replace(DISK.arm, laws=LAWS), DISK.eps33T, PowerLoss(1e5, -0.2))
 STACK = Stack(
@@ -31,7 +32,7 @@ STACK = Stack(
     AIR,
     AREA,
 )
-BOTH = BothModes.of(STACK, "disk", SHERRIT_RADIAL, psi=0.5)
+BOTH = BothModes.of(STACK, "disk", SHERRIT_RADIAL).replace(THICK)
 PATH = (
     Series(3e-8, 0.3, 0.1), Shunt(2e-12, 2e-6), Line(0.7, 50.0, 2e8, 1e-3),
     Shunt(1e-13, 1e-7), Series(1e-9, 0.01, 0.001), Scale(1.002, 3e-11),
