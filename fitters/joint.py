@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,8 +121,8 @@ def _best_descent(
     )
     tried: list[Descent] = []
     for objective in ranked[:_DESCENTS]:
-        coordinates = objective.coordinates
-        cautious = map(softened, new, objective.log_ratios(coordinates.x))
+        coordinates, misfits = objective.coordinates, objective.log_ratios(objective.coordinates.x)
+        cautious = (replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(new, misfits, strict=True))
         tried.append(settle((*earlier, *cautious), coordinates, priors, coordinates.x))
         if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
             break

@@ -10,10 +10,13 @@ from scipy.signal import find_peaks
 from ..models.arrays import Complexes, Frequencies, Reals
 from ..models.sweep import Sweep
 from .interface import FitError
+from .noise import noise_of
 
 _CANDIDATES = 6
 # Peaks of G/w and of wR that are tried as resonance and antiresonance, largest first. Lateral modes make a few
 # false ones; the thickness pair is among the six largest on every recording tried.
+_ABOVE_NOISE = 10.0
+# How many standard deviations a peak stands out; the largest of a thousand noise peaks stands out by about five.
 _LARGEST_RATIO = 1.6
 # fp/fs of the fundamental is 1.28 at kt = 0.7, above every known material; the rest is room for lateral modes.
 _QUALITIES = (8.0, 25.0, 80.0, 250.0)
@@ -41,9 +44,9 @@ class DiskStart:
         }
 
 
-def largest_peaks(values: Reals) -> list[int]:
-    """Return the indices of the most prominent interior maxima, largest first."""
-    found, properties = find_peaks(values, prominence=0)
+def largest_peaks(values: Reals, noise: Reals) -> list[int]:
+    """Return the indices of the most prominent interior maxima that stand out of the noise, largest first."""
+    found, properties = find_peaks(values, prominence=_ABOVE_NOISE * noise)
     order = np.argsort(properties["prominences"])[::-1][:_CANDIDATES]
     return [int(k) for k in found[order]]
 
@@ -54,8 +57,9 @@ def resonance_pairs(sweep: Sweep) -> list[tuple[float, float]]:
     S. Sherrit et al., Ferroelectrics 134 (1992) 65.
     """
     w = 2 * np.pi * sweep.frequency
-    series = sweep.frequency[largest_peaks(sweep.admittance.real / w)]
-    parallel = sweep.frequency[largest_peaks(sweep.impedance.real * w)]
+    _, (noise,) = noise_of([sweep])
+    series = sweep.frequency[largest_peaks(sweep.admittance.real / w, noise * np.abs(sweep.admittance) / w)]
+    parallel = sweep.frequency[largest_peaks(sweep.impedance.real * w, noise * np.abs(sweep.impedance) * w)]
     return [(fs, fp) for fs, fp in product(series, parallel) if fs < fp < _LARGEST_RATIO * fs]
 
 
