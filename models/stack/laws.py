@@ -25,10 +25,11 @@ class StackError(PzctlError):
 
 
 def require_positive(owner: str, **values: float) -> None:
-    """Raise StackError for a value that is not a positive number."""
+    """Raise StackError for a value that is not a positive finite number; a quality factor `q` may be infinite."""
     for name, value in values.items():
-        if not value > 0:
-            raise StackError(f"{owner}: {name.replace('_', '.')} is {value:g}; a positive number is needed")
+        if not (0 < value < math.inf or (name == "q" and value == math.inf)):
+            what = f"{owner}: {name.replace('_', '.')} is {value:g}"
+            raise StackError(f"{what}; a positive {'' if name == 'q' else 'finite '}number is needed")
 
 
 class LossLaw(Protocol):
@@ -98,7 +99,8 @@ class PowerLoss:
 
     This is the fractional Kelvin-Voigt solid M0 [1 + (jw tau)^n] (and, for n < 0, the universal dielectric
     response (jw)^n), written so that M is the value at the reference. Causal. n = 1 is the viscous law; n = 0 is
-    its limit M' + M'' [(2/pi) ln x + j], the causal constant Q of small losses. An attenuation ~ f^y is n = y - 1.
+    its limit M' + M'' [(2/pi) ln x + j], the causal constant Q of small losses (for Q = 4 the stiffness would be
+    negative below x = 0.002; there CausalConstantQ serves). An attenuation ~ f^y is n = y - 1.
     """
 
     reference: float
@@ -132,7 +134,7 @@ class PowerLoss:
     def _shape(self, log_x: Frequencies) -> Complexes:
         """Return cot(n pi/2) (x^n - 1) + j x^n: the loss with its companion, 1j at the reference."""
         n = self.exponent
-        if n == 0:
+        if abs(n) < 1e-12:
             return np.add(2 / math.pi * log_x, 1j)
         return np.add(np.expm1(n * log_x) / math.tan(n * math.pi / 2), 1j * np.exp(n * log_x))
 

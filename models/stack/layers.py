@@ -100,6 +100,9 @@ class Piezo(Joins):
     def __post_init__(self) -> None:
         parts = {"c33D_re": self.c33D.real, "eps33S_re": self.eps33S.real}
         require_positive(f"layer {self.name!r}", thickness=self.thickness, density=self.density, **parts)
+        for constant, (value, _) in self._constants().items():
+            if not cmath.isfinite(value):
+                raise StackError(f"layer {self.name!r}: {constant} is {value:g}; a finite number is needed")
         if self.polarity not in (1, -1):
             raise StackError(f"layer {self.name!r}: polarity is {self.polarity}; allowed is 1 or -1")
 

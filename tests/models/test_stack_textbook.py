@@ -77,5 +77,9 @@ def test_mistakes_are_named() -> None:
         Stack((Elastic("glue1", 1e-6, 2.8e6, 2442),))
     with pytest.raises(StackError, match=r"layer 'glue1': thickness is -1e-06"):
         Elastic("glue1", -1e-6, 2.8e6, 2442)
+    with pytest.raises(StackError, match=r"layer 'glue1': q is nan"):
+        Elastic("glue1", 1e-6, 2.8e6, 2442, float("nan"))
+    with pytest.raises(StackError, match=r"layer 'disk': h33 is inf"):
+        Piezo("disk", 1e-3, 7700, 1.4e11, float("inf"), 8e-9)
     with pytest.raises(KeyError, match=r"no parameter 'disk\.z'"):
         (AIR | DISK | AIR).with_area(AREA).replace({"disk.z": 1.0})
