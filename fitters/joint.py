@@ -34,7 +34,7 @@ class Solution:
 
 
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
-    """Return the build and its sweeps in gluing order. Raises FitError where they do not belong together."""
+    """Return the build and its sweeps in gluing order. Raises FitError where task, build and sweeps do not fit."""
     if task.build is None:
         raise FitError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
@@ -44,6 +44,7 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     there = {step: task.sweeps[step] for step in known if task.sweeps.get(step)}
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
+    coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 
 

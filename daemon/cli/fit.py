@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from ...models.sweep import Sweep
 
 
+_MEMORY = "@memory"
+
+
 class UsageError(PzctlError):
     """A command line that does not say what is wanted."""
 
@@ -30,14 +33,24 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
 
 def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
     """Read the recordings of `STEP=FILE` words, by step; what is odd about one is said on standard error."""
-    from ...drivers.recordings import read_recording
-
-    sweeps = {step: tuple(map(read_recording, paths)) for step, paths in parse_recordings(given).items()}
+    sweeps = {step: tuple(map(read_trace, paths)) for step, paths in parse_recordings(given).items()}
     for of_step in sweeps.values():
         for sweep in of_step:
             for note in sweep.notes:
                 print(f"note: {sweep.id}: {note}", file=sys.stderr)
     return sweeps
+
+
+def read_trace(path: Path) -> "Sweep":
+    """Read a recording; of `FILE@memory`, the memory trace that a 4294A export may carry. Raises RecordingError."""
+    from ...drivers.recordings import RecordingError, read_memory_trace, read_recording
+
+    if not path.name.endswith(_MEMORY):
+        return read_recording(path)
+    memory = read_memory_trace(path.with_name(path.name.removesuffix(_MEMORY)))
+    if memory is None:
+        raise RecordingError(f"{path.name.removesuffix(_MEMORY)} carries no memory trace")
+    return memory
 
 
 def fit(
