@@ -57,6 +57,8 @@ def read_4294a(page: Page) -> tuple[Sweep, Sweep | None]:
     header, traces = _parsed(page)
     settings = settings_of(page, header)
     time, notes = time_of(header)
+    if time is not None:
+        settings["clock"] = "analyzer, date only"
     a = _checked(page, traces, "A", header)
     points = Points(a.lines, a.frequency(), _impedance(page, traces, header, "data"))
     parameter = parameter_of(page, header)

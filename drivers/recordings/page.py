@@ -63,7 +63,7 @@ class Page:
             if line == len(self.lines) and len(cells) < len(names):
                 hint = "; the file seems to be cut off here"
             raise self.error(line, f"{len(cells)} values found under {len(names)} columns{hint}")
-        return [self.number(cells[k], names[k], line) for k in needed]
+        return [self.number(cells[k], clipped(names[k]), line) for k in needed]
 
 
 def clipped(text: str) -> str:
