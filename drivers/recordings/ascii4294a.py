@@ -82,6 +82,8 @@ def _parsed(page: Page) -> tuple[dict[str, str], dict[str, Trace]]:
                 trace = traces.setdefault(value.strip(), Trace())
             else:
                 header.setdefault(key.strip().upper(), value.strip())
+        elif trace is None and line.startswith('"') and len(cells) == 1:
+            header.setdefault("TITLE", cells[0])
         elif trace is None:
             raise page.error(n, f"{clipped(line.strip())!r} stands where the header of a 4294A export should be")
         elif cells[0] == "Frequency" and not trace.names:

@@ -52,6 +52,8 @@ def settings_of(page: Page, header: Mapping[str, str]) -> dict[str, Any]:
         "sweep_average": _whole(page, header, "SWEEP AVERAGING"),
         "point_average": _whole(page, header, "POINT AVERAGING"),
     }
+    if "TITLE" in header:
+        settings["title"] = header["TITLE"]
     for key, name in (("OSC LEVEL", "oscillator"), ("DC BIAS", "bias")):
         size, unit = _size(page, header, key)
         settings[f"{name}_{unit}"] = size

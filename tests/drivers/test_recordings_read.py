@@ -67,7 +67,14 @@ def test_open_cases_are_read(cases: Path) -> None:
 
 def export_4294a(f: list[float], a: list[str], b: list[str], parameter: str) -> str:
     """An ASCII export as the 4294A writes it."""
-    head = ["4294A REV1.11", '"DATE: Jan 25 2018"', "", "", f'"MEASURE PARAMETER: {parameter}"', '"ADAPTER: NONE"']
+    head = [
+        "4294A REV1.11",
+        '"DATE: Jan 25 2018"',
+        '"S4 disk"',
+        "",
+        f'"MEASURE PARAMETER: {parameter}"',
+        '"ADAPTER: NONE"',
+    ]
     head += ['"SWEEP TYPE: LIN FREQ"', f'"NUMBER of POINTS: {len(f)}"', '"POINT DELAY TIME:  0 Sec"']
     head += ['"OSC LEVEL:  500 mVolt"', '"DC BIAS: 1.5 Volt"', '"BW: 3"', '"SWEEP AVERAGING: OFF"']
     for name, trace in (("A", a), ("B", b)):
@@ -126,6 +133,7 @@ def test_every_pair_that_determines_z_gives_it_back(
     # |Z| with X gives R as a small difference; 14 digits keep six of it at 5 to 85 degrees
     np.testing.assert_allclose(sweep.impedance, z, rtol=1e-6 if parameter.startswith("IM") else 1e-11)
     assert sweep.settings["bias_V"] == 1.5
+    assert sweep.settings["title"] == "S4 disk"
 
 
 def test_complex_traces_and_the_saved_data_array(tmp_path: Path) -> None:
