@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import signal
 import socket
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
@@ -43,6 +45,18 @@ def test_plain_json_by_req_and_by_dealer(start_daemon, dealer) -> None:
         link.send(b'{"id":"7","request":"hello"}')
         answer = json.loads(link.recv())
         assert (answer["id"], answer["ok"], answer["wire"], answer["run"]) == ("7", True, 1, where.run)
+
+
+def test_the_program_in_the_docs_reads_the_same_numbers(start_daemon, build: Build) -> None:
+    where = start_daemon()
+    with connect() as lab:
+        sweep = lab.measure(build, "disk").sweeps[0]
+    text = (Path(__file__).resolve().parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, object] = {"requests": where.requests}
+    exec(program, names)  # noqa: S102
+    assert names["f"] == tuple(sweep.frequency)
+    assert names["z"] == list(sweep.impedance)
 
 
 def test_the_same_id_is_done_once_even_over_a_killed_daemon(start_daemon, dealer, build: Build, end) -> None:
