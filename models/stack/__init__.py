@@ -1,10 +1,17 @@
 """A transducer as a plate of layers: exact impedance, exact derivatives.
 
+>>> import numpy as np
 >>> disk = Piezo("disk", thickness=0.512e-3, density=7700.0, c33D=1.444e11 * (1 + 1j / 80), h33=1.98e9,
 ...              eps33S=8.09e-9 * (1 - 0.017j))
 >>> ml1 = Elastic("ml1", thickness=139e-6, z=10.3e6, c=2455.0, q=60.0)
 >>> stack = (AIR | disk | ml1 | AIR).with_area(2.01e-4)
 >>> Z, J = stack.jacobian(np.linspace(1e6, 6e6, 801), ["disk.thickness", "ml1.z"])
+>>> Z.shape, J.shape
+((801,), (2, 801))
+
+`laws` says how losses continue over frequency, `layers` and `lumps` what a stack is made of, `loads` and `radiation`
+what it rests on; `line` is the wave in one layer, `active` what the piezoelectric effect adds, `network` puts layers
+together, `slopes` differentiates.
 """
 
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous

@@ -9,7 +9,7 @@ rise by 0.88 % from f to 3f); the others carry the Kramers-Kronig companion and 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias
+from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -39,6 +39,10 @@ class LossLaw(Protocol):
         """Return the law's own parameters by name (`exponent`), empty where it has none."""
         ...
 
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law with these parameters."""
+        ...
+
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,), in the unit of `value`."""
         ...
@@ -55,6 +59,10 @@ class ConstantLoss:
     def parameters(self) -> Mapping[str, float]:
         """Return nothing: the law has no parameter."""
         return {}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law itself: it has no parameter."""
+        return self
 
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return `value`."""
@@ -79,6 +87,10 @@ class CausalConstantQ:
     def parameters(self) -> Mapping[str, float]:
         """Return nothing: causality fixes the dispersion."""
         return {}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law itself: it has no parameter."""
+        return self
 
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,)."""
@@ -115,6 +127,10 @@ class PowerLoss:
     def parameters(self) -> Mapping[str, float]:
         """Return the exponent."""
         return {"exponent": self.exponent}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law with another exponent."""
+        return replace(self, **values)
 
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,)."""
@@ -160,7 +176,6 @@ CONSTANT = ConstantLoss()
 
 
 def law_with(law: LossLaw, values: Mapping[str, float], prefix: str) -> LossLaw:
-    """Return the law with the exponent that `values` names under `prefix`, if it does."""
-    if isinstance(law, PowerLoss) and f"{prefix}exponent" in values:
-        return replace(law, exponent=values[f"{prefix}exponent"])
-    return law
+    """Return the law with those of its parameters that `values` names under `prefix`."""
+    own = {key: values[prefix + key] for key in law.parameters() if prefix + key in values}
+    return law.replace(own) if own else law

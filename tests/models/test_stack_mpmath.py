@@ -179,6 +179,44 @@ def test_every_derivative_is_exact(name: str) -> None:
             assert abs(J[p, k] - exact) <= 1e-8 * abs(exact) + rounding, f"{parameter} at {f:g} Hz"
 
 
+def random_stack(seed: int) -> Stack:
+    """Any kinds of layers in any order, at least one of them piezoelectric."""
+    rng = np.random.default_rng(seed)
+    laws = [CONSTANT, CausalConstantQ(2e6), PowerLoss(3e6, rng.uniform(-0.5, 1))]
+
+    def layer(kind: str, name: str) -> Piezo | Elastic | Spring | Mass:
+        if kind == "spring":
+            return Spring(name, 10 ** rng.uniform(12, 16), rng.uniform(3, 100))
+        if kind == "mass":
+            return Mass(name, 10 ** rng.uniform(-3, 0))
+        law = laws[rng.integers(3)]
+        if kind == "elastic":
+            z, c = 10 ** rng.uniform(5.5, 7.5), rng.uniform(1000, 6000)
+            return Elastic(name, 10 ** rng.uniform(-6, -2.5), z, c, rng.uniform(4, 300), law)
+        values = {
+            key: complex(getattr(DISK, key)) * complex(rng.uniform(0.7, 1.3), 0.0) for key in ("c33D", "h33", "eps33S")
+        }
+        thickness, density = 10 ** rng.uniform(-4.5, -2.7), rng.uniform(5000, 9000)
+        return Piezo(name, thickness, density, **values, polarity=rng.choice([1, -1]), c_law=law, eps_law=law)
+
+    kinds = ["piezo", *rng.choice(["piezo", "elastic", "spring", "mass"], rng.integers(1, 6))]
+    rng.shuffle(kinds)
+    layers = tuple(layer(kind, f"layer{i}") for i, kind in enumerate(kinds))
+    wiring = ("series", "parallel")[rng.integers(2)]
+    return Stack(layers, HalfSpace("b", rng.uniform(0, 1e7)), WATER, 1e-4, wiring)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_value_and_derivatives_of_a_random_stack(seed: int) -> None:
+    stack = random_stack(seed)
+    f = 10 ** np.random.default_rng(seed).uniform(5, 7.3)
+    names = list(stack.parameters())
+    Z, J = stack.jacobian(np.array([f]), names)
+    assert abs(Z[0] / complex(reference(stack, f, exactly(stack))) - 1) < 1e-12
+    exact = np.array([complex(slope(stack, f, name)) for name in names])
+    assert np.max(np.abs(J[:, 0] - exact) / (np.abs(exact) + 1e-300)) < 1e-8
+
+
 def slope(stack: Stack, f: float, parameter: str) -> mp.mpc:
     values = exactly(stack)
     middle = values[parameter]
