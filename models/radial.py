@@ -9,8 +9,9 @@ thickness, too, by S3 = -alpha (S1 + S2) + d33f E with alpha = c13E/c33E and d33
 Its kinetic energy (mu/2) S3^2, mu = density w^2 t^2/12, in Hamilton's principle leaves the thin disk's equations as
 they are with c11p - mu alpha^2, c12p - mu alpha^2, e31p - mu alpha d33f, eps33p + mu d33f^2 for its constants: the
 plane compliance s11E + s12E grows, s11E - s12E stays. Real numbers are added only, so a passive disk stays passive.
-Resonances move by -alpha^2 (t/D)^2 (eta^2/6 + 1/4) as second-order plate theory and finite elements have it, the first
-antiresonance by -0.6 alpha^2 (t/D)^2 (finite elements: 0.61 to 0.67). For mu alpha^2 small against c11p.
+Resonances move by -alpha^2 (t/D)^2 [eta^2/6 + (1 - sigma_p)/3 eta^2/(eta^2 - 1 + sigma_p^2)], the first antiresonance
+by -0.6 alpha^2 (t/D)^2 (finite elements: 0.61 to 0.67). For mu alpha^2 small against c11p: over the first three modes
+of Pz27 the error of ln Z against a solution in both dimensions is 0.03 % at D/t = 40, 0.4 % at 20, 25 % at 10.
 """
 
 import math
