@@ -61,10 +61,7 @@ def test_table_4_9_of_the_thesis_follows_from_its_table_4_8() -> None:
         for part, (mean, variance, sd) in zip((found[name].re, found[name].im), printed, strict=True):
             assert part is not None
             assert part.n == 3
-            rounding = 1.01e-4 if name != "d31" else 0.004  # d31 is printed with two decimals in table 4.8
-            assert part.mean == pytest.approx(mean, abs=rounding)
-            assert part.sd == pytest.approx(sd, abs=rounding)
-            assert part.variance == pytest.approx(variance, abs=rounding if name != "d31" else 0.02)
+            assert (part.mean, part.variance, part.sd) == pytest.approx((mean, variance, sd), abs=0.51e-4)
 
 
 def test_deviation_and_tolerance_as_in_tables_4_1_and_4_2() -> None:
