@@ -1,0 +1,35 @@
+"""The catalogue of physics that a model can leave out: one file for each effect.
+
+A file of this folder that defines `EFFECT` is in the catalogue; nothing else needs to be changed for a new one.
+"""
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+
+from ..errors import PzctlError
+from .assembly import Assembly, Conditions
+from .device import Added, Device
+from .effect import Effect, Knob
+
+__all__ = ["Added", "Assembly", "Conditions", "Device", "Effect", "EffectError", "Knob", "catalogue", "find_effect"]
+
+
+class EffectError(PzctlError):
+    """An effect that is not in the catalogue."""
+
+
+@cache
+def catalogue() -> tuple[Effect, ...]:
+    """Return every effect, by name."""
+    modules = (import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__))
+    effects = (module.EFFECT for module in modules if hasattr(module, "EFFECT"))
+    return tuple(sorted(effects, key=lambda effect: effect.name))
+
+
+def find_effect(name: str) -> Effect:
+    """Return the effect called `name`. Raises EffectError."""
+    for effect in catalogue():
+        if effect.name == name:
+            return effect
+    raise EffectError(f"effect {name!r} is not known; there are {', '.join(effect.name for effect in catalogue())}")

@@ -1,0 +1,133 @@
+"""A device as effects change it: stacks side by side, further resonances, the path to the analyzer, the sweep itself.
+
+What an effect does falls into four stages, in the order in which the world has them. An effect of the layers changes
+the stacks (a layer more, part of the face elsewhere); a further resonance adds admittance; an effect of the terminals
+maps Z to what the analyzer sees; an effect of the sweep maps it to what was recorded while time went by.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ..stack import Stack
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How a sweep ran, as far as effects of the sweep depend on it."""
+
+    direction: str = "up"
+    """`up` or `down`."""
+    seconds: float = 0.0
+    """How long it took; 0 where nobody knows."""
+    level_V: float = 0.5
+    """Oscillator level."""
+    began: float = 0.0
+    """Seconds after the first sweep of the step."""
+
+    def elapsed(self, points: int) -> Reals:
+        """Return how much of the sweep had passed at each point, 0 to 1, shape (N,) in rising frequency."""
+        part = np.linspace(0.0, 1.0, points)
+        return part if self.direction == "up" else part[::-1]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A share of the face and the stack that stands there."""
+
+    fraction: float
+    stack: Stack
+    """Over the whole area; `fraction` says how much of it counts."""
+    scale: Mapping[str, float] = field(default_factory=dict[str, float])
+    """d (parameter of this stack) / d (parameter of the device) where it is not 1."""
+
+
+Terminal = Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]
+"""(jw, Z) to what is seen from further out, and its derivative by Z; shapes (N,)."""
+
+Shunt = Callable[[Complexes], Complexes]
+"""jw to an admittance that stands beside the device, siemens, shape (N,)."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The device with its effects, ready to be evaluated."""
+
+    parts: tuple[Part, ...]
+    shunts: tuple[Shunt, ...] = ()
+    terminals: tuple[Terminal, ...] = ()
+    records: tuple["Record", ...] = ()
+    conditions: Conditions = field(default_factory=Conditions)
+
+    @property
+    def stack(self) -> Stack:
+        """The stack on the largest part of the face."""
+        return max(self.parts, key=lambda part: part.fraction).stack
+
+    def each_stack(self, change: Callable[[Stack], Stack]) -> Self:
+        """Return the assembly with every stack changed."""
+        return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
+
+    def split(self, change: Callable[[Part], Sequence[Part]]) -> Self:
+        """Return the assembly with every part of the face split into several."""
+        return replace(self, parts=tuple(made for part in self.parts for made in change(part)))
+
+    def beside(self, shunt: Shunt) -> Self:
+        """Return the assembly with an admittance beside the device."""
+        return replace(self, shunts=(*self.shunts, shunt))
+
+    def behind(self, terminal: Terminal) -> Self:
+        """Return the assembly as seen from further out."""
+        return replace(self, terminals=(*self.terminals, terminal))
+
+    def recorded(self, record: "Record") -> Self:
+        """Return the assembly as a sweep of this kind records it."""
+        return replace(self, records=(*self.records, record))
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return what is recorded, ohm, shape (N,)."""
+        return self.while_recorded(frequency, self.steady(frequency))
+
+    def while_recorded(self, frequency: Frequencies, steady: Impedances) -> Impedances:
+        """Return what is recorded of a device whose steady impedance is known."""
+        seen = steady
+        for record in self.records:
+            seen = record(self, frequency, seen)
+        return seen
+
+    def steady(self, frequency: Frequencies) -> Impedances:
+        """Return what a sweep without end would record: all stages but the last, ohm, shape (N,)."""
+        jw = j_omega(frequency)
+        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        for part in self.parts:
+            admittance += part.fraction / part.stack.impedance(frequency)
+        seen: Impedances = 1 / admittance
+        for terminal in self.terminals:
+            seen, _ = terminal(jw, seen)
+        return seen
+
+    def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name no stack has."""
+        jw = j_omega(frequency)
+        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        slope = np.zeros((len(names), frequency.size), np.complex128)
+        for part in self.parts:
+            own = part.stack.parameters()
+            rows = [k for k, name in enumerate(names) if name in own]
+            Z, dlnZ = part.stack.jacobian(frequency, [names[k] for k in rows])
+            admittance += part.fraction / Z
+            scale = np.array([part.scale.get(names[k], 1.0) for k in rows])
+            slope[rows] -= part.fraction / Z * dlnZ * scale[:, None]
+        seen: Impedances = 1 / admittance
+        slope *= -(seen**2)
+        for terminal in self.terminals:
+            seen, through = terminal(jw, seen)
+            slope *= through
+        return seen, slope / seen
+
+
+Record = Callable[[Assembly, Frequencies, Impedances], Impedances]
+"""(device, Hz, steady Z) to what is recorded while the sweep runs; shapes (N,)."""

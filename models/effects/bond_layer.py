@@ -1,0 +1,45 @@
+"""`bond-layer`: a glue layer of finite thickness that the model left out."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import Elastic, Stack
+from .assembly import Assembly
+from .effect import Effect, Knob, interface_at, interfaces
+
+_Z, _C, _Q = 2.9e6, 2550.0, 30.0
+"""Unfilled epoxy, Rayl, m/s and quality. Only its compliance l/(z c) can be seen, so these are assumed, not sought."""
+
+
+class BondLayer(Effect):
+    """A thin soft layer between two others: a spring with a little mass."""
+
+    name = "bond-layer"
+    says = "There is a layer of glue at {where} that the build does not mention."
+    separates = "measure the total thickness before and after gluing, or look at a cut"
+    references = ("Tjelde (NTNU, 2012), section 3.4.2 and appendix B",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every interface."""
+        return interfaces(stack)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s."""
+        return (Knob("thickness", "m", typical=5e-6, upper=2e-4),)
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the glue in its place."""
+        _, before = interface_at(where)
+        thickness = values["thickness"]
+        if thickness <= 0:
+            return assembly
+        bond = Elastic(f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=_Z, c=_C, q=_Q)
+
+        def glued(stack: Stack) -> Stack:
+            k = [layer.name for layer in stack.layers].index(before)
+            return replace(stack, layers=(*stack.layers[:k], bond, *stack.layers[k:]))
+
+        return assembly.each_stack(glued)
+
+
+EFFECT = BondLayer()

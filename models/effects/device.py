@@ -1,0 +1,112 @@
+"""A stack with effects added: a `Model` whose further parameters are the effects' knobs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies, Impedances
+from ..named import require
+from ..stack import Stack
+from .assembly import Assembly, Conditions, Part
+from .effect import Effect, Knob
+
+_STEP = 1e-4
+"""Step of derivatives by a knob, in its typical size; the error of a one-sided second-order difference is 1e-8."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """An effect at a place with its values."""
+
+    effect: Effect
+    where: str
+    values: Mapping[str, float]
+    """By knob."""
+
+    @property
+    def prefix(self) -> str:
+        """What its parameters' names begin with."""
+        return f"{self.effect.name}@{self.where}."
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """Return it with some values changed."""
+        return replace(self, values={**self.values, **values})
+
+
+@dataclass(frozen=True)
+class Device:
+    """A stack with effects, as a sweep under these conditions records it. Satisfies `Model`.
+
+    Parameters are the stack's and, for each effect, `effect@place.knob`, as in `lead-inductance@terminals.inductance`.
+    """
+
+    bare: Stack
+    added: tuple[Added, ...] = ()
+    conditions: Conditions = field(default_factory=Conditions)
+
+    def parameters(self) -> dict[str, float]:
+        """Return the stack's parameters and those of the effects."""
+        own = {f"{one.prefix}{knob}": value for one in self.added for knob, value in one.values.items()}
+        return self.bare.parameters() | own
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the device with these parameters. Raises KeyError for a name it does not have."""
+        stack = self.bare.parameters()
+        require(values, self.parameters(), "the device")
+        added = tuple(
+            one.with_values(
+                {name.removeprefix(one.prefix): v for name, v in values.items() if name.startswith(one.prefix)}
+            )
+            for one in self.added
+        )
+        bare = self.bare.replace({name: value for name, value in values.items() if name in stack})
+        return replace(self, bare=bare, added=added)
+
+    def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
+        """Return the device with one effect more, its knobs at null unless given."""
+        null = {knob.name: knob.null for knob in effect.knobs(self.bare, where)}
+        return replace(self, added=(*self.added, Added(effect, where, {**null, **(values or {})})))
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        return self._assembly.impedance(frequency)
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
+
+        Exact by the stack's parameters; by knobs from differences of second order, on the allowed side of a limit.
+        Effects of the sweep are small: the stack's derivatives are those of the steady device.
+        """
+        require(names, self.parameters(), "the device")
+        own = self.bare.parameters()
+        steady, slopes = self._assembly.steady_jacobian(frequency, [name for name in names if name in own])
+        Z = self._assembly.while_recorded(frequency, steady)
+        rows = iter(slopes)
+        made = [next(rows) if name in own else self._by_knob(name, frequency, Z) for name in names]
+        return Z, np.array(made, np.complex128).reshape(len(names), frequency.size)
+
+    @cached_property
+    def _assembly(self) -> Assembly:
+        assembly = Assembly((Part(1.0, self.bare),), conditions=self.conditions)
+        for one in self.added:
+            assembly = one.effect.extend(assembly, one.where, one.values)
+        return assembly
+
+    def _by_knob(self, name: str, frequency: Frequencies, Z: Impedances) -> Complexes:
+        """Return d ln Z / d knob; one-sided where the other side is not physical."""
+        knob, value = self._knob(name), self.parameters()[name]
+        step = _STEP * knob.typical
+        if value - step >= knob.lower and value + step <= knob.upper:
+            up, down = (self.replace({name: value + s}).impedance(frequency) for s in (step, -step))
+            return np.log(up / down) * complex(0.5 / step)
+        side = step if value + 2 * step <= knob.upper else -step
+        one, two = (np.log(self.replace({name: value + s}).impedance(frequency) / Z) for s in (side, 2 * side))
+        return (4 * one - two) * complex(0.5 / side)
+
+    def _knob(self, name: str) -> Knob:
+        one = next(one for one in self.added if name.startswith(one.prefix))
+        knobs = one.effect.knobs(self.bare, one.where)
+        return next(knob for knob in knobs if one.prefix + knob.name == name)

@@ -1,0 +1,39 @@
+"""`lead-inductance`: series inductance (and resistance) of wire, clip, coax jig."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..arrays import Complexes, Impedances
+from ..stack import Stack
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob
+
+
+class LeadInductance(Effect):
+    """Z + R + jwL: grows with frequency, largest relative effect where |Z| is least."""
+
+    name = "lead-inductance"
+    says = "The wire or clip between analyzer and device adds a series inductance that was not compensated."
+    separates = "sweep a short circuit in the same clip, or compensate with it"
+    references = ("Keysight Impedance Measurement Handbook, section 4",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return L in henry."""
+        return (Knob("inductance", "H", typical=1e-8),)
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device behind a wire."""
+        L = values["inductance"]
+
+        def wire(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
+            return Z + jw * L, np.ones_like(Z)
+
+        return assembly.behind(wire)
+
+
+EFFECT = LeadInductance()
