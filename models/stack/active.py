@@ -45,7 +45,7 @@ class ActiveLine(Line):
     def weights_driven(
         self, current: ComplexLike, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike
     ) -> dict[str, ComplexLike]:
-        """Return d Z_el / d ln of the layer's quantities, ohm m2, from the field and the layer's own current."""
+        """Return d Z_el / d ln of the layer's quantities (d h33 itself), from the field and the layer's own current."""
         stress = self.H * current
         line = self.weights(v1, F1 - stress, v2, F2 - stress)
         clamped = current * current * self.W
@@ -53,6 +53,6 @@ class ActiveLine(Line):
             "thickness": line["theta"] + clamped,
             "density": 0.5 * (line["Zc"] + line["theta"]),
             "stiffness": line["stiffness"],
-            "h33": 2.0 * stress * (v1 - v2),
+            "h33": 2.0 * current * (v1 - v2) / self.jw,
             "eps33S": -clamped,
         }

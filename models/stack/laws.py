@@ -7,9 +7,10 @@ rise by 0.88 % from f to 3f); the others carry the Kramers-Kronig companion and 
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, Self, TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -32,28 +33,33 @@ def require_positive(owner: str, **values: float) -> None:
             raise StackError(f"{what}; a positive {'' if name == 'q' else 'finite '}number is needed")
 
 
-class LossLaw(Protocol):
-    """A complex constant over frequency."""
+class LossLaw(ABC):
+    """A complex constant over frequency. A negative one (h33 seen from the other side) goes as minus its positive."""
 
+    @abstractmethod
     def parameters(self) -> Mapping[str, float]:
         """Return the law's own parameters by name (`exponent`), empty where it has none."""
-        ...
 
+    @abstractmethod
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the law with these parameters."""
-        ...
 
+    @abstractmethod
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,), in the unit of `value`."""
-        ...
+
+    @abstractmethod
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and each of the law's own parameters."""
 
     def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d ln(constant) / d `re`, `im` and each of the law's own parameters."""
-        ...
+        """Return d ln(constant) by the same; `value` must not be zero."""
+        scale = 1 / self.over(value, frequency)
+        return {key: size * scale for key, size in self.derivatives(value, frequency).items()}
 
 
 @dataclass(frozen=True)
-class ConstantLoss:
+class ConstantLoss(LossLaw):
     """The same complex number at every frequency (hysteretic loss). Not causal, and what most papers use."""
 
     def parameters(self) -> Mapping[str, float]:
@@ -68,14 +74,14 @@ class ConstantLoss:
         """Return `value`."""
         return value
 
-    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return 1/value and j/value."""
-        return {"re": 1 / value, "im": 1j / value}
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return 1 and j."""
+        return {"re": 1.0 + 0j, "im": 1j}
 
 
 @dataclass(frozen=True)
-class CausalConstantQ:
-    """Kjartansson's law (J. Geophys. Res. 84 (1979) 4737): M(f) = M (f/reference)^(2/pi arg M).
+class CausalConstantQ(LossLaw):
+    """Kjartansson's law (J. Geophys. Res. 84 (1979) 4737): M(f) = M (f/reference)^(2/pi atan(M''/M')).
 
     The loss tangent is the same at all frequencies, and the real part moves as causality demands: a stiffness
     rises with frequency, a permittivity falls.
@@ -94,19 +100,23 @@ class CausalConstantQ:
 
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,)."""
-        slope = 2 / math.pi * math.atan2(value.imag, value.real)
-        return np.multiply((frequency / self.reference) ** slope, value)
+        return np.multiply((frequency / self.reference) ** _slope(value), value)
 
-    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d ln M / d re and d ln M / d im, shape (N,)."""
-        stretch = 2 / math.pi * np.log(frequency / self.reference)
-        size = abs(value) ** 2
-        by_re, by_im = -value.imag / size * stretch, value.real / size * stretch
-        return {"re": np.add(by_re, 1 / value), "im": np.add(by_im, 1j / value)}
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d M / d re and d M / d im, shape (N,)."""
+        log_x = np.log(frequency / self.reference)
+        stretch = np.exp(_slope(value) * log_x)
+        turn = value / (abs(value) ** 2 or 1.0) * (2 / math.pi) * log_x  # nothing turns where there is nothing
+        return {"re": stretch * (1 - value.imag * turn), "im": stretch * (1j + value.real * turn)}
+
+
+def _slope(value: complex) -> float:
+    """Return 2/pi times the loss angle, that is the exponent of frequency; the sign of the constant is no loss."""
+    return 2 / math.pi * math.atan2(math.copysign(1.0, value.real) * value.imag, abs(value.real))
 
 
 @dataclass(frozen=True)
-class PowerLoss:
+class PowerLoss(LossLaw):
     """Loss tangent proportional to f^exponent: M(f) = M' + M'' [cot(n pi/2) (x^n - 1) + j x^n], x = f/reference.
 
     This is the fractional Kelvin-Voigt solid M0 [1 + (jw tau)^n] (and, for n < 0, the universal dielectric
@@ -136,16 +146,11 @@ class PowerLoss:
         """Return the constant at frequencies in Hz, shape (N,)."""
         return value.real + value.imag * self._shape(np.log(frequency / self.reference))
 
-    def log_derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d ln M / d re, d im and d exponent, shape (N,)."""
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d M / d re, d im and d exponent, shape (N,) where they depend on frequency."""
         log_x = np.log(frequency / self.reference)
-        shape = self._shape(log_x)
-        constant = value.real + value.imag * shape
-        return {
-            "re": 1 / constant,
-            "im": shape / constant,
-            "exponent": value.imag * self._shape_by_exponent(log_x) / constant,
-        }
+        by_exponent = value.imag * self._shape_by_exponent(log_x)
+        return {"re": 1.0 + 0j, "im": self._shape(log_x), "exponent": by_exponent}
 
     def _shape(self, log_x: Frequencies) -> Complexes:
         """Return cot(n pi/2) (x^n - 1) + j x^n: the loss with its companion, 1j at the reference."""

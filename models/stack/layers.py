@@ -13,7 +13,10 @@ from .laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_
 from .row import Joins
 
 Gradient: TypeAlias = tuple[str, ComplexLike]
-"""The one quantity that a parameter p moves (a key of the section's `weights`), and d ln(quantity) / dp."""
+"""The one quantity that a parameter p moves (a key of the section's `weights`), and d ln(quantity) / dp.
+
+`h33` and `mass` may be zero; of them it is d(quantity) / dp, and the weight is made to match.
+"""
 
 
 @dataclass(frozen=True)
@@ -61,16 +64,14 @@ class Elastic(Joins):
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
         """Return for every parameter the quantity it moves, and how much."""
-        stiffness = dict(self.law.log_derivatives(self.c33, frequency))
-        by_loss = stiffness.pop("im") * (self.z * self.c)
-        del stiffness["re"]
+        stiffness = self.law.log_derivatives(self.c33, frequency)
         own: dict[str, Gradient] = {
             "thickness": ("theta", 1 / self.thickness),
             "z": ("Zc", 1 / self.z),
             "c": ("theta", -1 / self.c),
-            "q": ("stiffness", -by_loss / self.q**2),
+            "q": ("stiffness", stiffness["im"] * (-self.z * self.c / self.q**2)),
         }
-        return own | {f"q.{key}": ("stiffness", value) for key, value in stiffness.items()}
+        return own | {f"q.{key}": ("stiffness", stiffness[key]) for key in self.law.parameters()}
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Piezo(Joins):
     c33D: complex
     """Stiffness at constant D, Pa; im > 0 is loss."""
     h33: complex
-    """V/m."""
+    """V/m; zero is a dead (depoled) layer."""
     eps33S: complex
     """Clamped permittivity, F/m; im < 0 is loss."""
     polarity: int = 1
@@ -150,10 +151,12 @@ class Piezo(Joins):
             "thickness": ("thickness", 1 / self.thickness),
             "density": ("density", 1 / self.density),
         }
-        quantities = {"c33D": "stiffness", "h33": "h33", "eps33S": "eps33S"}
-        for constant, (value, law) in self._constants().items():
-            for key, size in law.log_derivatives(value, frequency).items():
-                own[f"{constant}.{key}"] = (quantities[constant], size)
+        for key, size in self.c_law.log_derivatives(self.c33D, frequency).items():
+            own[f"c33D.{key}"] = ("stiffness", size)
+        for key, size in self.h_law.derivatives(self.h33, frequency).items():
+            own[f"h33.{key}"] = ("h33", self.polarity * size)
+        for key, size in self.eps_law.log_derivatives(self.eps33S, frequency).items():
+            own[f"eps33S.{key}"] = ("eps33S", size)
         return own
 
     def _constants(self) -> dict[str, tuple[complex, LossLaw]]:

@@ -155,3 +155,12 @@ def test_loss_laws_agree_where_they_must() -> None:
     for law in (CausalConstantQ(1e6), PowerLoss(1e6, 0.0), PowerLoss(1e6, 0.4), PowerLoss(1e6, -0.3)):
         assert law.over(M, f)[1] == pytest.approx(M, rel=1e-14)
     assert np.allclose(PowerLoss(1e6, 1e-9).over(M, f), PowerLoss(1e6, 0.0).over(M, f), rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", [CausalConstantQ(1e6), PowerLoss(1e6, 0.4)])
+def test_the_sign_of_h33_is_the_polarity_whatever_the_law(law: CausalConstantQ | PowerLoss) -> None:
+    disk = Piezo("disk", 0.5e-3, 7700.0, 1.4e11 * (1 + 0.01j), 1.9e9 * (1 + 0.02j), 8e-9 * (1 - 0.02j), h_law=law)
+    other = Piezo("disk", 0.5e-3, 7700.0, disk.c33D, -disk.h33, disk.eps33S, h_law=law)
+    Z, J = Stack((disk,), WATER, AIR).jacobian(F, ["disk.h33.re", "disk.h33.im"])
+    assert worst(Stack((other,), WATER, AIR).impedance(F), Z) < 1e-14
+    assert worst(-Stack((other,), WATER, AIR).jacobian(F, ["disk.h33.re", "disk.h33.im"])[1], J) < 1e-12

@@ -5,6 +5,7 @@ own cancellations do not matter, and solves for the end condition and the wiring
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import mpmath as mp
 import numpy as np
@@ -141,6 +142,7 @@ STACKS = {
     "lossless disk": (VACUUM | Piezo("disk", 0.5e-3, 7700.0, 1.4e11, 2e9, 8e-9) | VACUUM).with_area(2.01e-4),
     "five layers": (FIVE | WATER).with_area(2.01e-4),
     "1 um glue, 30 mm backing": (BACKED | AIR).with_area(2.01e-4),
+    "dead layer on the disk": (AIR | DISK | replace(DISK, name="dead", thickness=8e-6, h33=0.0) | AIR).with_area(2e-4),
     "two piezo layers in series": Stack(ODD, HalfSpace("b", 3e6), WATER, 2e-4),
     "two piezo layers in parallel": Stack(ODD, HalfSpace("b", 3e6), WATER, 2e-4, "parallel"),
 }
