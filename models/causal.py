@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .arrays import Complexes, Frequencies
-from .stack.laws import LossLaw
+from .stack.laws import ComplexLike, LossLaw
 
 
 def continued(law: LossLaw, value: complex, frequency: Frequencies) -> tuple[Complexes, Mapping[str, Complexes]]:
@@ -18,15 +18,13 @@ def continued(law: LossLaw, value: complex, frequency: Frequencies) -> tuple[Com
 
     A permittivity under `CausalConstantQ` is the constant-phase element; a stiffness, Kjartansson's solid.
     """
-    if value == 0:
-        unit = np.broadcast_to(law.over(1 + 0j, frequency), frequency.shape).astype(np.complex128)
-        own = {key: np.zeros_like(unit) for key in law.parameters()}
-        return np.zeros_like(unit), {"re": unit, "im": 1j * unit, **own}
     sign = -1 if value.real < 0 else 1
-    positive = np.broadcast_to(law.over(sign * value, frequency), frequency.shape)
-    constant = sign * positive
+
+    def wide(array: ComplexLike, times: int) -> Complexes:
+        return np.multiply(times, np.broadcast_to(array, frequency.shape), dtype=np.complex128)
+
     slopes = {
-        key: np.multiply(constant * (sign if key in ("re", "im") else 1), size)
-        for key, size in law.log_derivatives(sign * value, frequency).items()
+        key: wide(size, 1 if key in ("re", "im") else sign)
+        for key, size in law.derivatives(sign * value, frequency).items()
     }
-    return constant.astype(np.complex128), slopes
+    return wide(law.over(sign * value, frequency), sign), slopes

@@ -55,17 +55,13 @@ class RadialDisk:
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
-        constants = {key: value for key, (value, _) in self.arm.constants(frequency).items()}
-        eps33T, _ = continued(self.eps_law, self.eps33T, frequency)
-        clamped = eps33T - 2 * constants["d31"] ** 2 / (constants["s11E"] + constants["s12E"])
-        clamped = clamped + self.arm.mass(frequency) * self.arm.d33f**2
-        return 1 / (self._empty(frequency) * clamped + self.arm.admittance(frequency))
+        return 1 / (self._clamped(frequency) + self.arm.admittance(frequency))
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
         require(names, self.parameters(), "the disk")
-        _, slopes = self.arm.slopes(frequency)
-        Z = self.impedance(frequency)
+        Y, slopes = self.arm.slopes(frequency)
+        Z = 1 / (self._clamped(frequency) + Y)
         for name, slope in self._clamped_slopes(frequency).items():
             slopes[name] = slopes.get(name, 0) + slope
         rows = np.array([-slopes[name] * Z for name in names], np.complex128)
@@ -75,14 +71,21 @@ class RadialDisk:
         """Return jw area/t: the admittance for a permittivity of one."""
         return j_omega(frequency) * self.arm.area / self.arm.thickness
 
+    def _clamped(self, frequency: Frequencies) -> Complexes:
+        """Return the admittance of the disk that does not move in its plane."""
+        constants = {key: value for key, (value, _) in self.arm.constants(frequency).items()}
+        eps33T, _ = continued(self.eps_law, self.eps33T, frequency)
+        eps33p = eps33T - 2 * constants["d31"] ** 2 / (constants["s11E"] + constants["s12E"])
+        return self._empty(frequency) * (eps33p + self.arm.mass(frequency) * self.arm.d33f**2)
+
     def _clamped_slopes(self, frequency: Frequencies) -> dict[str, Complexes]:
         """Return the derivatives of the clamped disk's admittance, for every parameter that it depends on."""
         constants, name = self.arm.constants(frequency), self.arm.name
-        eps33T, chain = continued(self.eps_law, self.eps33T, frequency)
+        _, chain = continued(self.eps_law, self.eps33T, frequency)
         plus, d31 = constants["s11E"][0] + constants["s12E"][0], constants["d31"][0]
         empty = self._empty(frequency)
         moved = empty * self.arm.mass(frequency) * self.arm.d33f
-        Y, by_mass = empty * (eps33T - 2 * d31**2 / plus) + moved * self.arm.d33f, moved * self.arm.d33f
+        Y, by_mass = self._clamped(frequency), moved * self.arm.d33f
         made = {"area": Y / self.arm.area, f"{name}.thickness": (2 * by_mass - Y) / self.arm.thickness}
         made |= {f"{name}.density": by_mass / self.arm.density, f"{name}.d33f": 2 * moved}
         made |= {f"{name}.eps33T.{part}": empty * size for part, size in chain.items()}

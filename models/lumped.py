@@ -110,20 +110,22 @@ class Lumped:
         require(names, self.parameters(), "the equivalent circuit")
         jw = j_omega(frequency)
         Z = self.impedance(frequency)
-        inner = Z - self.R - jw * self.L  # 1/Y
-        slopes = [self._slope(name, jw, inner**2) / Z for name in names]
-        return Z, np.array(slopes, np.complex128).reshape(len(names), frequency.size)
+        slopes = self._slopes(jw, (Z - self.R - jw * self.L) ** 2)
+        return Z, np.array([slopes[name] / Z for name in names], np.complex128).reshape(len(names), frequency.size)
 
-    def _slope(self, name: str, jw: Complexes, Z2: Complexes) -> Complexes:
-        """Return dZ/dp; `Z2` is 1/Y^2, because dZ = -dY/Y^2."""
-        owner, _, key = name.partition(".")
-        if owner == "series":
-            return np.ones_like(jw) if key == "R" else jw
-        if owner == "C0":
-            return -Z2 * jw * (-1j * self.C0 if key else 1 - 1j * self.tan_delta)
-        branch = self.branches[int(owner.removeprefix("branch")) - 1]
-        through = Z2 / _series(branch, jw) ** 2
-        return through * {"R": 1.0, "L": jw, "C": -1 / (jw * branch.C**2)}[key]
+    def _slopes(self, jw: Complexes, Z2: Complexes) -> dict[str, Complexes]:
+        """Return dZ/dp for every parameter; `Z2` is 1/Y^2 of all that is in parallel, because dZ = -dY/Y^2."""
+        made = {
+            "C0": -Z2 * jw * (1 - 1j * self.tan_delta),
+            "C0.tan_delta": Z2 * jw * 1j * self.C0,
+            "series.R": np.ones_like(jw),
+            "series.L": jw,
+        }
+        for k, branch in enumerate(self.branches, 1):
+            through = Z2 / _series(branch, jw) ** 2
+            made |= {f"branch{k}.R": through, f"branch{k}.L": through * jw}
+            made[f"branch{k}.C"] = -through / (jw * branch.C**2)
+        return made
 
 
 def _series(branch: Branch, jw: Complexes) -> Complexes:

@@ -1,0 +1,92 @@
+"""What the models of single devices cost and how far they reach; run by `make bench`."""
+
+import importlib.util
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pzctl.models import sherrit
+from pzctl.models.constants import Thickness
+from pzctl.models.disk import BothModes, RadialDisk
+from pzctl.models.fixture import Fixture
+from pzctl.models.lumped import Branch, Lumped
+from pzctl.models.materials import SHERRIT_RADIAL
+from pzctl.models.stack import VACUUM, Piezo, Stack
+
+AREA = np.pi * 5e-3**2
+
+
+def seconds(call):
+    times = []
+    for _ in range(30):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def plate(Q=80.0, tan=0.017):
+    truth = Thickness(1.5e11 * (1 + 1j / Q), 1.98e9, 8.1e-9 * (1 - 1j * tan))
+    layer = Piezo("disk", 0.5e-3, 7800.0, truth.c33D, truth.h33, truth.eps33S)
+    return Stack((layer,), VACUUM, VACUUM, AREA), truth
+
+
+def test_value_and_jacobian_of_each_model():
+    stack, _ = plate()
+    radial = RadialDisk.of("disk", SHERRIT_RADIAL, AREA, 0.5e-3, 7800.0)
+    lumped = Lumped(1e-9, tuple(Branch.from_resonance(4e6 + k * 1e5, 80, 1e-11) for k in range(4)))
+    models = {
+        "lumped, 4 branches": lumped,
+        "radial disk": radial,
+        "both modes": BothModes.of(stack, "disk", SHERRIT_RADIAL),
+        "plate": stack,
+        "plate in a fixture": Fixture(stack),
+    }
+    f = np.linspace(1e5, 1e7, 801)
+    unit = seconds(lambda: np.exp(1j * f))
+    print(f"\n801 points; one complex exp over them takes {unit * 1e6:.0f} us, which is the unit")
+    for name, model in models.items():
+        names = list(model.parameters())
+        value = seconds(lambda model=model: model.impedance(f))
+        full = seconds(lambda model=model, names=names: model.jacobian(f, names))
+        print(
+            f"{name:20s} {len(names):3d} parameters: value {value / unit:5.1f}, value and Jacobian {full / unit:6.1f} "
+            f"({full / value:.1f} values)"
+        )
+
+
+def test_what_the_division_by_frequency_brings_to_sherrits_method():
+    print("\nerror of c33D', c33D'' and kt^2' from critical frequencies of wZ, Y/w and of Z, Y themselves")
+    f = np.arange(3e6, 6e6, 50.0)
+    for Q in (80, 20, 10):
+        stack, truth = plate(Q, 0.012)
+        Z = stack.impedance(f)
+        w = 2 * np.pi * f
+        above = 12e6, complex(stack.impedance(np.array([12e6]))[0])
+        for name, shown in (("divided", Z), ("as they are", Z / w)):  # what is divided is multiplied in there
+            fs, fp = sherrit.resonance_frequencies(f, shown), sherrit.antiresonance_frequencies(f, shown)
+            found = sherrit.thickness_constants(fs.complex, fp.complex, 0.5e-3, 7800.0, above, AREA)
+            errors = (
+                found.c33D.real / truth.c33D.real - 1,
+                found.c33D.imag / truth.c33D.imag - 1,
+                (found.kt**2).real / (truth.kt**2).real - 1,
+            )
+            print(f"Q {Q:3d} {name:12s}", *(f"{error:+.1e}" for error in errors))
+
+
+def test_how_far_radial_models_reach_for_a_disk_of_finite_thickness():
+    path = Path(__file__).parents[1] / "models" / "test_finite_disk.py"
+    spec = importlib.util.spec_from_file_location("finite_disk", path)
+    finite = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(finite)
+    print("\nrms |ln(Z_model/Z)| against a direct solution in both dimensions, Pz27, 10 mm")
+    for ratio in (10, 20, 40):
+        thickness = 10e-3 / ratio
+        fp = 4319 / (2 * thickness)
+        bands = {"0.1-0.8 MHz": (1e5, 8e5, 14, 5), "0.1 MHz-0.5 fp": (1e5, 0.5 * fp, 20 + ratio, 5)}
+        if ratio <= 20:
+            bands["0.7-1.3 fp"] = (0.7 * fp, 1.3 * fp, 12 + 2 * ratio, 7)
+        for band, (low, high, nr, nz) in bands.items():
+            misfit = finite.misfits(thickness, np.linspace(low, high, 201), nr, nz)
+            print(f"D/t {ratio} {band:15s}", *(f"{name} {size:.4f} " for name, size in misfit.items()))
