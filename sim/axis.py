@@ -37,8 +37,6 @@ class Axis:
     """Hz."""
     level: Reals
     """Oscillator level, V (or A in current mode)."""
-    bias: Reals
-    """DC bias, V."""
     bandwidth: Reals
     """BWFACT of each point."""
     point_average: Reals
@@ -69,7 +67,7 @@ def grid(start: float, stop: float, points: int, kind: str, step: float = MILLIH
 
 def plain_axis(
     *, parameter: str, kind: str, start: float, stop: float, points: int, fixed_frequency: float, level: float,
-    bias: float, bandwidth: int, point_average: int,
+    bandwidth: int, point_average: int,
 ) -> Axis:  # fmt: skip
     """Return the axis of a LIN or LOG sweep of frequency, level or bias."""
     frequency_swept = parameter == "FREQ"
@@ -79,7 +77,6 @@ def plain_axis(
         values,
         values if frequency_swept else fixed_frequency * same,
         values if parameter == "OLEV" else level * same,
-        values if parameter == "DCB" else bias * same,
         bandwidth * same,
         point_average * same,
     )
@@ -98,7 +95,6 @@ def list_axis(table: tuple[Segment, ...]) -> Axis:
         values,
         values,
         column([s.level for s in table]),
-        column([s.bias for s in table]),
         column([float(s.bandwidth) for s in table]),
         column([float(s.point_average) for s in table]),
     )

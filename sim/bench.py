@@ -27,6 +27,8 @@ class Bench:
     seed: int = 0
     noise: bool = True
     """Random noise of section 8.3."""
+    radial: bool = False
+    """Whether the disk has its radial modes: a 1-D thickness model does not know them."""
     off: bool = False
     """Systematic error of section 8.2, the same for every sweep of this instrument."""
     jig: Jig = field(default_factory=lambda: JIGS["compensated"])
@@ -97,8 +99,8 @@ class Bench:
             return np.zeros(axis.values.size, dtype=np.complex128)
         if self.content == "load":
             return np.full(axis.values.size, 1 / LOAD_STANDARD_OHM, dtype=np.complex128)
-        stack = self.sample.stack(self.step)
-        return 1 / device_impedance(stack, self.effects, axis, when, point_seconds, order)
+        device = self.sample.device(self.step, self.radial)
+        return 1 / device_impedance(device, self.effects, axis, when, point_seconds, order)
 
     def _as_read(self, z: Impedances, axis: Axis, random: np.random.Generator) -> Impedances:
         level = np.where(axis.level > 0, axis.level, 1e-3)

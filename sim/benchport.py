@@ -116,11 +116,12 @@ class BenchPort:
         return {"jig": vars(self._bench.jig).copy()}
 
     def _effects(self, command: dict[str, Any]) -> dict[str, Any]:
-        for switch in ("noise", "off"):
+        for switch in ("noise", "off", "radial"):
             if switch in command:
-                setattr(self._bench, switch, bool(command.pop(switch)))
+                setattr(self._bench, switch, _switch(command, switch))
         self._bench.effects = self._bench.effects.changed(**command)
-        return {"effects": vars(self._bench.effects).copy()}
+        switches = {name: getattr(self._bench, name) for name in ("noise", "off", "radial")}
+        return {"effects": vars(self._bench.effects) | switches}
 
     def _fault(self, command: dict[str, Any]) -> dict[str, Any]:
         kind = _text(command, "kind")
@@ -148,6 +149,13 @@ def _text(command: Mapping[str, Any], key: str) -> str:
     value = command.get(key)
     if not isinstance(value, str):
         raise BenchError(f"bench: {key!r} is {value!r}; a text is needed")
+    return value
+
+
+def _switch(command: dict[str, Any], key: str) -> bool:
+    value = command.pop(key)
+    if not isinstance(value, bool):
+        raise BenchError(f"bench: {key!r} is {value!r}; true or false is needed")
     return value
 
 

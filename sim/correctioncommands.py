@@ -33,7 +33,7 @@ def _standard_axis(instrument: Instrument) -> Axis:
     if instrument.state["CALP"] == "USER" and np.all(np.diff(axis.frequency) > 0):
         return axis
     same = np.ones(FIXED_POINTS.size)
-    first = {name: same * getattr(axis, name)[0] for name in ("level", "bias", "bandwidth", "point_average")}
+    first = {name: same * getattr(axis, name)[0] for name in ("level", "bandwidth", "point_average")}
     return replace(axis, values=FIXED_POINTS, frequency=FIXED_POINTS, **first)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..models.arrays import Frequencies, Impedances, Reals
-from ..models.stack import Stack
+from ..models.model import Model
 from .axis import Axis
 from .sample import BenchError
 
@@ -46,17 +46,17 @@ class Effects:
 
 
 def device_impedance(
-    stack: Stack, effects: Effects, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]
+    device: Model, effects: Effects, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]
 ) -> Impedances:
     """Return Z of the device, shape (N,): point k is measured at `when[k]` s, the points being swept in `order`."""
     frequency = lagging(axis.frequency, point_seconds, order, effects.lag_s)
     temperature = effects.start_K + effects.drift_K_per_s * when
     if not effects.strain_softening and not np.any(temperature):
-        return stack.impedance(frequency)
+        return device.impedance(frequency)
     z = np.empty(frequency.size, dtype=np.complex128)
     strain = 0.0
     for k in order:
-        here = warmed(stack, float(temperature[k]))
+        here = warmed(device, float(temperature[k]))
         z[k], strain = _softened(here, frequency[k : k + 1], float(axis.level[k]), effects.strain_softening, strain)
     return z
 
@@ -70,18 +70,18 @@ def lagging(frequency: Frequencies, point_seconds: Reals, order: NDArray[np.intp
     return np.maximum(frequency - rate * lag_s, frequency.min() / 2)
 
 
-def warmed(stack: Stack, kelvin: float) -> Stack:
-    """Return the stack with its disk this much above the reference temperature."""
+def warmed(device: Model, kelvin: float) -> Model:
+    """Return the device with its disk this much above the reference temperature."""
     if kelvin == 0:
-        return stack
-    return _scaled(stack, 1 + STIFFNESS_PER_KELVIN * kelvin, 1 + PERMITTIVITY_PER_KELVIN * kelvin)
+        return device
+    return _scaled(device, 1 + STIFFNESS_PER_KELVIN * kelvin, 1 + PERMITTIVITY_PER_KELVIN * kelvin)
 
 
-def _scaled(stack: Stack, stiffness: complex, permittivity: float) -> Stack:
-    have = stack.parameters()
+def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
+    have = device.parameters()
     c33D = complex(have["disk.c33D.re"], have["disk.c33D.im"]) * stiffness
     eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"]) * permittivity
-    return stack.replace(
+    return device.replace(
         {
             "disk.c33D.re": c33D.real,
             "disk.c33D.im": c33D.imag,
@@ -92,17 +92,17 @@ def _scaled(stack: Stack, stiffness: complex, permittivity: float) -> Stack:
 
 
 def _softened(
-    stack: Stack, frequency: Frequencies, level: float, softening: float, strain: float
+    device: Model, frequency: Frequencies, level: float, softening: float, strain: float
 ) -> tuple[complex, float]:
     """Return Z at one frequency with the strain that belongs to it, found from the strain of the point before.
 
     Starting there is what makes the jump depend on the sweep's direction.
     """
-    z = complex(stack.impedance(frequency)[0])
+    z = complex(device.impedance(frequency)[0])
     if not softening:
         return z, 0.0
     for _ in range(40):
-        bent = _scaled(stack, 1 - softening * strain * (1 - 1j), 1.0)
+        bent = _scaled(device, 1 - softening * strain * (1 - 1j), 1.0)
         z = complex(bent.impedance(frequency)[0])
         now = mean_strain(bent, z, float(frequency[0]), level)
         if abs(now - strain) <= 1e-4 * max(now, 1e-12):
@@ -111,12 +111,12 @@ def _softened(
     return z, strain
 
 
-def mean_strain(stack: Stack, z: complex, frequency: float, level: float) -> float:
+def mean_strain(device: Model, z: complex, frequency: float, level: float) -> float:
     """Return the amplitude of the disk's mean strain under `level` volts rms behind the source resistance.
 
     V = I/(j w C0) - h t S for the mean strain S, so |S| = |I| |Z - 1/(j w C0)| / (|h| t).
     """
-    have = stack.parameters()
+    have = device.parameters()
     thickness = have["disk.thickness"]
     eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"])
     clamped = thickness / (2j * np.pi * frequency * eps33S * have["area"])

@@ -58,6 +58,7 @@ class Faults:
     struck: list[str] = field(default_factory=list[str])
     """Kinds that have struck since the faults were cleared, oldest first."""
     _awake: asyncio.Event = field(default_factory=asyncio.Event)
+    _end_of_hang: asyncio.TimerHandle | None = None
 
     def __post_init__(self) -> None:
         self._awake.set()
@@ -115,7 +116,9 @@ class Faults:
     def hang(self, seconds: float) -> None:
         """Stop everything for this time."""
         self._awake.clear()
-        asyncio.get_running_loop().call_later(seconds, self._awake.set)
+        if self._end_of_hang is not None:
+            self._end_of_hang.cancel()
+        self._end_of_hang = asyncio.get_running_loop().call_later(seconds, self._awake.set)
 
     async def while_hanging(self) -> None:
         """Return when nothing hangs."""

@@ -9,7 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..models.constants import Radial
+from ..models.disk import BothModes
 from ..models.errors import PzctlError
+from ..models.model import Model
 from ..models.stack import AIR, Elastic, Piezo, Stack
 
 EPS0 = 8.8541878128e-12
@@ -33,6 +36,16 @@ class Sample:
 
     seed: int
     layers: tuple[Piezo | Elastic, ...]
+    radial: Radial
+    """The disk's radial constants; its eps33T is what follows from the thickness constants and these."""
+
+    def device(self, step: str, radial: bool) -> Model:
+        """Return what is on the bench after a gluing step, with or without the disk's radial modes.
+
+        What is glued on does not load the radial modes. Raises BenchError for an unknown step.
+        """
+        stack = self.stack(step)
+        return BothModes.of(stack, "disk", self.radial) if radial else stack
 
     def stack(self, step: str) -> Stack:
         """Return what is on the bench after a gluing step, in air. Raises BenchError for an unknown step."""
@@ -53,6 +66,9 @@ class Sample:
         for layer in self.layers:
             for key, value, unit in _constants(layer):
                 table[f"{layer.name}.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+        for key, unit in (("s11E", "1/Pa"), ("s12E", "1/Pa"), ("d31", "C/N"), ("eps33T", "F/m")):
+            value = complex(getattr(self.radial, key))
+            table[f"disk.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
         return table
 
 
@@ -87,7 +103,16 @@ def sample(seed: int) -> Sample:
     ml1 = _matching("ml1", about(10.3e6, 0.04), about(2455.0, 0.05), about(0.139e-3, 0.007), about(24.0, 0.12))
     glue2 = _glue("glue2", about(6.4e-6, 0.08))
     ml2 = _matching("ml2", about(2.4e6, 0.04), about(2250.0, 0.03), about(0.147e-3, 0.007), about(22.0, 0.10))
-    return Sample(seed, (disk, glue1, ml1, glue2, ml2))
+    return Sample(seed, (disk, glue1, ml1, glue2, ml2), _radial(about, disk))
+
+
+def _radial(about: Callable[[float, float], float], disk: Piezo) -> Radial:
+    """Return the disk's radial constants, centred on the thesis's."""
+    s11E = about(16.96e-12, 0.02) * (1 - 1j / about(90.0, 0.1))
+    s12E = -about(6.60e-12, 0.02) * (1 - 1j / about(95.0, 0.1))
+    d31 = -about(170e-12, 0.03) * (1 - 1j / about(100.0, 0.1))
+    clamped = disk.eps33S / (1 - disk.h33**2 * disk.eps33S / disk.c33D)
+    return Radial(s11E, s12E, d31, clamped + 2 * d31**2 / (s11E + s12E))
 
 
 def _disk(about: Callable[[float, float], float]) -> Piezo:

@@ -44,6 +44,8 @@ class SimOptions:
     """One of sim.jig.JIGS."""
     noise: bool = True
     """Random noise by bandwidth, averaging and level."""
+    radial: bool = False
+    """Whether the disk has its radial modes as well (0.1 MHz and overtones)."""
     off: bool = False
     """The instrument's systematic error, within its accuracy."""
     host: str = "127.0.0.1"
@@ -89,7 +91,7 @@ class Simulator:
     async def start(self) -> None:
         """Listen on both ports. Raises SimError where one is taken."""
         o = self.options
-        bench = Bench(seed=o.seed, noise=o.noise, off=o.off, jig=JIGS[o.jig])
+        bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
         self.instrument = Instrument(bench, o.time_scale)
         faults = Faults()
         midway = Midway(self.instrument, self._power_cycle)
@@ -203,7 +205,7 @@ def running(options: SimOptions | None = None) -> Generator[Simulator]:
     Raises SimError where a port is taken.
     """
     chosen = options or SimOptions(port=0, bench_port=0, time_scale=0.0)
-    handover: Queue[tuple[Simulator, Callable[[], None]] | SimError] = Queue()
+    handover: Queue[tuple[Simulator, Callable[[], None]] | BaseException] = Queue()
 
     async def main() -> None:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
@@ -212,13 +214,13 @@ def running(options: SimOptions | None = None) -> Generator[Simulator]:
     def thread_main() -> None:
         try:
             asyncio.run(main())
-        except SimError as error:
+        except BaseException as error:  # whatever it is, the caller waits for it
             handover.put(error)
 
     thread = threading.Thread(target=thread_main, name="simulated 4294A", daemon=True)
     thread.start()
     started = handover.get()
-    if isinstance(started, SimError):
+    if isinstance(started, BaseException):
         thread.join()
         raise started
     simulator, stop = started

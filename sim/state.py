@@ -190,7 +190,6 @@ class State:
             points=self.count("POIN"),
             fixed_frequency=self.real("CWFREQ"),
             level=self.levels[str(self["POWMOD"])],
-            bias=self.real("DCV"),
             bandwidth=self.count("BWFACT"),
             point_average=self.count("PAVERFACT") if self.on("PAVER") else 1,
         )

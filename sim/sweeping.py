@@ -35,6 +35,8 @@ class Running:
     """Sweeps to do, this one included; FOREVER in CONT."""
     done: Callable[[Axis, Impedances], None] | None = None
     """What a finished correction standard is given to; None for an ordinary sweep."""
+    then_continue: bool = False
+    """Whether CONT goes on afterwards: a standard was measured in between."""
 
 
 class Sweeper:
@@ -81,7 +83,8 @@ class Sweeper:
         axis = axis or self.state.axis()
         points_s = point_seconds(axis, self.state.real("PDELT"))
         seconds = (float(points_s.sum()) + self.state.real("SDELT")) * self.time_scale
-        self.running = Running(axis, points_s, None, seconds, sweeps, done)
+        goes_on = done is not None and self.running is not None and (self.continuous or self.running.then_continue)
+        self.running = Running(axis, points_s, None, seconds, sweeps, done, goes_on)
         if done is not None or self.state["TRGS"] == "INT":
             self.running.began = self.clock()
         else:
@@ -135,6 +138,8 @@ class Sweeper:
             if running.left == 0:
                 self.running = None
                 self.status.raise_instrument(SWEEP_DONE if running.done is None else CORRECTION_DONE)
+                if running.then_continue:
+                    self.start(FOREVER)
             elif self._waits_for_triggers(running):
                 running.began = None
                 self.status.raise_instrument(TRIGGER_WAITING)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
+from scipy.special import j0, j1
 
 from pzctl.models.stack import AIR, Elastic, Piezo, Stack
 from pzctl.sim.accuracy import noise_sigma, terms
@@ -23,7 +25,7 @@ from pzctl.sim.timing import point_seconds
 def axis_of(start=3e6, stop=5e6, points=201, level=0.5, bandwidth=5, average=1):
     return plain_axis(
         parameter="FREQ", kind="LIN", start=start, stop=stop, points=points, fixed_frequency=1e3, level=level,
-        bias=0.0, bandwidth=bandwidth, point_average=average,
+        bandwidth=bandwidth, point_average=average,
     )  # fmt: skip
 
 
@@ -111,6 +113,24 @@ def test_the_helper_says_when_nobody_answers():
         port = free.getsockname()[1]
     with pytest.raises(BenchError, match="nobody answers"):
         bench_command("127.0.0.1", port, command="status")
+
+
+def test_the_disk_has_its_radial_modes_where_they_are_wanted(lab):
+    wire = lab.wire()
+    wire.say("*RST;STAR 80E3;STOP 1.5E6;POIN 801;SING;*OPC?")
+    wire.line()
+    smooth = wire.impedance()
+    assert np.all(np.diff(abs(smooth)) < 0.01 * abs(smooth[1:])), "nothing but a capacitance"
+    lab.bench("effects", radial=True)
+    told = lab.bench("truth")["constants"]
+    s11, s12, density = (told[f"disk.{k}"]["re"] for k in ("s11E", "s12E", "density"))
+    sigma = -s12 / s11
+    eta = brentq(lambda x: x * j0(x) / j1(x) - 1 + sigma, 1.5, 2.5)
+    first = eta / (2 * np.pi * 8e-3) * np.sqrt(1 / (s11 * (1 - sigma**2) * density))
+    wire.say("SING;*OPC?")
+    wire.line()
+    f = wire.block("FORM3;OUTPSWPRM?", ">f8")
+    assert f[np.argmax((1 / wire.impedance()).real / f)] == pytest.approx(first, rel=0.01)
 
 
 # jig and compensation ----------------------------------------------------------------------------------------------
