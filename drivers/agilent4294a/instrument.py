@@ -10,7 +10,7 @@ from ...models.sweep import Sweep
 from .. import replies
 from ..analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..link import Link
-from . import compensation, grid, limits, state
+from . import compensation, files, grid, limits, state
 from .compensation import Compensation, Standard
 from .record import record
 from .sweeping import expected_seconds, sweep
@@ -92,6 +92,18 @@ class Agilent4294A:
     def apply_compensation(self, stored: Compensation) -> None:
         """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
         self._as_found(lambda identity: compensation.apply(self._link, identity, stored))
+
+    def fetch(self, kind: files.Kind) -> bytes:
+        """Return a file that the instrument makes. Raises InstrumentError.
+
+        `screen`: a TIFF of what it shows; `ascii`, `binary`, `touchstone`: the sweep it shows, in its own formats. That
+        is not the last plan's, after which its own settings were set back.
+        """
+        try:
+            return files.fetch(self._link, kind)
+        except BaseException:
+            self._link.recover()
+            raise
 
     def close(self) -> None:
         """Let go of the instrument."""

@@ -9,6 +9,7 @@ import pytest
 
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.analyzer import Cancelled, InstrumentError
+from pzctl.drivers.recordings import read_recording
 from pzctl.models.plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
 
@@ -166,6 +167,25 @@ def test_a_standard_that_is_none_is_refused(clips):
         analyzer.compensate(("short",), lambda _: bench(clips, command="connect", what="open"))
     assert ask(clips, "COMSTB?", "BWFACT?", "CONT?") == ["0", "1", "0"]
     analyzer.close()
+
+
+def test_the_screen_and_the_instruments_own_export(sim, analyzer, tmp_path):
+    ask(sim, "HOLD;STAR 1E6;STOP 6E6;POIN 801;SING;*OPC?")
+    (text,) = ask(sim, "FORM4;OUTPDATA?")
+
+    screen = analyzer.fetch("screen")
+    export = tmp_path / "disk.txt"
+    export.write_bytes(analyzer.fetch("ascii"))
+
+    assert screen[:4] in (b"II*\0", b"MM\0*")  # TIFF, either way round
+    assert len(analyzer.fetch("screen")) == len(screen)  # again under the same name; a clock is on it
+    recording = read_recording(export)
+    np.testing.assert_allclose(recording.frequency, np.linspace(1e6, 6e6, 801), rtol=0, atol=1e-3)
+    pairs = np.array(text.split(","), float)
+    np.testing.assert_allclose(recording.impedance, pairs[0::2] + 1j * pairs[1::2], rtol=2e-6)
+    assert ask(sim, "FNUM?", "OUTPERRO?")[0] in ("0", "+0")
+    with pytest.raises(InstrumentError, match="no file of kind 'jpeg'; there are screen, ascii"):
+        analyzer.fetch("jpeg")
 
 
 def test_gpib_through_a_prologix_adapter():
