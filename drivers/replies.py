@@ -15,9 +15,9 @@ from ..models.arrays import Reals
 from .analyzer import InstrumentError
 
 # Programming Manual p.78-79: integer form `201` or `+201`, floating form with exponent. A leading space does occur.
-_NUMBER = re.compile(r" ?[+-]?(\d+\.?\d*|\.\d+)([Ee][+-]?\d{1,3})?")
-_INTEGER = re.compile(r" ?[+-]?\d{1,9}")
-_ERROR = re.compile(r' ?([+-]?\d{1,6}),"?([^"]*)"?')
+_NUMBER = re.compile(r" ?[+-]?(\d+\.?\d*|\.\d+)([Ee][+-]?\d{1,3})?", re.ASCII)
+_INTEGER = re.compile(r" ?[+-]?\d{1,9}", re.ASCII)
+_ERROR = re.compile(r' ?([+-]?\d{1,6}),"?([^"]*)"?', re.ASCII)
 
 HEADER_BYTES = 8
 """`#6` and six digits: the head of every binary block."""

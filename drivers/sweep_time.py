@@ -20,13 +20,17 @@ PATIENCE = 1.5
 MARGIN_SECONDS = 15.0
 
 
-def estimated(frequency: Frequencies, bandwidth: int, averages: int, point_delay: float, sweep_delay: float) -> float:
-    """Return the seconds for a sweep over `frequency` (Hz, shape (N,)).
-
-    `averages`: point factor times sweep factor. `point_delay`, `sweep_delay`: s.
-    """
+def estimated(
+    frequency: Frequencies,
+    bandwidth: int,
+    point_average: int,
+    sweep_average: int,
+    point_delay: float,
+    sweep_delay: float,
+) -> float:
+    """Return the seconds for `sweep_average` sweeps over `frequency` (Hz, shape (N,)); delays in s."""
     points = np.sum(PERIODS[bandwidth] / frequency + SECONDS[bandwidth])
-    return float(averages * points + frequency.size * point_delay + sweep_delay)
+    return float(sweep_average * (point_average * points + frequency.size * point_delay + sweep_delay))
 
 
 def timeout(estimated_seconds: float) -> float:

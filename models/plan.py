@@ -36,6 +36,7 @@ class SweepPlan:
 
     segments: tuple[Segment, ...]
     oscillator_V: float = 0.5
+    """rms; does not count where `oscillator_A` is given."""
     bandwidth: int = 5
     """1 (fast) to 5 (precise)."""
     point_average: int = 1
@@ -43,6 +44,12 @@ class SweepPlan:
     bias_V: float = 0.0
     """DC bias; 0 means that the bias source stays off."""
     direction: Literal["up", "down"] = "up"
+    oscillator_A: float | None = None
+    """rms; None drives by voltage."""
+    point_delay_s: float = 0.0
+    """Waited at each point before it is measured."""
+    sweep_delay_s: float = 0.0
+    """Waited before each sweep."""
 
     def __post_init__(self) -> None:
         if not self.segments:

@@ -15,6 +15,9 @@ MOST_POINTS = 801
 """In one sweep; a segment of more is carried out as several."""
 LOWEST_OSCILLATOR_V = 5e-3
 HIGHEST_OSCILLATOR_V = 1.0
+LOWEST_OSCILLATOR_A = 200e-6
+HIGHEST_OSCILLATOR_A = 20e-3
+LONGEST_DELAY_S = 30.0
 BANDWIDTHS = (1, 2, 3, 4, 5)
 MOST_AVERAGES = 256
 HIGHEST_BIAS_V = 40.0
@@ -24,7 +27,12 @@ def check(plan: SweepPlan) -> None:
     """Raise PlanError where a 4294A cannot carry out `plan`: where, what was found, what is allowed."""
     for i, segment in enumerate(plan.segments):
         _check_segment(segment, f"sweep plan: segment {i + 1}" if len(plan.segments) > 1 else "sweep plan")
-    _within("sweep plan: oscillator", plan.oscillator_V, LOWEST_OSCILLATOR_V, HIGHEST_OSCILLATOR_V, "V")
+    if plan.oscillator_A is None:
+        _within("sweep plan: oscillator", plan.oscillator_V, LOWEST_OSCILLATOR_V, HIGHEST_OSCILLATOR_V, "V")
+    else:
+        _within("sweep plan: oscillator", plan.oscillator_A, LOWEST_OSCILLATOR_A, HIGHEST_OSCILLATOR_A, "A")
+    _within("sweep plan: point delay", plan.point_delay_s, 0.0, LONGEST_DELAY_S, "s")
+    _within("sweep plan: sweep delay", plan.sweep_delay_s, 0.0, LONGEST_DELAY_S, "s")
     _within("sweep plan: bias", plan.bias_V, -HIGHEST_BIAS_V, HIGHEST_BIAS_V, "V")
     _whole("sweep plan: bandwidth", plan.bandwidth, BANDWIDTHS[0], BANDWIDTHS[-1])
     _whole("sweep plan: point averaging", plan.point_average, 1, MOST_AVERAGES)

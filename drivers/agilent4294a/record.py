@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from ...models.arrays import Reals
+from ...models.arrays import Impedances, Reals
 from ...models.plan import Segment, SweepPlan
 from ...models.sweep import Sweep
 from ..accuracy import relative_accuracy, relative_noise
 from ..analyzer import Identity
+from .limits import HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from .settings import CONDITIONS, Value
 from .stitch import stitch
 from .sweeping import RawSweep
@@ -22,9 +23,9 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
     """Return the recording of `segment`, swept in one or several `raws`. Settings are those read back."""
     whole = stitch([(raw.frequency, raw.impedance) for raw in raws])
     got = raws[0].settings
-    level, bandwidth = float(got["POWE"]), int(got["BWFACT"])
-    averages = plan.point_average * plan.sweep_average
+    bandwidth, averages = int(got["BWFACT"]), plan.point_average * plan.sweep_average
     f, z = whole.frequency, whole.impedance
+    level = _level_V(got, z)
     nonzero = np.where(z == 0, 1e-3, z)  # a point of exactly 0 ohm has no relative accuracy
     settings: dict[str, Any] = {
         "instrument": identity.idn,
@@ -42,7 +43,15 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
     }
     if len(raws) > 1:
         settings |= _of_parts(raws, whole.noise, whole.drift)
-    return Sweep(f, z, settings, raws[0].started, notes=_notes(raws))
+    return Sweep(f, z, settings, raws[0].started, notes=_notes(len(raws), z))
+
+
+def _level_V(got: Mapping[str, Value], impedance: Impedances) -> float:
+    """Return the oscillator's voltage; with a set current the middle one over the sweep, within what there is."""
+    level = float(got["POWE"])
+    if got["POWMOD"] == "CURR":
+        level *= float(np.median(np.abs(impedance)))
+    return min(max(level, LOWEST_OSCILLATOR_V), HIGHEST_OSCILLATOR_V)
 
 
 def _as_read_back(got: Mapping[str, Value], segment: Segment, plan: SweepPlan) -> dict[str, Any]:
@@ -52,7 +61,8 @@ def _as_read_back(got: Mapping[str, Value], segment: Segment, plan: SweepPlan) -
         "points": segment.points,
         "spacing": segment.spacing,
         "direction": "down" if got["SWED"] == "DOWN" else "up",
-        "oscillator_V": got["POWE"],
+        "oscillator_V": got["POWE"] if got["POWMOD"] == "VOLT" else None,
+        "oscillator_A": got["POWE"] if got["POWMOD"] == "CURR" else None,
         "bandwidth": int(got["BWFACT"]),
         "point_average": int(got["PAVERFACT"]) if got["PAVER"] else 1,
         "sweep_average": int(got["AVERFACT"]) if got["AVER"] else 1,
@@ -89,10 +99,16 @@ def _of_parts(raws: Sequence[RawSweep], noise: float | None, drift: Sequence[com
     }
 
 
-def _notes(raws: Sequence[RawSweep]) -> tuple[str, ...]:
-    if len(raws) == 1:
-        return ()
-    return (f"Measured as {len(raws)} sweeps that overlap, since a 4294A sweeps at most 801 points at once.",)
+def _notes(parts: int, impedance: Impedances) -> tuple[str, ...]:
+    notes: list[str] = []
+    if parts > 1:
+        notes.append(f"Measured as {parts} sweeps that overlap, since a 4294A sweeps at most 801 points at once.")
+    if np.all(impedance.imag > 0):
+        notes.append(
+            "The reactance is inductive at every point, and a piezoelectric device is a capacitor off its resonances: "
+            "is it connected, and the polarity right?"
+        )
+    return tuple(notes)
 
 
 def _short(values: Reals) -> list[float]:

@@ -30,8 +30,9 @@ class Number:
         return replies.number(text, what)
 
     def agrees(self, asked: Value, got: Value) -> bool:
-        """Tell whether `got` is what was asked, to the digits an answer may have."""
-        return math.isclose(float(asked), float(got), rel_tol=self.relative, abs_tol=self.absolute)
+        """Tell whether `got` is what was asked, to the digits an answer may have (never further off than a tenth)."""
+        absolute = min(self.absolute, abs(float(asked)) / 10)
+        return math.isclose(float(asked), float(got), rel_tol=self.relative, abs_tol=absolute)
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ SETTINGS: dict[str, Kind] = {
     "AVERFACT": Number("sweep averaging factor", relative=0),
     "POWMOD": Choice("oscillator mode", ("VOLT", "CURR")),
     # The level is set in steps of about 1 mV; the recording keeps what was read back.
-    "POWE": Number("oscillator level", "V", absolute=6e-4),
+    "POWE": Number("oscillator level", absolute=6e-4),
     "DCMOD": Choice("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "DCRNG": Choice("bias range", ("M1", "M10", "M100")),
     "DCV": Number("bias", "V", relative=1e-3, absolute=2e-3),

@@ -33,8 +33,14 @@ class RawSweep:
 
 def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
     """Return the seconds one sweep of `segment` will take."""
-    averages = plan.point_average * plan.sweep_average
-    return sweep_time.estimated(grid.points(segment), plan.bandwidth, averages, 0.0, 0.0)
+    return sweep_time.estimated(
+        grid.points(segment),
+        plan.bandwidth,
+        plan.point_average,
+        plan.sweep_average,
+        plan.point_delay_s,
+        plan.sweep_delay_s,
+    )
 
 
 def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
@@ -68,15 +74,15 @@ def _wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
         "STOP": segment.stop_Hz,
         "POIN": segment.points,
         "SWED": "DOWN" if plan.direction == "down" else "UP",
-        "SDELT": 0.0,
-        "PDELT": 0.0,
+        "SDELT": plan.sweep_delay_s,
+        "PDELT": plan.point_delay_s,
         "BWFACT": plan.bandwidth,
         "PAVERFACT": plan.point_average,
         "PAVER": plan.point_average > 1,
         "AVERFACT": plan.sweep_average,
         "AVER": plan.sweep_average > 1,
-        "POWMOD": "VOLT",
-        "POWE": plan.oscillator_V,
+        "POWMOD": "VOLT" if plan.oscillator_A is None else "CURR",
+        "POWE": plan.oscillator_V if plan.oscillator_A is None else plan.oscillator_A,
     }
 
 

@@ -50,12 +50,12 @@ def test_noise_stays_below_accuracy_and_falls_with_averaging(f, magnitude, bandw
 @pytest.mark.parametrize(("bandwidth", "seconds"), [(1, 2.6), (2, 6.3), (3, 11.6), (4, 41), (5, 128)])
 def test_sweep_time_of_801_points_from_1_to_3_MHz(bandwidth, seconds):
     f = np.linspace(1e6, 3e6, 801)
-    assert sweep_time.estimated(f, bandwidth, 1, 0, 0) == pytest.approx(seconds, rel=0.02)
-    assert sweep_time.estimated(f, bandwidth, 8, 0.01, 2) == pytest.approx(8 * seconds + 8.01 + 2, rel=0.02)
+    assert sweep_time.estimated(f, bandwidth, 1, 1, 0, 0) == pytest.approx(seconds, rel=0.02)
+    assert sweep_time.estimated(f, bandwidth, 2, 4, 0.01, 2) == pytest.approx(4 * (2 * seconds + 8.01 + 2), rel=0.02)
 
 
 @pytest.mark.parametrize(("bandwidth", "factor", "recorded"), [(4, 64, 1795.2), (3, 32, 482.1), (2, 2, 33.5)])
 def test_no_recorded_run_would_have_timed_out_or_been_promised_shorter(bandwidth, factor, recorded):
     f = np.geomspace(40, 110e6, 400)
-    estimate = sweep_time.estimated(f, bandwidth, factor, 0, 0)
+    estimate = sweep_time.estimated(f, bandwidth, factor, 1, 0, 0)
     assert recorded < estimate < 2 * recorded < sweep_time.timeout(1.5 * estimate)

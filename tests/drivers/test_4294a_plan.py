@@ -24,6 +24,8 @@ FINE = Segment(1e6, 6e6)
         (SweepPlan((Segment(1e6, 1000000.5, 801),)), r"0\.000625 Hz apart; at least 0\.002 Hz"),
         (SweepPlan((FINE,), oscillator_V=1.5), r"oscillator is 1\.5 V; a 4294A can do 0\.005 to 1 V"),
         (SweepPlan((FINE,), oscillator_V=float("nan")), "oscillator is nan V"),
+        (SweepPlan((FINE,), oscillator_A=0.1), r"oscillator is 0\.1 A; a 4294A can do 0\.0002 to 0\.02 A"),
+        (SweepPlan((FINE,), point_delay_s=31), r"point delay is 31 s; a 4294A can do 0 to 30 s"),
         (SweepPlan((FINE,), bandwidth=6), r"bandwidth is 6; a 4294A can do 1 to 5"),
         (SweepPlan((FINE,), point_average=0), "point averaging is 0; a 4294A can do 1 to 256"),
         (SweepPlan((FINE,), sweep_average=257), "sweep averaging is 257; a 4294A can do 1 to 256"),

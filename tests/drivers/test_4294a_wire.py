@@ -86,6 +86,22 @@ def test_averaged_sweeps_are_restarted_and_counted(play):
     assert (sweep.settings["sweep_average"], sweep.settings["point_average"]) == (4, 2)
 
 
+def test_a_current_drives_the_device_where_the_plan_says_so(play):
+    peer = play(READINGS)
+
+    plan = SweepPlan((Segment(1e6, 1.5e6, 3),), oscillator_A=0.002, point_delay_s=0.01, sweep_delay_s=0.5)
+    (sweep,) = measure(peer, plan)
+
+    assert {"POWMOD CURR;POWMOD?", "POWE 0.002;POWE?", "PDELT 0.01;PDELT?", "SDELT 0.5;SDELT?"} <= set(peer.log)
+    assert (sweep.settings["oscillator_A"], sweep.settings["oscillator_V"]) == (0.002, None)
+    assert (peer.memory["POWMOD"], float(peer.memory["POWE"])) == ("VOLT", 0.5)
+
+
+def test_a_reactance_that_is_never_capacitive_is_said(play):
+    (sweep,) = measure(play(READINGS | {"OUTPDATA?": [block([1, 50, 3, 40, 5, 30])]}))
+    assert "inductive at every point" in sweep.notes[0]
+
+
 def test_a_sweep_downwards_comes_out_rising(play):
     down = {"OUTPSWPRM?": [block([1.5e6, 1.25e6, 1e6])], "OUTPDATA?": [block([5.0, -30.0, 3.0, -40.0, 1.0, -50.0])]}
 
@@ -139,7 +155,7 @@ class TestWrongDataNeverGetThrough:
     def test_a_setting_that_was_silently_clamped(self, play):
         peer = play(READINGS)
         peer.answers["POWE 0.25"] = [b""]
-        self.refused(peer, r"oscillator level \(POWE\) was set to 0.25 V but reads back 0.5 V")
+        self.refused(peer, r"oscillator level \(POWE\) was set to 0.25 but reads back 0.5")
 
     def test_an_error_after_the_set_up(self, play):
         errors = [b'-113,"UNDEFINED HEADER"\n', b'0,"NO ERROR"\n']
