@@ -14,6 +14,8 @@ from .radial import RadialArm
 from .stack import Stack
 from .stack.laws import CONSTANT, LossLaw, law_with
 
+_FADES_AT = 0.45  # of the thickness mode's antiresonance
+
 
 @dataclass(frozen=True)
 class RadialDisk:
@@ -105,10 +107,12 @@ class BothModes:
     resonance the stack is the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the
     arm adds eps33T - eps33p; so eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
 
-    What it leaves out: from about half the thickness resonance on, the overtones are waves of a plate with edge and
-    shear modes of their own. At D/t = 20 (Pz27) it describes 0.1 MHz to half the thickness resonance to 12 % in ln Z,
-    the radial modes themselves to 0.4 %; in the thickness band the second-order correction (`alpha`) overshoots, 40 %
-    against 25 % with alpha = 0 and 26 % for the stack alone: leave alpha at 0 for a recording of that band only.
+    Towards the thickness mode the disk no longer moves alike through its thickness, and a uniform field drives the
+    overtones less and less. So the arm fades as 1/[1 + (f/0.45 fp)^6], fp the antiresonance of the plate: a rule of
+    experience, from solutions in both dimensions (Pz27 and PIC255, D/t 10 to 40; `tests/benchmarks`). It keeps the
+    sum passive, which with weight w is (1 - w) of one passive disk and w of another. What remains there are edge and
+    shear modes, which no radial model has: at D/t = 20 (Pz27) ln Z is right to 0.4 % over the first radial modes, to
+    10 % up to half fp, 15 to 30 % from there through the thickness mode, 0.2 % above it.
     """
 
     stack: Stack
@@ -151,7 +155,7 @@ class BothModes:
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         Z = self.stack.impedance(frequency)
-        return Z / (1 + Z * self.arm.admittance(frequency))
+        return Z / (1 + Z * self._weight(frequency) * self.arm.admittance(frequency))
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
@@ -159,8 +163,14 @@ class BothModes:
         own = self.stack.parameters()
         of_stack = [name for name in names if name in own]
         plate, rows = self.stack.jacobian(frequency, of_stack)
-        Y, slopes = self.arm.slopes(frequency)
-        Z = plate / (1 + plate * Y)
+        arm, slopes = self.arm.slopes(frequency)
+        weight = self._weight(frequency)
+        Z = plate / (1 + plate * weight * arm)
+        slopes = {key: weight * slope for key, slope in slopes.items()}
+        for key, power in ((self._stiffness, -1), (f"{self.arm.name}.density", 1), (f"{self.arm.name}.thickness", 2)):
+            # the weight is 1/(1 + x^3), x ~ thickness^2 density/c33D'
+            fading = -3 * power * weight * (1 - weight) * arm / own[key]
+            slopes[key] = slopes.get(key, 0) + fading
         made = np.zeros((len(names), frequency.size), np.complex128)
         for k, name in enumerate(names):
             if name in own:  # d ln Z = -Z dY, and dY = -d ln(plate)/plate for what the stack moves
@@ -168,3 +178,12 @@ class BothModes:
             if name in slopes:
                 made[k] -= Z * slopes[name]
         return Z, made
+
+    @property
+    def _stiffness(self) -> str:
+        return f"{self.arm.name}.c33D.re"
+
+    def _weight(self, frequency: Frequencies) -> Frequencies:
+        """Return how much of the radial arm a frequency sees, shape (N,): 1 far below the thickness mode."""
+        speed = np.sqrt(self.stack.parameters()[self._stiffness] / self.arm.density)
+        return 1 / (1 + (2 * self.arm.thickness * frequency / (_FADES_AT * speed)) ** 6)

@@ -2,17 +2,19 @@
 
 import importlib.util
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from pzctl.models import sherrit
-from pzctl.models.constants import Thickness
+from pzctl.models.constants import Radial, Thickness
 from pzctl.models.disk import BothModes, RadialDisk
 from pzctl.models.fixture import Fixture
 from pzctl.models.lumped import Branch, Lumped
-from pzctl.models.materials import SHERRIT_RADIAL
-from pzctl.models.stack import VACUUM, Piezo, Stack
+from pzctl.models.materials import SHERRIT_RADIAL, find
+from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 
 AREA = np.pi * 5e-3**2
 
@@ -86,7 +88,47 @@ def test_how_far_radial_models_reach_for_a_disk_of_finite_thickness():
         fp = 4319 / (2 * thickness)
         bands = {"0.1-0.8 MHz": (1e5, 8e5, 14, 5), "0.1 MHz-0.5 fp": (1e5, 0.5 * fp, 20 + ratio, 5)}
         if ratio <= 20:
-            bands["0.7-1.3 fp"] = (0.7 * fp, 1.3 * fp, 12 + 2 * ratio, 7)
+            bands["0.5-0.8 fp"] = (0.5 * fp, 0.8 * fp, 20 + 2 * ratio, 7)
+            bands["0.8-1.2 fp"] = (0.8 * fp, 1.2 * fp, 20 + 2 * ratio, 7)
+            bands["1.2-1.8 fp"] = (1.2 * fp, 1.8 * fp, 24 + 3 * ratio, 9)
         for band, (low, high, nr, nz) in bands.items():
-            misfit = finite.misfits(thickness, np.linspace(low, high, 201), nr, nz)
+            misfit = finite.misfits(thickness, np.linspace(low, high, 61), nr, nz)
             print(f"D/t {ratio} {band:15s}", *(f"{name} {size:.4f} " for name, size in misfit.items()))
+
+
+def test_what_a_real_disk_says_about_finite_thickness_and_causality(recordings):
+    tables = [np.loadtxt(recordings / "disk-35x2" / f"radial-mode-{k}.csv", delimiter=",", skiprows=1) for k in (1, 2)]
+    f, size, degrees = np.concatenate(tables).T
+    measured = size * np.exp(1j * np.deg2rad(degrees))
+    area = np.pi * 17.5e-3**2
+    values = find("Li 2021 disk").values
+    start = Radial(*(values[key].value for key in ("s11E", "s12E", "d31", "eps33T")))
+    disk = RadialDisk.of("disk", start, area, 2e-3, 14.8993e-3 / (area * 2e-3))
+    law = CausalConstantQ(1e5)
+    causal = RadialDisk(replace(disk.arm, laws=dict.fromkeys(("s11E", "s12E", "d31"), law)), disk.eps33T, law)
+    print("\n35 mm x 2 mm, first and second radial mode, eight constants fitted: rms |ln(Z_model/Z)|")
+    for alpha in (0.0, 0.66, 0.83):
+        for name, model in (("constant losses", disk), ("causal losses", causal)):
+            massive = model.replace({"disk.alpha": alpha, "disk.d33f": 1.4e-10 if alpha else 0.0})
+            rms, sigma = fitted(massive, f, measured)
+            print(f"alpha {alpha:.2f} {name:16s} {100 * rms:.2f} %, sigma_p' {sigma:.3f}")
+
+
+def fitted(model, f, measured):
+    names = [f"disk.{c}.{part}" for c in ("s11E", "s12E", "d31", "eps33T") for part in ("re", "im")]
+    scale = np.array([abs(model.parameters()[name]) for name in names])
+    begin = np.array([model.parameters()[name] for name in names]) / scale
+
+    def at(x):
+        return model.replace(dict(zip(names, x * scale, strict=True)))
+
+    def residual(x):
+        error = np.log(at(x).impedance(f) / measured)
+        return np.concatenate([error.real, error.imag])
+
+    def slopes(x):
+        J = at(x).jacobian(f, names)[1] * scale[:, None]
+        return np.concatenate([J.real, J.imag], axis=1).T
+
+    found = least_squares(residual, begin, slopes, method="lm")
+    return np.sqrt(2 * found.cost / f.size), at(found.x).radial.sigma_p.real

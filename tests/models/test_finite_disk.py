@@ -102,6 +102,11 @@ def test_mass_of_thickening_explains_the_disk_of_finite_thickness(ratio, most):
     assert misfit["thin"] > 20 * misfit["radial"]
 
 
+def test_above_the_thickness_mode_the_disk_is_a_plate_again():
+    fp = TENSOR.thickness.speed(DENSITY).real / (2 * 0.5e-3)
+    assert misfits(0.5e-3, np.linspace(1.3 * fp, 1.8 * fp, 4), nr=48, nz=7)["both"] < 0.004
+
+
 def test_far_below_resonance_the_whole_disk_has_the_free_permittivity():
     Y = ritz(0.25e-3, [1e3])
     assert Y[0] / (2j * np.pi * 1e3) == pytest.approx(TENSOR.radial.eps33T * AREA / 0.25e-3, rel=1e-4)

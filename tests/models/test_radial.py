@@ -140,6 +140,12 @@ def test_both_modes_join_with_one_set_of_capacitances():
     assert pytest.approx(radial.eps33T * AREA / THICKNESS, rel=1e-5) == C
 
 
+def test_both_modes_make_no_energy():
+    disk, _ = both()
+    disk = disk.replace({"disk.alpha": 0.66, "disk.d33f": 1.4e-10})
+    assert (1 / disk.impedance(np.geomspace(1e3, 3e7, 20001))).real.min() > 0
+
+
 def test_both_modes_show_each_mode_in_its_band():
     disk, radial = both()
     thin = RadialDisk.of("disk", radial, AREA, THICKNESS, 7700)
