@@ -10,7 +10,7 @@ import contextlib
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any, NamedTuple
 
 from pyvisa import VisaIOError
@@ -28,6 +28,10 @@ CHUNK_BYTES = 4096
 
 LONGEST_LINE_BYTES = 4096
 """No ASCII answer the driver asks for is longer (an `OUTPERRO?` text is the longest)."""
+
+
+class ConnectionLost(InstrumentError):
+    """Nobody is at the other end any more; a new session may find somebody."""
 
 
 class Session(NamedTuple):
@@ -51,6 +55,7 @@ class Link:
         """How long a single answer may take."""
         self._opener = opener
         self._buffer = bytearray()
+        self._doubtful = False
         self._open()
 
     def close(self) -> None:
@@ -60,22 +65,19 @@ class Link:
                 with contextlib.suppress(VisaIOError, OSError, InvalidSession):
                     resource.close()
 
-    def recover(self) -> None:
-        """Get back in step after a failure: a new session, and on GPIB a device clear.
-
-        Raises InstrumentError where nobody is there any more.
-        """
-        self._buffer.clear()
-        self.close()
-        self._open()
-        if self._is_gpib:
-            self._guarded("device clear", self._resource.clear)
+    def doubt(self) -> None:
+        """Have the session renewed before its next use: an answer made no sense, so later ones may be out of step."""
+        self._doubtful = True
 
     def ask(self, message: str) -> str:
         """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError.
 
         There is no way to send a message without a query: only an answer tells that a message arrived.
         """
+        with self._exchange():
+            return self._line(message)
+
+    def _line(self, message: str) -> str:
         self._send(message)
         until = time.monotonic() + self.timeout_seconds
         while b"\n" not in self._buffer:
@@ -97,6 +99,10 @@ class Link:
         Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
         a newline.
         """
+        with self._exchange():
+            return self._block(message, most_bytes)
+
+    def _block(self, message: str, most_bytes: int) -> bytes:
         self._send(message)
         what = f"{self.name}: {message}"
         length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
@@ -111,12 +117,30 @@ class Link:
     def status_byte(self) -> int:
         """Return the status byte, 0-255: by serial poll on GPIB, by `*STB?` elsewhere. Raises InstrumentError."""
         if self._is_gpib:
-            status = self._guarded("serial poll", self._resource.read_stb)
+            with self._exchange():
+                status = self._guarded("serial poll", self._resource.read_stb)
         else:
             status = replies.integer(self.ask("*STB?"), f"{self.name}: *STB?")
         if not 0 <= status <= 255:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
+
+    @contextlib.contextmanager
+    def _exchange(self) -> Generator[None]:
+        """Around a question and its answer. Where one failed or was broken off, the next one gets a new session."""
+        if self._doubtful:
+            self._renew()
+        self._doubtful = True
+        yield
+        self._doubtful = False
+
+    def _renew(self) -> None:
+        """Get back in step: a new session, and on GPIB a device clear. Raises InstrumentError."""
+        self._buffer.clear()
+        self.close()
+        self._open()
+        if self._is_gpib:
+            self._guarded("device clear", self._resource.clear)
 
     def _open(self) -> None:
         self._resource, self._bridge = self._opener()
@@ -152,15 +176,15 @@ class Link:
                 self._buffer += library.read(session, count)[0]
         except VisaIOError as error:
             if error.error_code != StatusCode.error_timeout:
-                raise InstrumentError(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
+                raise ConnectionLost(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
             self._still_there(until, message)
         except OSError as error:
-            raise InstrumentError(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
+            raise ConnectionLost(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
 
     def _still_there(self, until: float, message: str) -> None:
         came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
         if _hung_up(self._socket):
-            raise InstrumentError(f"{self.name}: the connection was lost while awaiting the answer to {message}{came}")
+            raise ConnectionLost(f"{self.name}: the connection was lost while awaiting the answer to {message}{came}")
         if time.monotonic() >= until:
             wait = f"{self.timeout_seconds:g} s"
             raise InstrumentError(f"{self.name}: no answer to {message} within {wait}{came}; is it on and set up?")
@@ -174,7 +198,7 @@ class Link:
         try:
             return action()
         except (VisaIOError, OSError, ValueError, InvalidSession) as error:
-            raise InstrumentError(f"{self.name}: {doing} failed: {_plain(error)}") from None
+            raise ConnectionLost(f"{self.name}: {doing} failed: {_plain(error)}") from None
 
 
 def _prepared(instrument: MessageBasedResource, bridge: MessageBasedResource | None) -> socket.socket | None:

@@ -9,7 +9,7 @@ from ...models.plan import Segment, SweepPlan
 from ...models.sweep import Sweep
 from .. import replies
 from ..analyzer import Cancelled, Identity, InstrumentError, Progress
-from ..link import Link
+from ..link import ConnectionLost, Link
 from . import compensation, files, grid, limits, state
 from .compensation import Compensation, Standard
 from .record import record
@@ -29,7 +29,10 @@ class Agilent4294A:
 
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
-        answer = self._link.ask("*IDN?")
+        try:
+            answer = self._link.ask("*IDN?")
+        except ConnectionLost:  # it was switched off and on since the last time
+            answer = self._link.ask("*IDN?")
         found = _IDN.fullmatch(answer.strip())
         if not found:
             raise InstrumentError(
@@ -99,11 +102,7 @@ class Agilent4294A:
         `screen`: a TIFF of what it shows; `ascii`, `binary`, `touchstone`: the sweep it shows, in its own formats. That
         is not the last plan's, after which its own settings were set back.
         """
-        try:
-            return files.fetch(self._link, kind)
-        except BaseException:
-            self._link.recover()
-            raise
+        return files.fetch(self._link, kind)
 
     def close(self) -> None:
         """Let go of the instrument."""
@@ -138,7 +137,7 @@ class Agilent4294A:
         """Make the instrument safe after `error`; say in it what could not be done."""
         try:
             if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
-                self._link.recover()
+                self._link.doubt()
             left = self._leave(found, resume=False)
         except InstrumentError as second:
             left = str(second)
@@ -165,7 +164,7 @@ class Agilent4294A:
         try:
             action()
         except InstrumentError:
-            self._link.recover()
+            self._link.doubt()
             action()
 
 

@@ -108,6 +108,15 @@ def test_bias_goes_up_a_range_on_error_137_and_gives_up_in_words(sim, analyzer):
     assert ask(sim, "DCO?", "DCRNG?") == ["0", "M1"]
 
 
+def test_the_same_analyzer_goes_on_after_the_mains_failed(sim, analyzer):
+    plan = SweepPlan((Segment(2e6, 6e6, 21),))
+    bench(sim, command="fault", kind="power-cycle", at=40, seconds=0.05)
+    with pytest.raises(InstrumentError):
+        analyzer.measure(plan)
+    bench(sim, command="power-cycle", seconds=0.0)
+    assert len(analyzer.measure(plan)[0].frequency) == 21
+
+
 def test_the_next_gluing_step_is_seen(sim, analyzer):
     plan = SweepPlan((Segment(2e6, 6e6, 201),))
     (disk,) = analyzer.measure(plan)
