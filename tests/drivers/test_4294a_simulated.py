@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pzctl.drivers import open_analyzer
+from pzctl.drivers.agilent4294a import compensation_file
 from pzctl.drivers.analyzer import Cancelled, InstrumentError
 from pzctl.drivers.recordings import read_recording
 from pzctl.models.plan import Segment, SweepPlan
@@ -142,12 +143,14 @@ def standards_put_in(sim, asked):
     return prompt
 
 
-def test_compensation_takes_the_clips_out_and_can_be_given_back(clips):
+def test_compensation_takes_the_clips_out_and_can_be_given_back(clips, tmp_path):
     plan = SweepPlan((Segment(1e6, 15e6, 201),))
     analyzer, asked = open_analyzer(clips.resource), []
     (raw,) = analyzer.measure(plan)
 
-    stored = analyzer.compensate(("open", "short"), standards_put_in(clips, asked))
+    compensation_file.save(
+        tmp_path / "clips.json", analyzer.compensate(("open", "short"), standards_put_in(clips, asked))
+    )
 
     assert len(asked) == 2
     bench(clips, command="connect", what="device")
@@ -164,10 +167,26 @@ def test_compensation_takes_the_clips_out_and_can_be_given_back(clips):
 
     bench(clips, command="power-cycle", seconds=0.0)
     again = open_analyzer(clips.resource)
-    again.apply_compensation(stored)
+    again.apply_compensation(compensation_file.load(tmp_path / "clips.json"))
     (restored,) = again.measure(plan)
     again.close()
     np.testing.assert_allclose(restored.impedance, compensated.impedance, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot be read: No such file"),
+        (b"not JSON", "this is no compensation: JSON is malformed"),
+        (b'{"kind": "something else"}', r"this is no compensation: Invalid enum value .* at `\$\.kind`"),
+    ],
+)
+def test_a_file_that_is_no_compensation(tmp_path, content, words):
+    file = tmp_path / "clips.json"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(InstrumentError, match=words):
+        compensation_file.load(file)
 
 
 def test_a_standard_that_is_none_is_refused(clips):
