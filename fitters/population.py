@@ -14,6 +14,7 @@ from ..models.build import Quantity
 from .interface import Constant, FitResult
 from .random_effects import RandomEffects, outliers, random_effects
 
+_MISFIT = 1.5  # chi2 per degree of freedom above which model and recording differ
 _U_TO_LIMIT = math.sqrt(3)
 # A tolerance of +- limit has the standard uncertainty limit/sqrt(3) (JCGM 100:2008, 4.3.7); so the way back.
 
@@ -118,10 +119,10 @@ def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) ->
             continue
         constants[name] = spread
         if exact := sorted(there.keys() - {value.sample for value in spread.re.values}):
-            says.append(f"{name}: without {', '.join(exact)}, where it was held")
+            says.append(f"{name}: without {', '.join(exact)}, where it was held or not determined")
     if held:
-        says.append(f"held, so not in the table: {', '.join(held)}")
-    return Population(tuple(used), constants, (*says, *_warnings(len(used), constants)))
+        says.append(f"held or not determined, so not in the table: {', '.join(held)}")
+    return Population(tuple(used), constants, (*says, *_warnings(used, constants)))
 
 
 def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread | None:
@@ -139,11 +140,11 @@ def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread
 
 
 def _fitted(values: list[Value]) -> list[Value]:
-    """Return the values that were fitted: those not held as exact, not infinite (Qm of a lossless ceramic).
+    """Return the values that were fitted: not held as exact, not infinite (Qm of a lossless ceramic), not undetermined.
 
     A fitter without uncertainties does not say what it held; what is the same to the last digit everywhere was.
     """
-    moving = [value for value in values if math.isfinite(value.value) and value.u != 0]
+    moving = [value for value in values if math.isfinite(value.value) and value.u != 0 and value.u != math.inf]
     silent = all(value.u is None for value in moving)
     alike = len(moving) > 1 and len({value.value for value in moving}) == 1
     return [] if silent and alike else moving
@@ -174,7 +175,9 @@ def _against(values: list[Value], mean: float, nominal: float, u: float) -> Shee
     return Sheet(nominal, percent, limit, tuple(outside))
 
 
-def _warnings(n: int, constants: Mapping[str, Spread]) -> list[str]:
+def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) -> list[str]:
+    """Return what a person must know before using the numbers."""
+    n = len(used)
     parts = [part for spread in constants.values() for part in (spread.re, spread.im) if part is not None]
     says: list[str] = []
     if n == 0:
@@ -182,12 +185,22 @@ def _warnings(n: int, constants: Mapping[str, Spread]) -> list[str]:
     if n == 1:
         says.append("a single sample: there is no scatter between samples, and no outlier can be seen")
     elif n < 5:
-        says.append(
-            f"{n} samples: the scatter itself is known to {_of_sd(n):.0%} only; one outlier shows when it is far"
-        )
+        says.append(f"{n} samples: the scatter itself is uncertain by {_of_sd(n):.0%}; only a far outlier can be seen")
     if any(part.within is None for part in parts):
         says.append("this fitter gives no uncertainties: the standard deviation holds both scatter and uncertainty")
+    if misfits := [sample for sample, fit in used.items() if fit.chi2_per_dof > _MISFIT]:
+        says.append(f"the model does not describe {', '.join(misfits)} (chi2/dof > {_MISFIT}): expect a bias there")
+    if shared := [name for name, spread in constants.items() if _is_shared(spread.re)]:
+        says.append(
+            f"{', '.join(shared)}: the samples agree better than chance allows with such uncertainties; so they share "
+            "most of it (a data-sheet value, one micrometer), and more samples do not make it smaller"
+        )
     return says
+
+
+def _is_shared(part: Part) -> bool:
+    """Return whether even no scatter at all would let the samples differ more than they do (97.5 %)."""
+    return part.effects is not None and part.effects.tau_high == 0
 
 
 def _of_sd(n: int) -> float:

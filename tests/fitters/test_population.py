@@ -171,13 +171,13 @@ def test_what_was_held_is_left_out_and_said() -> None:
     assert list(found.constants) == ["a"]
     assert [value.sample for value in found.constants["a"].re.values] == ["S1", "S3"]
     assert found.constants["a"].im is None
-    assert "held, so not in the table: glue.c" in found.says
-    assert "a: without S2, where it was held" in found.says
+    assert "held or not determined, so not in the table: glue.c" in found.says
+    assert "a: without S2, where it was held or not determined" in found.says
 
 
 def test_what_a_silent_fitter_held_is_seen_by_its_being_the_same_everywhere() -> None:
     fits = {f"S{k}": fit({"c": Constant(2450.0, 0, None, 0, "m/s")}) for k in range(3)}
-    assert "held, so not in the table: c" in population(fits, {}).says
+    assert "held or not determined, so not in the table: c" in population(fits, {}).says
 
 
 def test_fits_that_did_not_converge_take_no_part() -> None:
@@ -188,3 +188,20 @@ def test_fits_that_did_not_converge_take_no_part() -> None:
     assert found.constants["a"].re.mean == 1.0
     assert "S2: left out, its fit did not converge" in found.says
     assert population({"S2": bad}, {}).says[-1] == "no fit that can be used"
+
+
+def test_an_uncertainty_that_the_samples_share_is_seen_and_said() -> None:
+    found = real([7700.0, 7701.0, 7699.0, 7700.5, 7699.5], 75.0)
+    assert any("a: the samples agree better than chance allows" in sentence for sentence in found.says)
+    assert not any("agree better" in sentence for sentence in real([7700.0, 7750.0, 7600.0], 75.0).says)
+
+
+def test_a_misfit_is_said() -> None:
+    good = fit({"a": Constant(1.0, 0, 0.1, 0, "Pa")})
+    says = population({"S1": good, "S2": replace(good, chi2_per_dof=8.0)}, {}).says
+    assert any("the model does not describe S2" in sentence for sentence in says)
+
+
+@pytest.mark.parametrize("value", [Constant(math.inf, 0, 1.0, 0, "1"), Constant(1.0, 0, math.inf, 0, "1")])
+def test_what_is_infinite_or_not_determined_is_left_out(value: Constant) -> None:
+    assert population({"S1": fit({"Qm": value})}, {}).constants == {}
