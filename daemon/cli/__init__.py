@@ -5,7 +5,7 @@ import sys
 import typer
 
 from ...models.errors import PzctlError
-from . import fit, fitters, materials, measure, service, simulator
+from . import fit, fitters, materials, measure, samples, service, simulator
 
 app = typer.Typer(
     name="pzctl",
@@ -15,6 +15,7 @@ app = typer.Typer(
 )
 app.command("measure")(measure.measure)
 app.command("fit")(fit.fit)
+app.command("samples")(samples.samples)
 app.command("daemon")(service.daemon)
 app.command("sim")(simulator.sim)
 app.command("fitters")(fitters.fitters)

@@ -54,17 +54,32 @@ def read_trace(path: Path) -> "Sweep":
 
 
 def fit(
-    recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
+    recordings: Annotated[
+        list[str] | None, typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")
+    ] = None,
     build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` does without.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter, see `pzctl fitters`; may be repeated.")] = None,
     free: Annotated[str | None, typer.Option(help="Constants to free, as disk.c33D,glue1.thickness.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png or .svg.")] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
+    ] = False,
+    dask: Annotated[str | None, typer.Option(help="With --all: on the Dask cluster at tcp://HOST:PORT.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Fit complex constants to recordings. Several files of one step are repeats or further segments.
 
     Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
     """
+    if every or dask or not recordings:
+        if not every:
+            raise UsageError("--dask needs --all" if dask else "no recording is given; STEP=FILE is needed, or --all")
+        if build or picture:
+            raise UsageError(f"--{'build' if build else 'picture'} does not go with --all: each sample has its own")
+        from .fitall import fit_all
+
+        fit_all(recordings or [], fitter or [], tuple(free.split(",")) if free else None, dask, as_json=as_json)
+        return
     from ...fitters.interface import FitTask
     from ...fitters.plugins import DEFAULT, load_fitter
     from ..answers import fit_json
