@@ -31,6 +31,16 @@ def radial_constants_block(layer: str) -> Block:
     )
 
 
+def linear(name: str, unit: float) -> Block:
+    """Return a constant that may be any number near `unit`: x = p/unit."""
+    return Block((name,), (name,), lambda x: (unit * x, np.full((1, 1), unit)), lambda p: p / unit)
+
+
+def plate_blocks(layer: str) -> tuple[Block, Block]:
+    """Return what motion through the thickness needs: `alpha`, and `d33f` (C/N)."""
+    return linear(f"{layer}.alpha", 1.0), linear(f"{layer}.d33f", 1e-10)
+
+
 def _forward(x: Reals) -> tuple[Reals, Reals]:
     s, loss, e, tan = np.exp(x[[0, 1, 6, 7]]).tolist()
     sigma, k = np.tanh(x[[2, 4]]).tolist()

@@ -1,0 +1,161 @@
+"""The answer of least squares on a bare disk: constants with uncertainties carried along to all that follows."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..models.arrays import Reals
+from ..models.constants import Radial
+from ..models.passivity import passivity_margin
+from .answer import curves_of, strong_correlations
+from .assembly import UNITS
+from .bare_disk import RADIAL_UNITS, BareDisk
+from .covariance import Estimate, estimate
+from .derived import DERIVED_UNITS
+from .descent import Descent
+from .interface import Constant, FitResult
+from .objective import Prior
+
+RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
+_ALL_UNITS = {**UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
+_DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
+_ALPHA, _U_ALPHA = 0.75, 0.09
+_D33F, _U_D33F = 1.3e-10, 0.2e-10
+# c13E/c33E is 0.66 to 0.83 and e33/c33E 1.05e-10 to 1.45e-10 C/N for the ceramics of the library. Two sets of one and
+# the same ceramic differ by as much, so that a library value is no better known.
+_MISFIT = 1.5
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Named:
+    """Who answers."""
+
+    name: str
+    version: str
+
+
+def plate_priors(disk: BareDisk) -> dict[str, float]:
+    """Return c13E/c33E and e33/c33E (C/N) as library or build have them, else those of the usual ceramics."""
+    v = disk.layer.values
+    known = "c33E" in v
+    return {
+        f"{disk.layer.name}.alpha": v["c13E"].re / v["c33E"].re if known and "c13E" in v else _ALPHA,
+        f"{disk.layer.name}.d33f": v["e33"].re / v["c33E"].re if known and "e33" in v else _D33F,
+    }
+
+
+def disk_priors(disk: BareDisk, constants: tuple[str, ...]) -> tuple[Prior, ...]:
+    """Return what is known beforehand of sizes, of `constants`, and of motion through the thickness."""
+    at = disk.layer.name
+    plate = plate_priors(disk)
+    priors = [
+        Prior(f"{at}.alpha", plate[f"{at}.alpha"], _U_ALPHA),
+        Prior(f"{at}.d33f", plate[f"{at}.d33f"], _U_D33F),
+    ]
+    priors += [Prior(disk.size_name(name), q.re, q.u) for name, q in disk.sizes.items() if q.u > 0]
+    for name in constants:
+        q = disk.layer.values.get(name)
+        if q is not None and q.u > 0:
+            priors.append(Prior(f"{at}.{name}.re", q.re, q.u))
+    return tuple(priors)
+
+
+def radial_of(values: Mapping[str, float], layer: str) -> Radial:
+    """Return the radial constants among model parameters."""
+    return Radial(
+        *(complex(values[f"{layer}.{n}.re"], values[f"{layer}.{n}.im"]) for n in ("s11E", "s12E", "d31", "eps33T"))
+    )
+
+
+def radial_named(layer: str, found: Radial) -> dict[str, complex]:
+    """Return all radial constants by full name, SI; `Qm_radial` is c11p'/c11p'', `tan_delta_T` that of eps33T."""
+    own = {name: complex(getattr(found, "eps33p" if name == "eps33P" else name)) for name in RADIAL_UNITS}
+    own |= {"Qm_radial": complex(found.Qm), "tan_delta_T": complex(-found.eps33T.imag / found.eps33T.real)}
+    return {f"{layer}.{name}": value for name, value in own.items()}
+
+
+def propagated(
+    make: Callable[[Mapping[str, float]], Mapping[str, complex]],
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    covariance: Reals,
+) -> dict[str, tuple[float, float]]:
+    """Return the standard uncertainties of real and imaginary part of all that `make` makes of the parameters."""
+    there = make(values)
+    gradients = {name: np.zeros(len(names), np.complex128) for name in there}
+    for k, name in enumerate(names):
+        if covariance[k, k] == 0:
+            continue
+        step = min(_STEP * abs(values[name]) or _STEP, math.sqrt(covariance[k, k]))
+        up, down = (make({**values, name: values[name] + side * step}) for side in (1, -1))
+        for made in there:
+            gradients[made][k] = (up[made] - down[made]) / (2 * step)
+
+    def size(g: Reals) -> float:
+        return math.sqrt(max(0.0, float(g @ covariance @ g)))
+
+    return {name: (size(g.real), size(g.imag)) for name, g in gradients.items()}
+
+
+def planar_answer(
+    fitter: Named,
+    disk: BareDisk,
+    descent: Descent,
+    make: Callable[[Mapping[str, float]], Mapping[str, complex]],
+    says: tuple[str, ...],
+    seconds: float,
+) -> FitResult:
+    """Return the answer; `make` makes all complex constants of the model's parameters."""
+    objective, result = descent.objective, estimate(descent)
+    coordinates = objective.coordinates
+    values, _ = coordinates.forward(result.x)
+    names = coordinates.parameters
+    u = propagated(make, values, names, result.covariance)
+    made: dict[str, Constant] = {}
+    for name, x in make(values).items():
+        made[name] = Constant(x.real, x.imag, *u[name], _ALL_UNITS[name.split(".")[1]], free=u[name][0] > 0)
+    for k, name in enumerate(names):
+        if not name.endswith((".re", ".im")):
+            spread = math.sqrt(max(0.0, float(result.covariance[k, k])))
+            made[name] = Constant(values[name], 0.0, spread, 0.0, _ALL_UNITS[name.split(".")[-1]], free=spread > 0)
+    derived = {name for name in made if name.split(".")[-1] in _DERIVED}
+    return FitResult(
+        build=disk.build.name,
+        fitter=fitter.name,
+        version=fitter.version,
+        steps=(disk.step,),
+        noise=disk.noise,
+        chi2_per_dof=result.chi2_per_dof,
+        constants={name: c for name, c in made.items() if name not in derived},
+        derived={name: c for name, c in made.items() if name in derived},
+        correlation=strong_correlations(names, result.covariance),
+        rms_log_error=result.rms_log_error,
+        converged=result.converged,
+        evaluations=descent.evaluations,
+        seconds=seconds,
+        says=(*says, *_verdict(result, disk)),
+        curves=curves_of(objective, descent.start, result.x),
+    )
+
+
+def passivity_says(found: Radial) -> str:
+    """Return what Holland's condition says of the constants, in a sentence."""
+    margin = passivity_margin(found.law)
+    if margin >= -1e-9:
+        return f"Passive: the least loss is {margin:.2g} of a loss tangent (Holland)."
+    return f"NOT passive: the least loss is {margin:.2g} (Holland). No material is so: an imaginary part is wrong."
+
+
+def _verdict(result: Estimate, disk: BareDisk) -> tuple[str, ...]:
+    says: list[str] = []
+    if result.chi2_per_dof > _MISFIT:
+        says.append(
+            f"The model does not describe this recording to its noise: RMS log error {result.rms_log_error:.2g} where "
+            f"the noise is {disk.noise.relative:.1g}. The uncertainties are widened by the misfit."
+        )
+    if not result.converged:
+        says.append("The fit stopped before it converged; do not use these numbers.")
+    return tuple(says)
