@@ -7,6 +7,7 @@ with connect() as lab:
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -147,7 +148,8 @@ class Client:
         try:
             return self._follow(subscription, measurement, progress)
         except KeyboardInterrupt:
-            self.cancel(measurement)
+            with suppress(DaemonError):  # it may have ended by itself in the meantime
+                self.cancel(measurement)
             raise
 
     def begin(self, build: Build, step: str, plan: SweepPlan | None = None) -> str:

@@ -17,6 +17,9 @@ from .reports import curves_of
 from .supervisor import Supervisor
 from .wire import WIRE, DiagnosisEvent, Event, FitEvent, Instrument, Payload, StateEvent
 
+MOST_FITTERS = 100
+"""Fitters that are listed."""
+
 MOST_WAITING = 1000
 """Measurements in the queue."""
 
@@ -52,6 +55,9 @@ class Desk:
     @answer.register
     def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         if request.fitter is not None:
+            known = self.supervisor.states
+            if request.fitter not in known and len(known) >= MOST_FITTERS:
+                raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
             self.supervisor.ready(request.fitter, request.version or "")
         return (
             ask.HelloAnswer(

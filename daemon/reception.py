@@ -9,7 +9,6 @@ import msgspec
 import zmq.asyncio
 
 from ..models.errors import PzctlError
-from ..sim.control import bench_command
 from . import requests as ask
 from .archive import JournalError
 from .desk import Desk, RequestError
@@ -84,6 +83,8 @@ class Reception:
 
     async def _bench(self, request: ask.Bench) -> ask.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
+        from ..sim.control import bench_command  # brings SciPy along, which a daemon without a bench can do without
+
         if self._desk.bench is None:
             raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
         if taken := sorted({"host", "port", "timeout"} & request.command.keys()):

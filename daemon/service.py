@@ -142,6 +142,8 @@ class Daemon:
         """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""
         _, frames = self._journal.append(event, payload)
         self._say(frames)
+        if isinstance(event, StateEvent):
+            log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)
 
     async def serve(self) -> None:
         """Serve until told to end. Raises JournalError where the journal fails."""

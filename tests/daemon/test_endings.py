@@ -13,15 +13,16 @@ import pytest
 import zmq
 
 from pzctl.daemon.archive import Archive
+from pzctl.daemon.children import last_line
 from pzctl.daemon.client import connect
 from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.frames import to_json
 from pzctl.daemon.launch import running, start
 from pzctl.daemon.location import find
-from pzctl.daemon.paths import journal_folder
+from pzctl.daemon.paths import journal_folder, log_file
 from pzctl.daemon.requests import Measure
 from pzctl.daemon.uuid7 import uuid7
-from pzctl.daemon.wire import StateEvent
+from pzctl.daemon.wire import ProgressEvent, StateEvent
 from pzctl.models.build import Build
 from pzctl.models.plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions
@@ -132,6 +133,38 @@ def test_cancel_ends_the_running_measurement_and_the_next_one_begins(start_daemo
         lab.cancel(waiting[0])
         with pytest.raises(DaemonError, match="neither runs nor waits"):
             lab.cancel("nonsense")
+
+
+def test_ctrl_c_of_who_waits_cancels_the_measurement(start_daemon, build: Build) -> None:
+    start_daemon(time_scale=1.0)
+
+    def interrupt(_: ProgressEvent) -> None:
+        raise KeyboardInterrupt
+
+    with connect() as lab:
+        events = lab.listen(patience=10)
+        with pytest.raises(KeyboardInterrupt):
+            lab.measure(build, "disk", progress=interrupt)
+        while not (isinstance(event := next(events).event, StateEvent) and event.state == "cancelled"):
+            pass
+
+
+def test_a_disk_that_fails_ends_the_daemon_before_it_says_what_it_has_not_kept(
+    start_daemon, build: Build, wait_until, tmp_path: Path
+) -> None:
+    start_daemon()
+    arrays = journal_folder(tmp_path) / "arrays"
+    arrays.rmdir()
+    with connect() as lab:
+        lab.begin(build, "disk")
+        wait_until(lambda: "the journal cannot be read or written" in last_line(log_file(tmp_path, "daemon")))
+    assert find(tmp_path) is None
+    arrays.mkdir()
+    start_daemon()
+    archive = Archive(journal_folder(tmp_path))
+    assert [one.state for one in archive.measurements()] == ["abandoned"]
+    assert archive.verify() == []
+    archive.close()
 
 
 def test_a_killed_fitter_comes_back_and_answers(start_daemon, build: Build, wait_until) -> None:
