@@ -26,6 +26,9 @@ OPEN_SECONDS = 5.0
 PROLOGIX_PORT = 1234
 """Where a Prologix or AR488 adapter listens unless told otherwise."""
 
+VI_ERROR_TMO = "-1073807339"
+"""How pyvisa-py (0.8) words a connection that was not made in time."""
+
 _HOST_PORT = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]*):(\d{1,5})")
 _SOCKET = re.compile(r"TCPIP\d*::([^:,\s]+)::(\d{1,5})::SOCKET", re.IGNORECASE)
 _GPIB = re.compile(r"GPIB\d*::(?P<address>\d{1,2})(::\d{1,2})?::INSTR", re.IGNORECASE)
@@ -146,7 +149,7 @@ def _why_not(name: str, error: Exception) -> str:
     if found and isinstance(error, OSError):
         reason = os.strerror(error.errno or 0).lower()
         return f"nothing listens there ({reason}); is the analyzer (or `pzctl sim`) on, and the port {found[2]}?"
-    if found and "timeout" in text.lower():
+    if found and ("timeout" in text.lower() or VI_ERROR_TMO in text):
         return f"nobody answered within {OPEN_SECONDS:g} s; is {found[1]} on and on this network?"
     if name.upper().startswith("GPIB"):
         return f"GPIB cannot be used here: {text}; install NI-VISA or Keysight IO Libraries, or use the LAN port"

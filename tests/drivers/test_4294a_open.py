@@ -1,10 +1,11 @@
 """From what a person types to an instrument, or to one clear sentence."""
 
+import contextlib
 import socket
 
 import pytest
 
-from pzctl.drivers import open_analyzer
+from pzctl.drivers import open_analyzer, visa
 from pzctl.drivers.analyzer import InstrumentError
 from pzctl.drivers.visa import resource_name
 
@@ -46,6 +47,20 @@ def test_nobody_listens():
         port = server.getsockname()[1]
     with pytest.raises(InstrumentError, match=rf"nothing listens there \(connection refused\).*the port {port}"):
         open_analyzer(f"127.0.0.1:{port}")
+
+
+def test_nobody_takes_the_connection(monkeypatch):
+    monkeypatch.setattr(visa, "OPEN_SECONDS", 0.3)
+    with contextlib.ExitStack() as stack:
+        server = stack.enter_context(socket.socket())
+        server.bind(("127.0.0.1", 0))
+        server.listen(0)
+        for _ in range(3):  # more than may wait: whoever comes next is kept waiting
+            client = stack.enter_context(socket.socket())
+            client.setblocking(False)
+            client.connect_ex(server.getsockname())
+        with pytest.raises(InstrumentError, match=r"nobody answered within 0\.3 s; is 127\.0\.0\.1 on"):
+            open_analyzer(f"127.0.0.1:{server.getsockname()[1]}")
 
 
 def test_unknown_host():
