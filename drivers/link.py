@@ -82,7 +82,9 @@ class Link:
         until = time.monotonic() + self.timeout_seconds
         while b"\n" not in self._buffer:
             if len(self._buffer) > LONGEST_LINE_BYTES:
-                raise InstrumentError(f"{self.name}: the answer to {message} does not end; garbage on the line?")
+                raise InstrumentError(
+                    f"{self.name}: the answer to {_short(message)} does not end; garbage on the line?"
+                )
             self._receive(CHUNK_BYTES, until, message)
         line, _, rest = bytes(self._buffer).partition(b"\n")
         self._buffer[:] = rest
@@ -91,7 +93,9 @@ class Link:
             return line.removesuffix(b"\r").decode("ascii")
         except UnicodeDecodeError:
             shown = replies.quote(line.decode("latin-1"))
-            raise InstrumentError(f"{self.name}: the answer to {message} is {shown}; plain text is expected") from None
+            raise InstrumentError(
+                f"{self.name}: the answer to {_short(message)} is {shown}; plain text is expected"
+            ) from None
 
     def ask_block(self, message: str, most_bytes: int) -> bytes:
         """Send `message`; return the data of the `#6` block it is answered with.
@@ -104,7 +108,7 @@ class Link:
 
     def _block(self, message: str, most_bytes: int) -> bytes:
         self._send(message)
-        what = f"{self.name}: {message}"
+        what = f"{self.name}: {_short(message)}"
         length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
         if length > most_bytes:
             raise InstrumentError(f"{what}: {length} bytes are announced; at most {most_bytes} are expected")
@@ -148,7 +152,7 @@ class Link:
 
     def _send(self, message: str) -> None:
         data = message.encode("ascii") + b"\n"
-        self._guarded(f"sending {message}", lambda: self._resource.write_raw(data))
+        self._guarded(f"sending {_short(message)}", lambda: self._resource.write_raw(data))
 
     @property
     def _is_gpib(self) -> bool:
@@ -164,35 +168,35 @@ class Link:
 
     def _receive(self, count: int, until: float, message: str) -> None:
         """Move what comes within one slice, at most `count` bytes, to the buffer."""
-        seconds = max(until - time.monotonic(), 0.001)
+        seconds = until - time.monotonic()
+        if seconds <= 0:
+            came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
+            late = f"no answer to {_short(message)} within {self.timeout_seconds:g} s{came}"
+            raise InstrumentError(f"{self.name}: {late}; is it on and set up?")
         if self._socket is not None:  # elsewhere a slice that ends in mid-answer would lose what came
             seconds = min(SLICE_SECONDS, seconds)
         for resource in (self._resource, self._bridge):
             if resource is not None:
                 resource.timeout = max(1, round(1000 * seconds))
+        lost = f"{self.name}: while awaiting the answer to {_short(message)}"
         try:
             library, session = self._resource.visalib, self._resource.session
             with library.ignore_warning(session, StatusCode.success_max_count_read):
                 self._buffer += library.read(session, count)[0]
         except VisaIOError as error:
             if error.error_code != StatusCode.error_timeout:
-                raise ConnectionLost(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
-            self._still_there(until, message)
+                raise ConnectionLost(f"{lost}: {_plain(error)}") from None
+            if _hung_up(self._socket):
+                raise ConnectionLost(f"{lost}: the connection was lost") from None
         except OSError as error:
-            raise ConnectionLost(f"{self.name}: while awaiting the answer to {message}: {_plain(error)}") from None
-
-    def _still_there(self, until: float, message: str) -> None:
-        came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
-        if _hung_up(self._socket):
-            raise ConnectionLost(f"{self.name}: the connection was lost while awaiting the answer to {message}{came}")
-        if time.monotonic() >= until:
-            wait = f"{self.timeout_seconds:g} s"
-            raise InstrumentError(f"{self.name}: no answer to {message} within {wait}{came}; is it on and set up?")
+            raise ConnectionLost(f"{lost}: {_plain(error)}") from None
 
     def _nothing_left(self, message: str) -> None:
         if self._buffer:
             shown = replies.quote(self._buffer.decode("latin-1"))
-            raise InstrumentError(f"{self.name}: after the answer to {message} comes {shown}; nothing is expected")
+            raise InstrumentError(
+                f"{self.name}: after the answer to {_short(message)} comes {shown}; nothing is expected"
+            )
 
     def _guarded(self, doing: str, action: Callable[[], Any]) -> Any:
         try:
@@ -228,6 +232,11 @@ def _hung_up(line: socket.socket | None) -> bool:
         return bool(select.select([line], [], [], 0)[0]) and line.recv(1, socket.MSG_PEEK) == b""
     except (OSError, ValueError):
         return True
+
+
+def _short(message: str) -> str:
+    """Return `message` as an error names it: an array that is sent would fill a page."""
+    return message if len(message) <= replies.QUOTED_CHARACTERS else message[: replies.QUOTED_CHARACTERS] + "..."
 
 
 def _plain(error: Exception) -> str:
