@@ -88,14 +88,14 @@ def _model(disk: BareDisk, found: Thickness) -> Stack:
 def _read(disk: BareDisk) -> _Seen:
     high = disk.between(0.5 * disk.expected_thickness_mode, np.inf)
     bands = list(zip(high.sweeps, high.noises, strict=True))
-    start = _pair(disk, high.sweeps)
+    start = thickness_pair(disk, high.sweeps)
     series = [admittance_trace(*band) for band in bands]
     parallel = [impedance_trace(*band) for band in bands]
     fs, fp = _peak(series, start.fs, "the resonance"), _peak(parallel, start.fp, "the antiresonance")
     return _Seen(fs, fp, _far(bands, fs, fp))
 
 
-def _pair(disk: BareDisk, sweeps: Sequence[Sweep]) -> DiskStart:
+def thickness_pair(disk: BareDisk, sweeps: Sequence[Sweep]) -> DiskStart:
     """Return the resonance pair of the thickness mode. Raises FitError."""
     expected, sizes = disk.expected_thickness_mode, disk.sizes
     found: list[DiskStart] = []

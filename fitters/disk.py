@@ -1,0 +1,140 @@
+"""Fitter `disk`: radial and thickness mode of a bare round disk in one fit, with causal losses.
+
+One set of capacitances serves both modes (`models/disk.py`): eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly, and
+what a permittivity or a stiffness loses it pays for in dispersion between the two bands.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..models.causal import continued
+from ..models.constants import Radial
+from ..models.disk import BothModes
+from ..models.radial import RadialError
+from ..models.stack import CausalConstantQ, Piezo, Stack
+from .assembly import stack_of
+from .bare_disk import BareDisk, bare_disk
+from .coordinates import Coordinates, positive
+from .derived import derived_of
+from .descent import Descent, settle
+from .disk_coordinates import ARM_CONSTANTS, PLATE_CONSTANTS, both_modes_constants
+from .interface import FitError, FitResult, FitTask
+from .objective import Recording
+from .planar_answer import Named, disk_priors, passivity_says, planar_answer, plate_priors, radial_named
+from .radial import radial_band, radial_start
+from .radial_coordinates import plate_blocks
+from .radial_modes import radial_peaks
+from .sherrit_thickness import thickness_pair
+
+_SPLIT = 0.4
+# Of the thickness antiresonance: below, a recording is taken as one of the radial modes, above as one of the
+# thickness mode; each part has a misfit of its own.
+
+
+class Disk:
+    """Radial and thickness mode of a bare disk in one fit."""
+
+    name = "disk"
+    version = "1"
+    summary = "radial and thickness mode of a round disk in one fit, causal losses, one set of capacitances"
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit all constants of both modes to the recordings of the bare disk.
+
+        Raises FitError where one of the modes is not in the recordings.
+        """
+        began = time.perf_counter()
+        whole = bare_disk(task, self.name, round_one=True)
+        progress(f"fitting {whole.step}")
+        model, references = _start(whole)
+        descent = _descend(whole, model, task.free)
+        layer = whole.layer
+
+        def make(values: Mapping[str, float]) -> dict[str, complex]:
+            plate = {f"{layer.name}.{n}": _complex(values, f"{layer.name}.{n}") for n in PLATE_CONSTANTS}
+            return plate | derived_of(layer, values) | radial_named(layer.name, _radial(model, values, references[0]))
+
+        found = _radial(model, descent.objective.coordinates.forward(descent.x)[0], references[0])
+        says = (
+            f"Radial constants and eps33T at {references[0] / 1e3:.5g} kHz, thickness-mode constants at "
+            f"{references[1] / 1e6:.5g} MHz, with causal losses between. Planar coupling kp {found.kp.real:.4f} (data "
+            f"sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
+            passivity_says(found),
+        )
+        named = Named(self.name, self.version)
+        return planar_answer(named, whole, descent, make, says, time.perf_counter() - began)
+
+
+def _complex(values: Mapping[str, float], name: str) -> complex:
+    return complex(values[f"{name}.re"], values[f"{name}.im"])
+
+
+def _start(disk: BareDisk) -> tuple[BothModes, tuple[float, float]]:
+    """Return the model with constants from the peaks, and the frequencies (Hz) that radial and others stand at."""
+    peaks = radial_peaks(disk)
+    fs1, name = peaks.frequencies[0], disk.layer.name
+    radial = radial_start(radial_band(disk, peaks), peaks)
+    pair = thickness_pair(disk, disk.between(0.5 * disk.expected_thickness_mode, np.inf).sweeps)
+    stack = stack_of(disk.build, disk.build.step(disk.step)).replace(pair.parameters(name))
+    (layer,) = stack.layers
+    if not isinstance(layer, Piezo):
+        raise FitError(f"layer {name!r} is not piezoelectric")
+    causal = CausalConstantQ(pair.fp)
+    stack = replace(stack, layers=(replace(layer, c_law=causal, h_law=causal, eps_law=causal),))
+    try:
+        both = BothModes.of(stack, name, radial)
+    except RadialError as error:
+        raise FitError(f"the radial resonances found are those of no material: {error}") from None
+    laws = dict.fromkeys(ARM_CONSTANTS, CausalConstantQ(fs1))
+    both = BothModes(both.stack, replace(both.arm, laws=laws)).replace(plate_priors(disk))
+    return both, (fs1, pair.fp)
+
+
+def _radial(model: BothModes, values: Mapping[str, float], reference: float) -> Radial:
+    """Return the radial constants with eps33T at the radial reference (Hz)."""
+    stack = _stack_of(model, values)
+    (layer,) = stack.layers
+    if not isinstance(layer, Piezo):
+        raise FitError(f"layer {layer.name!r} is not piezoelectric")
+    at = np.array([reference])
+    laws = ((layer.c_law, layer.c33D), (layer.h_law, layer.h33), (layer.eps_law, layer.eps33S))
+    c, h, eps = (complex(continued(law, value, at)[0][0]) for law, value in laws)
+    s11, s12, d31 = (_complex(values, f"{layer.name}.{name}") for name in ARM_CONSTANTS)
+    eps33p = eps / (1 - h**2 * eps / c)
+    return Radial(s11, s12, d31, eps33p + 2 * d31**2 / (s11 + s12))
+
+
+def _stack_of(model: BothModes, values: Mapping[str, float]) -> Stack:
+    own = model.stack.parameters()
+    return model.stack.replace({name: value for name, value in values.items() if name in own})
+
+
+def _descend(disk: BareDisk, model: BothModes, free: tuple[str, ...] | None) -> Descent:
+    at = disk.layer.name
+    sizes = [disk.size_name(name) for name in disk.sizes]
+    plate = [f"{at}.alpha", f"{at}.d33f"]
+    blocks = (both_modes_constants(at), *plate_blocks(at), *(positive(name) for name in sizes))
+    constants = {f"{at}.{name}" for name in (*PLATE_CONSTANTS, *ARM_CONSTANTS)}
+    uncertain = {disk.size_name(name) for name, q in disk.sizes.items() if q.u > 0}
+    moving = constants | uncertain | set(plate) if free is None else set(free)
+    known = constants | set(sizes) | set(plate)
+    if not moving <= known:
+        raise FitError(f"cannot free {min(moving - known)!r}: `disk` has {', '.join(sorted(known))}")
+    variants = tuple(variant for name in moving for variant in (name, f"{name}.loss"))
+    coordinates = Coordinates(blocks, model.parameters(), variants)
+    split = _SPLIT * disk.expected_thickness_mode
+    recordings = [
+        Recording(disk.step, sweep, model, noise)
+        for part in (disk.between(0.0, split), disk.between(split, np.inf))
+        for sweep, noise in zip(part.sweeps, part.noises, strict=True)
+    ]
+    priors = disk_priors(disk, (*PLATE_CONSTANTS, *ARM_CONSTANTS))
+    # The thickness correction joins last: far from the minimum it would take the overtone's error upon itself.
+    held = coordinates.without(*plate)
+    first = settle(recordings, held, priors, held.x)
+    begin = coordinates.inverse(held.forward(first.x)[0])
+    last = settle(first.objective.recordings, coordinates, priors, begin)
+    return replace(last, start=coordinates.x, evaluations=first.evaluations + last.evaluations)
