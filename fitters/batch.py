@@ -3,6 +3,7 @@
 import contextlib
 import multiprocessing
 import os
+import re
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -18,6 +19,7 @@ from .plugins import load_fitter
 
 _PATIENCE = 10.0
 """Seconds within which a Dask scheduler answers, or does not."""
+_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 _one_at_a_time = threading.Lock()
@@ -88,17 +90,19 @@ def fit_on_dask(jobs: Sequence[Job], fitter: str, address: str, heard: Heard = l
     """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
 
     Results are those of `fit_on_cores` to the last bit (but `seconds`) where the workers have the same processor and
-    the same versions. Raises BatchError where Dask is not installed or no scheduler answers, PluginError where the
-    fitter is not installed here.
+    the same versions. Raises BatchError where Dask is not installed, `address` is none or no scheduler answers there,
+    PluginError where the fitter is not installed here.
     """
     load_fitter(fitter)
+    if not _ADDRESS.fullmatch(address):
+        raise BatchError(f"Dask scheduler {address!r}: tcp://HOST:PORT is needed")
     try:
         distributed: Any = import_module("distributed")  # an extra: nothing else of pzctl needs it
     except ImportError:
         raise BatchError("--dask needs Dask, which is not installed: pip install 'pzctl[dask]'") from None
     try:
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:  # no such host; nobody there; not an address
+    except (OSError, ValueError) as error:  # no such host; nobody there; no such port
         raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from None
     with client:
         futures = {client.submit(fit_job, job, fitter, pure=False): job for job in jobs}

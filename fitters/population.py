@@ -102,11 +102,16 @@ class Population:
 def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) -> Population:
     """Return the statistics over `fits`, by sample, of one fitter; `sheets` are data-sheet values by constant.
 
-    Left out, and said: fits that did not converge, constants that were held. A constant of few samples (a layer that
-    others do not have yet) is there with these.
+    Left out, and said: constants that were held, and fits that did not converge (of a fitter without uncertainties
+    they are taken: it promises no more). A constant of few samples (a layer that others do not have yet) is there
+    with these.
     """
-    used = {sample: fit for sample, fit in fits.items() if fit.converged}
-    says = [f"{sample}: left out, its fit did not converge" for sample in fits if sample not in used]
+    used = {sample: fit for sample, fit in fits.items() if fit.converged or _is_silent(fit)}
+    says: list[str] = []
+    if left_out := [sample for sample in fits if sample not in used]:
+        says.append(f"left out, the fit did not converge: {', '.join(left_out)}")
+    if taken := [sample for sample, fit in used.items() if not fit.converged]:
+        says.append(f"taken, though the fit did not converge: {', '.join(taken)}")
     names = dict.fromkeys(name for fit in used.values() for name in (*fit.constants, *fit.derived))
     constants: dict[str, Spread] = {}
     held: list[str] = []
@@ -123,6 +128,11 @@ def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) ->
     if held:
         says.append(f"held or not determined, so not in the table: {', '.join(held)}")
     return Population(tuple(used), constants, (*says, *_warnings(used, constants)))
+
+
+def _is_silent(fit: FitResult) -> bool:
+    """Return whether the fitter gives no uncertainties, as the thesis's procedure."""
+    return all(constant.u_re is None for constant in fit.constants.values())
 
 
 def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread | None:
@@ -186,7 +196,7 @@ def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) ->
         says.append("a single sample: there is no scatter between samples, and no outlier can be seen")
     elif n < 5:
         says.append(f"{n} samples: the scatter itself is uncertain by {_of_sd(n):.0%}; only a far outlier can be seen")
-    if any(part.within is None for part in parts):
+    if n > 1 and any(part.within is None for part in parts):
         says.append("this fitter gives no uncertainties: the standard deviation holds both scatter and uncertainty")
     if misfits := [sample for sample, fit in used.items() if fit.chi2_per_dof > _MISFIT]:
         says.append(f"the model does not describe {', '.join(misfits)} (chi2/dof > {_MISFIT}): expect a bias there")

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from ..models.arrays import Reals
 
 FALSE_ALARM = 0.01
-"""Chance that a population without an outlier gets one named (for one constant)."""
+"""Chance that a population without an outlier gets one named, for one constant; measured: 1 to 2.5 %."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,21 @@ def random_effects(x: Reals, u: Reals) -> RandomEffects:
     """
     dof = x.size - 1
     low, high = (float(stats.chi2.ppf(chance, dof)) for chance in (0.975, 0.025))
-    tau2 = _tau2_where(x, u, dof)
-    mean, variance = _weighted_mean(x, u, tau2)
-    limits = (math.sqrt(_tau2_where(x, u, q)) for q in (low, high))
-    return RandomEffects(mean, math.sqrt(variance), math.sqrt(tau2), *limits)
+    x_, u_, centre, scale = _standard(x, u)
+    tau2 = _tau2_where(x_, u_, dof)
+    mean, variance = _weighted_mean(x_, u_, tau2)
+    tau_low, tau_high = (scale * math.sqrt(_tau2_where(x_, u_, q)) for q in (low, high))
+    return RandomEffects(centre + scale * mean, scale * math.sqrt(variance), scale * math.sqrt(tau2), tau_low, tau_high)
+
+
+def _standard(x: Reals, u: Reals) -> tuple[Reals, Reals, float, float]:
+    """Return values and uncertainties around 0 and of the size of 1, and centre and scale that were taken out.
+
+    Constants come as 1e11 Pa and 1e-15 m/Pa, and are squared here.
+    """
+    centre = float(np.mean(x))
+    scale = float(max(np.max(np.abs(x - centre)), np.max(u))) or 1.0
+    return (x - centre) / scale, u / scale, centre, scale
 
 
 def outliers(x: Reals, u: Reals) -> dict[int, float]:
@@ -61,6 +72,7 @@ def outliers(x: Reals, u: Reals) -> dict[int, float]:
     distribution where the others scatter no more than their uncertainties: three samples cannot show that, and it
     rejects a good one in up to a third of the populations. So four samples give an outlier away only when it is far.
     """
+    x, u, _, _ = _standard(x, u)
     left = list(range(x.size))
     aside: dict[int, float] = {}
     count = 0

@@ -100,7 +100,13 @@ def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
         fit_on_dask(JOBS, "mason", "tcp://127.0.0.1:8786")
 
 
-@pytest.mark.parametrize("address", ["nonsense://x", "tcp://127.0.0.1:1"])
+@pytest.mark.parametrize("address", ["nonsense", "udp://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786"])
+def test_what_is_no_address_is_said(address: str) -> None:
+    with pytest.raises(BatchError, match="tcp://HOST:PORT is needed"):
+        fit_on_dask(JOBS, "mason", address)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tcp://127.0.0.1:99999"])
 def test_where_no_scheduler_answers_it_says_so(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("pzctl.fitters.batch._PATIENCE", 1.0)
