@@ -25,13 +25,16 @@ class Conditions:
     """How long it took; 0 where nobody knows."""
     level_V: float = 0.5
     """Oscillator level."""
-    began: float = 0.0
-    """Seconds after the first sweep of the step."""
+    order: int = 0
+    """How many sweeps of this step came before."""
 
     def elapsed(self, points: int) -> Reals:
-        """Return how much of the sweep had passed at each point, 0 to 1, shape (N,) in rising frequency."""
+        """Return the time of each point since the first sweep of the step began, in sweeps, shape (N,).
+
+        In rising frequency: from `order` to `order + 1` for a sweep upwards, the other way round for one downwards.
+        """
         part = np.linspace(0.0, 1.0, points)
-        return part if self.direction == "up" else part[::-1]
+        return self.order + (part if self.direction == "up" else part[::-1])
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,18 @@ class Part:
     """Over the whole area; `fraction` says how much of it counts."""
     scale: Mapping[str, float] = field(default_factory=dict[str, float])
     """d (parameter of this stack) / d (parameter of the device) where it is not 1."""
+    twins: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """Parameters of this stack that move with one of the device: a layer that an effect has cut in two."""
+
+    def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
+        """Return (position in `names`, parameter of this stack, its derivative) for all that the names move here."""
+        own = self.stack.parameters()
+        return [
+            (k, moved, self.scale.get(moved, 1.0))
+            for k, name in enumerate(names)
+            for moved in (name, *self.twins.get(name, ()))
+            if moved in own
+        ]
 
 
 Terminal = Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]
@@ -57,10 +72,14 @@ class Assembly:
     """The device with its effects, ready to be evaluated."""
 
     parts: tuple[Part, ...]
+    nominal: Stack
+    """The stack to which the first effect was added: it gives effects their scales, which no fit moves."""
     shunts: tuple[Shunt, ...] = ()
     terminals: tuple[Terminal, ...] = ()
     records: tuple["Record", ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
+    conjugated: bool = False
+    """Whether Z is written down with the sign of its reactance turned."""
 
     @property
     def stack(self) -> Stack:
@@ -96,7 +115,7 @@ class Assembly:
         seen = steady
         for record in self.records:
             seen = record(self, frequency, seen)
-        return seen
+        return np.conj(seen) if self.conjugated else seen
 
     def steady(self, frequency: Frequencies) -> Impedances:
         """Return what a sweep without end would record: all stages but the last, ohm, shape (N,)."""
@@ -115,12 +134,11 @@ class Assembly:
         admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
         slope = np.zeros((len(names), frequency.size), np.complex128)
         for part in self.parts:
-            own = part.stack.parameters()
-            rows = [k for k, name in enumerate(names) if name in own]
-            Z, dlnZ = part.stack.jacobian(frequency, [names[k] for k in rows])
+            moved = part.moved_by(names)
+            Z, dlnZ = part.stack.jacobian(frequency, [name for _, name, _ in moved])
             admittance += part.fraction / Z
-            scale = np.array([part.scale.get(names[k], 1.0) for k in rows])
-            slope[rows] -= part.fraction / Z * dlnZ * scale[:, None]
+            for row, (k, _, scale) in zip(dlnZ, moved, strict=True):
+                slope[k] -= part.fraction * scale / Z * row
         seen: Impedances = 1 / admittance
         slope *= -(seen**2)
         for terminal in self.terminals:

@@ -46,6 +46,8 @@ class Device:
     bare: Stack
     added: tuple[Added, ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
+    nominal: Stack | None = None
+    """The stack to which the first effect was added; sizes and reference frequencies of effects are taken from it."""
 
     def parameters(self) -> dict[str, float]:
         """Return the stack's parameters and those of the effects."""
@@ -67,8 +69,10 @@ class Device:
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
         """Return the device with one effect more, its knobs at null unless given."""
-        null = {knob.name: knob.null for knob in effect.knobs(self.bare, where)}
-        return replace(self, added=(*self.added, Added(effect, where, {**null, **(values or {})})))
+        nominal = self.nominal or self.bare
+        null = {knob.name: knob.null for knob in effect.knobs(nominal, where)}
+        added = (*self.added, Added(effect, where, {**null, **(values or {})}))
+        return replace(self, added=added, nominal=nominal)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
@@ -85,19 +89,28 @@ class Device:
         steady, slopes = self._assembly.steady_jacobian(frequency, [name for name in names if name in own])
         Z = self._assembly.while_recorded(frequency, steady)
         rows = iter(slopes)
-        made = [next(rows) if name in own else self._by_knob(name, frequency, Z) for name in names]
+        mirror = np.conj if self._assembly.conjugated else np.asarray
+        made = [mirror(next(rows)) if name in own else self._by_knob(name, frequency, Z) for name in names]
         return Z, np.array(made, np.complex128).reshape(len(names), frequency.size)
 
     @cached_property
     def _assembly(self) -> Assembly:
-        assembly = Assembly((Part(1.0, self.bare),), conditions=self.conditions)
-        for one in self.added:
-            assembly = one.effect.extend(assembly, one.where, one.values)
+        assembly = Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)
+        for one in sorted(self.added, key=lambda one: (one.effect.stage, one.effect.name, one.where)):
+            assembly = one.effect.extend(assembly, one.where, self._within_limits(one))
         return assembly
 
+    def _within_limits(self, one: Added) -> dict[str, float]:
+        """Return the values of an effect: beyond a limit it is as it is at the limit."""
+        knobs = {knob.name: knob for knob in one.effect.knobs(self.nominal or self.bare, one.where)}
+        limits = {name: (knobs[name].lower, knobs[name].upper) for name in one.values if name in knobs}
+        return {name: float(np.clip(v, *limits[name])) if name in limits else v for name, v in one.values.items()}
+
     def _by_knob(self, name: str, frequency: Frequencies, Z: Impedances) -> Complexes:
-        """Return d ln Z / d knob; one-sided where the other side is not physical."""
+        """Return d ln Z / d knob; one-sided where the other side is not physical, 0 for a flag."""
         knob, value = self._knob(name), self.parameters()[name]
+        if knob is None:
+            return np.zeros_like(Z)
         step = _STEP * knob.typical
         if value - step >= knob.lower and value + step <= knob.upper:
             up, down = (self.replace({name: value + s}).impedance(frequency) for s in (step, -step))
@@ -106,7 +119,8 @@ class Device:
         one, two = (np.log(self.replace({name: value + s}).impedance(frequency) / Z) for s in (side, 2 * side))
         return (4 * one - two) * complex(0.5 / side)
 
-    def _knob(self, name: str) -> Knob:
+    def _knob(self, name: str) -> Knob | None:
+        """Return the knob that a parameter is, or None where it is a flag."""
         one = next(one for one in self.added if name.startswith(one.prefix))
-        knobs = one.effect.knobs(self.bare, one.where)
-        return next(knob for knob in knobs if one.prefix + knob.name == name)
+        knobs = one.effect.knobs(self.nominal or self.bare, one.where)
+        return next((knob for knob in knobs if one.prefix + knob.name == name), None)

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import pairwise
 from typing import ClassVar
 
@@ -11,6 +12,29 @@ from .assembly import Assembly
 
 TERMINALS = "terminals"
 SWEEP = "sweep"
+
+
+class Stage(IntEnum):
+    """Where in the world an effect acts, from within outwards.
+
+    A device applies its effects in this order (of one stage: by name), so that it is the same device in whatever
+    order they were found.
+    """
+
+    CONSTANTS = 0
+    """The material of a layer."""
+    LAYERS = 1
+    """A layer, a mass or a load more."""
+    SHARES = 2
+    """Parts of the face that differ."""
+    VOIDS = 3
+    """Parts of the face that lose what lies beyond an interface, with all that was added there."""
+    TERMINALS = 4
+    """Beside the device and in its leads."""
+    CABLE = 5
+    """Between the leads and the analyzer."""
+    RECORD = 6
+    """While the sweep runs, and when it is written down."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +49,9 @@ class Knob:
     upper: float = float("inf")
     """Physical limits; a mass or an inductance is not negative."""
     null: float = 0.0
-    """The value at which the effect is absent."""
+    """The value at which the effect is absent; of a knob that is not the first, where it rests while there is none."""
+    scan: tuple[float, ...] = ()
+    """Values to start from where the effect is too far from linear in this knob to find them (a delay, a share)."""
 
 
 class Effect(ABC):
@@ -38,6 +64,7 @@ class Effect(ABC):
     separates: ClassVar[str]
     """What extra measurement separates it from its look-alikes."""
     references: ClassVar[tuple[str, ...]]
+    stage: ClassVar[Stage] = Stage.LAYERS
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
@@ -45,7 +72,10 @@ class Effect(ABC):
 
     @abstractmethod
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return its parameters at this place; the first one is its size: the effect is absent where it is null."""
+        """Return its parameters at this place; the first one is its size: the effect is absent where it is null.
+
+        None for an effect that is there or not (`polarity`): no size, no derivative.
+        """
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return value and unit of what people are shown of the knobs `values`; the knobs themselves unless changed.
@@ -56,7 +86,7 @@ class Effect(ABC):
 
     @abstractmethod
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the effect."""
+        """Return the device with the effect; `values` lie within the knobs' limits."""
 
 
 def layer_at(where: str) -> str:

@@ -7,13 +7,14 @@ import numpy as np
 from ..arrays import Complexes, Impedances
 from ..stack import Stack
 from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob
+from .effect import TERMINALS, Effect, Knob, Stage
 
 
 class LeadInductance(Effect):
     """Z + R + jwL: grows with frequency, largest relative effect where |Z| is least."""
 
     name = "lead-inductance"
+    stage = Stage.TERMINALS
     says = "The wire or clip between analyzer and device adds a series inductance that was not compensated."
     separates = "sweep a short circuit in the same clip, or compensate with it"
     references = ("Keysight Impedance Measurement Handbook, section 4",)
@@ -23,15 +24,15 @@ class LeadInductance(Effect):
         return (TERMINALS,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return L in henry."""
-        return (Knob("inductance", "H", typical=1e-8),)
+        """Return L in henry and the resistance that comes with it in ohm: no wire has the one without the other."""
+        return (Knob("inductance", "H", typical=1e-8), Knob("resistance", "ohm", typical=0.05))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""
-        L = values["inductance"]
+        L, R = values["inductance"], values["resistance"]
 
         def wire(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
-            return Z + jw * L, np.ones_like(Z)
+            return Z + R + jw * L, np.ones_like(Z)
 
         return assembly.behind(wire)
 

@@ -7,13 +7,14 @@ import numpy as np
 from ..arrays import Frequencies, Impedances
 from ..stack import Piezo, Stack
 from .assembly import Assembly
-from .effect import SWEEP, Effect, Knob
+from .effect import SWEEP, Effect, Knob, Stage
 
 
 class TemperatureDrift(Effect):
     """Resonance frequencies and permittivity drift linearly with time; a downward sweep sees the opposite order."""
 
     name = "temperature-drift"
+    stage = Stage.RECORD
     says = "The device drifted while the sweep ran: the later points belong to a warmer (or colder) device."
     separates = "sweep up and down, or wait until two sweeps agree"
     references = ("left-out physics 4.4; vendors state 50-1200 ppm/K for the resonance of soft PZT",)
@@ -38,7 +39,7 @@ class TemperatureDrift(Effect):
         def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             tau = device.conditions.elapsed(frequency.size) - 0.5
             shift = np.zeros_like(Z)
-            for name, relative in _drifts(device.stack, 2 * speed, permittivity).items():
+            for name, relative in _drifts(device.nominal, 2 * speed, permittivity).items():
                 value = device.stack.parameters()[name]
                 _, dlnZ = device.steady_jacobian(frequency, [name])
                 shift += dlnZ[0] * value * relative
@@ -49,7 +50,7 @@ class TemperatureDrift(Effect):
 
 def _drifts(stack: Stack, stiffness: float, permittivity: float) -> dict[str, float]:
     """Return the relative drift of each parameter: both parts of a complex constant alike."""
-    piezo = next(layer.name for layer in stack.layers if isinstance(layer, Piezo))
+    piezo = max((layer for layer in stack.layers if isinstance(layer, Piezo)), key=lambda layer: layer.thickness).name
     return {f"{piezo}.c33D.{part}": stiffness for part in ("re", "im")} | {
         f"{piezo}.eps33S.{part}": permittivity for part in ("re", "im")
     }

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..stack import Stack
 from .assembly import Assembly, Part
-from .effect import Effect, Knob, layer_at
+from .effect import Effect, Knob, Stage, layer_at
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(9)
 """Exact while the resonance moves by less than some line widths over the face."""
@@ -16,6 +16,7 @@ class ThicknessVariation(Effect):
     """Strips of different thickness side by side: Y = mean of Y(t), t uniform in t0 (1 - w) ... t0 (1 + w)."""
 
     name = "thickness-variation"
+    stage = Stage.SHARES
     says = "The faces of {where} are not parallel: its thickness varies over the area."
     separates = "measure the thickness at five places with a micrometer, or sweep the third overtone"
     references = ("Meitzler, O'Bryan and Tiersten, IEEE Trans. Sonics Ultrason. 20 (1973) 233",)

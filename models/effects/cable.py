@@ -1,0 +1,52 @@
+"""`cable`: a length of line between analyzer and device that was not compensated."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..arrays import Complexes, Impedances
+from ..stack import Stack
+from ..terminals import Line
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob, Stage
+
+_VELOCITY = 2e8
+"""m/s, of a wave in polyethylene; only length/velocity can be seen."""
+
+
+class Cable(Effect):
+    """A lossy line: short, it is an inductance before and a capacitance beside the device; long, it transforms."""
+
+    name = "cable"
+    stage = Stage.CABLE
+    says = "There is a length of cable between analyzer and device that was not compensated."
+    separates = "sweep the cable open and shorted at the device's end, or compensate there"
+    references = (
+        "Agilent 4294A Operation Manual, fixture and adapter compensation",
+        "Pozar, Microwave Engineering, section 2.7 (the lossy line)",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return length in metre (at 2e8 m/s), characteristic impedance in ohm, attenuation in Np/m at 1 MHz."""
+        return (
+            Knob("length", "m", typical=0.1, upper=100.0),
+            Knob("impedance", "ohm", typical=10.0, lower=10.0, upper=300.0, null=50.0),
+            Knob("loss", "Np/m", typical=2e-3, upper=1.0),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device at the end of a cable."""
+        line = Line(values["length"], values["impedance"], _VELOCITY, values["loss"])
+
+        def through(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
+            seen, slope, _ = line.see(Z, jw.imag / (2 * np.pi))
+            return seen, slope
+
+        return assembly.behind(through)
+
+
+EFFECT = Cable()

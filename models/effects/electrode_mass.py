@@ -1,0 +1,55 @@
+"""`electrode-mass`: an electrode (or wax, ink) that the model left out, as a mass."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import Mass, Piezo, Stack
+from .assembly import Assembly
+from .effect import FACES, Effect, Knob, interface_at, interfaces
+from .scale import areal_mass
+
+
+class ElectrodeMass(Effect):
+    """A mass on a face or between two layers; in one band it looks like a softer or thicker disk, to 0.2 %."""
+
+    name = "electrode-mass"
+    says = "There is a mass at {where} that the build does not mention: an electrode, wax or ink."
+    separates = "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band cannot tell"
+    references = (
+        "Sauerbrey, Z. Phys. 155 (1959) 206",
+        "Martin and Hager, J. Appl. Phys. 65 (1989) 2630",
+        "left-out physics 4.2",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return both faces and every interface."""
+        return (*FACES, *interfaces(stack))
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the mass per area in kg/m2."""
+        unit = areal_mass(stack)
+        return (Knob("mass", "kg/m2", typical=5e-3 * unit, upper=unit),)
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the mass in its place."""
+        mass = values["mass"]
+        if mass <= 0:
+            return assembly
+        return assembly.each_stack(lambda stack: with_mass(stack, where, Mass(f"{self.name}@{where}", mass)))
+
+
+def with_mass(stack: Stack, where: str, mass: Mass) -> Stack:
+    """Return the stack with a mass at a face or interface; at an interface it lies on the piezoelectric layer."""
+    k = _position(stack, where)
+    return replace(stack, layers=(*stack.layers[:k], mass, *stack.layers[k:]))
+
+
+def _position(stack: Stack, where: str) -> int:
+    if where in FACES:
+        return 0 if where == FACES[0] else len(stack.layers)
+    names = [layer.name for layer in stack.layers]
+    behind, before = (names.index(name) for name in interface_at(where))
+    return before if isinstance(stack.layers[before], Piezo) else behind + 1
+
+
+EFFECT = ElectrodeMass()

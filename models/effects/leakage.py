@@ -1,0 +1,36 @@
+"""`leakage`: a conductance beside the device, as of a dirty or moist rim."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..stack import Stack
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob, Stage
+from .scale import reactance
+
+
+class Leakage(Effect):
+    """Y + G, the same at all frequencies: felt at low frequency and at the antiresonance."""
+
+    name = "leakage"
+    stage = Stage.TERMINALS
+    says = "Current leaks past the device: over its rim, through flux or moisture, or in the jig."
+    separates = "measure the insulation at direct current, sweep from 100 Hz, or clean and dry the rim"
+    references = ("Keysight Impedance Measurement Handbook, section 4", "left-out physics 4.1")
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return G in siemens."""
+        return (Knob("conductance", "S", typical=1e-4 / reactance(stack)),)
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device beside a conductance."""
+        G = values["conductance"]
+        return assembly.beside(lambda jw: np.full_like(jw, G))
+
+
+EFFECT = Leakage()

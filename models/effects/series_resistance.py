@@ -1,0 +1,47 @@
+"""`series-resistance`: contact, electrode sheet and wire in series, with the skin effect's share."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..arrays import Complexes, Impedances
+from ..stack import Stack
+from ..terminals import Series
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob, Stage
+from .scale import reactance
+
+
+class SeriesResistance(Effect):
+    """Z + R + R_s (1 + j) sqrt(f/1 MHz): largest relative effect where |Z| is least; looks like dielectric loss."""
+
+    name = "series-resistance"
+    stage = Stage.TERMINALS
+    says = "A contact, an electrode or the wire adds a series resistance that was not compensated."
+    separates = "sweep a short circuit in the same clip, press or clean the contact, or measure R at low frequency"
+    references = (
+        "Keysight Impedance Measurement Handbook, section 4",
+        "Ramo, Whinnery and Van Duzer, Fields and Waves in Communication Electronics, chapter 3 (skin effect)",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the resistance, and the skin effect's share at 1 MHz, in ohm."""
+        typical = 3e-3 * reactance(stack)
+        return (Knob("resistance", "ohm", typical), Knob("skin", "ohm", typical))
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device behind a resistance."""
+        wire = Series(resistance=values["resistance"], skin=values["skin"])
+
+        def through(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
+            seen, slope, _ = wire.see(Z, jw.imag / (2 * np.pi))
+            return seen, slope
+
+        return assembly.behind(through)
+
+
+EFFECT = SeriesResistance()

@@ -1,0 +1,34 @@
+"""`stray-capacitance`: jig or cable capacitance beside the device."""
+
+from collections.abc import Mapping
+
+from ..stack import Stack
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob, Stage
+from .scale import capacitance
+
+
+class StrayCapacitance(Effect):
+    """Y + jwC: felt where |Y| is least, at the antiresonance; in one band it looks like a larger permittivity."""
+
+    name = "stray-capacitance"
+    stage = Stage.TERMINALS
+    says = "The jig or cable adds a capacitance beside the device that was not compensated."
+    separates = "sweep the empty jig, or compensate with it; sweep a disk of another size in the same jig"
+    references = ("Keysight Impedance Measurement Handbook, section 4",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return C in farad."""
+        return (Knob("capacitance", "F", typical=2e-3 * capacitance(stack)),)
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device beside a capacitance."""
+        C = values["capacitance"]
+        return assembly.beside(lambda jw: jw * C)
+
+
+EFFECT = StrayCapacitance()
