@@ -41,6 +41,11 @@ def positive(name: str) -> Block:
     return Block((name,), (name,), _exp, np.log)
 
 
+def linear(name: str, unit: float) -> Block:
+    """Return a constant of either sign: p = unit x."""
+    return Block((name,), (name,), lambda x: (unit * x, np.array([[unit]])), lambda p: p / unit)
+
+
 def hardly_negative(name: str, unit: float) -> Block:
     """Return a constant that may well be next to nothing: p = unit (x + sqrt(x^2 + s^2))/2, s = 0.1.
 

@@ -33,24 +33,29 @@ class Descent:
 
 
 def descend(objective: Objective, x: Reals, tolerance: float = _FINE) -> Descent:
-    """Go downhill from `x` by trust-region least squares with the exact Jacobian."""
+    """Go downhill from `x` by Levenberg-Marquardt with the exact Jacobian.
+
+    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`; on 1600 x 12
+    its own QR is faster than a trust region by singular values, and needs no threads.
+    """
     before = objective.evaluations
     if x.size == 0:
         cost = float(np.sum(objective.residual(x) ** 2)) / 2
         return Descent(objective, x, x, cost, converged=True, evaluations=1)
+    # From zero, so that tolerances refer to the way travelled and not to logarithms of stiffnesses.
     found = least_squares(
-        objective.residual,
-        x,
-        jac=objective.jacobian,
+        lambda way: objective.residual(x + way),
+        np.zeros_like(x),
+        jac=lambda way: objective.jacobian(x + way),
+        method="lm",
         x_scale="jac",
         xtol=tolerance,
         ftol=tolerance,
         gtol=tolerance,
         max_nfev=_MAX_EVALUATIONS,
     )
-    return Descent(
-        objective, x, np.asarray(found.x), float(found.cost), bool(found.status > 0), objective.evaluations - before
-    )
+    tried = objective.evaluations - before
+    return Descent(objective, x, x + np.asarray(found.x), float(found.cost), bool(found.status > 0), tried)
 
 
 def chi2_per_point(recording: Recording, ratio: Complexes) -> float:

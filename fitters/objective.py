@@ -11,6 +11,7 @@ from ..models.model import Model
 from ..models.sweep import Sweep
 from .coordinates import Coordinates
 
+_NOWHERE = 1e8
 _LOSSES = (".c33D.loss", ".eps33S.loss")
 _LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
 # Logarithm of a loss tangent before any measurement: from 1e-4 to 1 within two standard deviations. A recording tells
@@ -91,8 +92,10 @@ class Objective:
                 with np.errstate(over="ignore", invalid="ignore"):
                     self._cache = self._residual_and_jacobian(x)
             except PzctlError:
-                # A step so long that a layer is none any more: not a number makes the optimiser take a shorter one.
-                self._cache = (np.full(self._rows, np.nan), np.full((self._rows, x.size), np.nan))
+                # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
+                self._cache = (np.full(self._rows, _NOWHERE), np.zeros((self._rows, x.size)))
+            if not np.all(np.isfinite(self._cache[0])):
+                self._cache = (np.full(self._rows, _NOWHERE), np.zeros((self._rows, x.size)))
             self._moving = x.copy()
         return self._cache
 

@@ -1,6 +1,9 @@
 """Where the recordings of others lie; tests that need them skip with a reason where they are absent."""
 
 import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tests share two cores
+
 from pathlib import Path
 
 import pytest

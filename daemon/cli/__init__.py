@@ -1,5 +1,6 @@
 """The command line: one module for each command. Imports stay inside the commands, so that `--help` is quick."""
 
+import os
 import sys
 
 import typer
@@ -24,6 +25,8 @@ app.command("materials")(materials.materials)
 
 def main() -> None:
     """Run the command line; what is wrong is one sentence on standard error, never a traceback."""
+    # Our matrices are small: threads of the linear algebra would only get in each other's way.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()
     except PzctlError as error:

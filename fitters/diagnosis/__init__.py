@@ -1,0 +1,1 @@
+"""Where model and recording differ: which physics was left out, how sure that is, and what would decide."""

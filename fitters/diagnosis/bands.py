@@ -1,0 +1,45 @@
+"""Contiguous stretches of frequency: those held out from fits, and those where a mismatch sits."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.arrays import Complexes, Frequencies, Reals
+from ...models.sweep import Sweep
+
+_BLOCKS = 11
+_HELD_OUT = (3, 7)
+"""Two of eleven contiguous blocks of every sweep, chosen before any fit; never random points, which their
+neighbours would give away."""
+_SMOOTH = 15
+_GUILTY = 4.0
+"""Mean squared residual over `_SMOOTH` points, in units of noise, from which a stretch counts as guilty."""
+
+
+def held_out(sweep: Sweep) -> NDArray[np.bool_]:
+    """Return which points take no part in a fit, shape (N,)."""
+    block = (np.arange(sweep.frequency.size) * _BLOCKS) // sweep.frequency.size
+    return np.isin(block, _HELD_OUT)
+
+
+def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, float], ...]:
+    """Return the bands where `excess`, 1 on average where all is well, stands out; the worst first, five at most."""
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    smooth = np.convolve(excess, kernel, mode="same")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], smooth > _GUILTY, [False]]).astype(np.int8)))
+    bands = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    merged: list[tuple[int, int]] = []
+    for a, b in bands:
+        if merged and a - merged[-1][1] < _SMOOTH:
+            merged[-1] = (merged[-1][0], b)
+        else:
+            merged.append((a, b))
+    merged.sort(key=lambda band: -float(np.sum(excess[band[0] : band[1]])))
+    last = frequency.size - 1
+    return tuple((float(frequency[a]), float(frequency[min(b, last)])) for a, b in merged[:5])
+
+
+def excess_of(before: Sequence[Complexes], after: Sequence[Complexes]) -> tuple[Reals, ...]:
+    """Return how much the squared residuals fell at each point, in units of noise, by recording."""
+    return tuple((np.abs(b) ** 2 - np.abs(a) ** 2) / 2 for b, a in zip(before, after, strict=True))

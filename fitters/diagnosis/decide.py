@@ -1,0 +1,136 @@
+"""Which effects are there: greedy search, substitution by look-alikes, removal of what is not needed.
+
+Orthogonal matching pursuit with everything refitted at each stage. An effect is taken in only where it pays for itself
+by far more than noise would, measured in units of what is left over and for as many points as are worth counting.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..descent import descend, lag_one, softened
+from .problem import Candidate, Problem
+from .score import Score, scores
+from .search import ROUGH, Refit, finished, refit
+
+DESCRIBED = 1.25
+"""chi2 per degree of freedom up to which nothing is left to explain."""
+SIGNIFICANT = 30.0
+"""Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
+for forty candidates, and the noise itself is known to some per cent only."""
+_MOST_EFFECTS = 3
+_REFITTED = 14
+_POLISHED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One effect taken in, and what else was tried in its place."""
+
+    before: Refit
+    after: Refit
+    rivals: tuple[Refit, ...]
+    """Refits with another effect in its place, best first."""
+
+
+def gain(before: Refit, after: Refit) -> float:
+    """Return how far chi2 falls, in units of what is left over and of points worth counting."""
+    ratios = after.objective.log_ratios(after.descent.x)
+    n = np.array([recording.sweep.frequency.size for recording in after.objective.recordings], float)
+    fall = np.array(before.chi2) - np.array(after.chi2)
+    rho = np.array([min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.99) for ratio in ratios])
+    worth = 2 * n * (1 - rho) / (1 + rho)
+    return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2))))
+
+
+def price(found: Refit) -> float:
+    """Return chi2 per degree of freedom with a price for each knob, as the Bayesian information criterion has it."""
+    points = 2 * found.objective.points
+    knobs = sum(len(effect.knobs) for effect in found.effects)
+    return found.chi2_per_dof * (1 + knobs * float(np.log(points)) / points)
+
+
+def null_refit(problem: Problem) -> Refit:
+    """Return the fit without effects."""
+    objective = problem.objective((), problem.values)
+    return finished((), descend(objective, objective.coordinates.x, ROUGH))
+
+
+def pursue(
+    problem: Problem, candidates: Sequence[Candidate], null: Refit, progress: Callable[[str], None]
+) -> list[Stage]:
+    """Return the effects taken in, one stage each, until the recordings are described or nothing helps any more."""
+    stages: list[Stage] = []
+    current = null
+    while len(stages) < _MOST_EFFECTS and max(current.chi2) > _worth_looking(current):
+        progress(f"looking for effect {len(stages) + 1}")
+        tried = _try_all(problem, candidates, current)
+        if not tried or gain(current, tried[0]) < SIGNIFICANT:
+            break
+        stages.append(Stage(current, tried[0], tuple(tried[1:])))
+        current = tried[0]
+        if current.chi2_per_dof < 1.02:
+            break
+    return stages
+
+
+def _worth_looking(current: Refit) -> float:
+    """Return the chi2 above which it is worth looking; a small effect hides below the noise of the total."""
+    return 0.0 if not current.effects else 1.02
+
+
+def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) -> list[Refit]:
+    """Return refits with one effect more, best first."""
+    softer = resoftened(problem, current)
+    base = refit(softer, current.effects, current.values, None)
+    taken = {(effect.effect.name, effect.where) for effect in current.effects}
+    left = [one for one in candidates if (one.effect.name, one.where) not in taken]
+    ranked = _promising(scores(softer, left, base.objective, base.descent.x))
+    rough = [refit(softer, (*current.effects, score.candidate), base.values, score.value) for score in ranked]
+    rough.sort(key=price)
+    polished = [polish(problem, one) for one in rough[:_POLISHED]]
+    return sorted(polished, key=price)
+
+
+def _promising(found: list[Score]) -> list[Score]:
+    """Return the scores worth a refit: the best of them, but of each effect at one place at least."""
+    seen: set[str] = set()
+    first: list[Score] = []
+    for score in found:
+        if score.candidate.effect.name not in seen:
+            seen.add(score.candidate.effect.name)
+            first.append(score)
+    rest = [score for score in found if score not in first and score.gain > 0]
+    return [*first, *rest][:_REFITTED] if len(first) < _REFITTED else first
+
+
+def resoftened(problem: Problem, current: Refit) -> Problem:
+    """Return the problem with its recordings softened by what a refit leaves."""
+    ratios = current.objective.log_ratios(current.descent.x)
+    soft = tuple(softened(recording, ratio) for recording, ratio in zip(problem.recordings, ratios, strict=True))
+    return replace(problem, recordings=soft)
+
+
+def polish(problem: Problem, rough: Refit) -> Refit:
+    """Return a refit with weights that fit what it leaves over."""
+    best = rough
+    for _ in range(3):
+        again = refit(resoftened(problem, best), best.effects, best.values, None, tolerance=1e-8)
+        if again.chi2_per_dof > 0.97 * best.chi2_per_dof:
+            return again if again.chi2_per_dof < best.chi2_per_dof else best
+        best = again
+    return best
+
+
+def without_idle(problem: Problem, found: Refit) -> Refit:
+    """Return the refit without the effects whose absence is hardly felt once the others are there."""
+    current = found
+    for effect in found.effects:
+        if len(current.effects) < 2:
+            break
+        rest = tuple(one for one in current.effects if one is not effect)
+        trial = polish(problem, refit(resoftened(problem, current), rest, current.values, None))
+        if gain(trial, current) < SIGNIFICANT:
+            current = trial
+    return current

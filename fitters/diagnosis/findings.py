@@ -1,0 +1,94 @@
+"""What a diagnosis answers: DESIGN's `pzctl diagnose --json`, and what its pictures need."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from ..interface import Constant, Curve
+
+Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
+Bands = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Size:
+    """A parameter of an effect as it was found."""
+
+    value: float
+    u: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An effect that this recording cannot tell apart well enough."""
+
+    effect: str
+    where: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Physics that was left out."""
+
+    effect: str
+    where: str
+    step: str
+    probability: float
+    bands_Hz: Bands
+    """Where the mismatch that it explains sits."""
+    parameters: Mapping[str, Size]
+    chi2_per_dof_before: float
+    chi2_per_dof_after: float
+    held_out_before: float
+    held_out_after: float
+    alternatives: tuple[Alternative, ...]
+    says: str
+
+
+@dataclass(frozen=True)
+class NotDecidable:
+    """An effect that may be there unseen, because the constants absorb it."""
+
+    effect: str
+    where: str
+    upper_limit: Mapping[str, Size]
+    shifts: Mapping[str, float]
+    """Relative change of each constant that an effect of that size would have caused."""
+    would_decide: str
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One side of before and after."""
+
+    chi2_per_dof: float
+    held_out: float
+    constants: Mapping[str, Constant]
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What nothing explains."""
+
+    bands_Hz: Bands
+    chi2_per_dof: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where model and recording differ, and why."""
+
+    verdict: Verdict
+    baseline: Fitted
+    final: Fitted
+    findings: tuple[Finding, ...]
+    """In the order of their weight."""
+    not_decidable: tuple[NotDecidable, ...]
+    leftover: Leftover
+    says: tuple[str, ...]
+    before: tuple[Curve, ...]
+    """Measured and fitted by the baseline; `start` is the baseline too."""
+    after: tuple[Curve, ...]
+    seconds: float

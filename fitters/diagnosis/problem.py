@@ -1,0 +1,132 @@
+"""A fit that effects can be added to: the recordings of a build, their devices, and what is free."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.build import Build
+from ...models.effects import Conditions, Device, Effect, Knob
+from ...models.sweep import Sweep
+from ..assembly import coordinates_of, priors_of
+from ..coordinates import Block, Coordinates, hardly_negative, linear
+from ..joint import Solution
+from ..objective import Objective, Prior, Recording
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place, in some steps of a build."""
+
+    effect: Effect
+    where: str
+    steps: tuple[str, ...]
+    """The steps whose recordings have it, in gluing order."""
+    knobs: tuple[Knob, ...]
+
+    @property
+    def step(self) -> str:
+        """The step with which it appears."""
+        return self.steps[0]
+
+    @property
+    def prefix(self) -> str:
+        """What its parameters' names begin with."""
+        return f"{self.effect.name}@{self.where}."
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(self.prefix + knob.name for knob in self.knobs)
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the coordinates of its knobs: positive where physics says so."""
+        return tuple(
+            hardly_negative(self.prefix + knob.name, knob.typical)
+            if knob.lower == knob.null == 0
+            else linear(self.prefix + knob.name, knob.typical)
+            for knob in self.knobs
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Recordings with devices; `null` is the fit without any effect."""
+
+    build: Build
+    recordings: tuple[Recording, ...]
+    """Each with a `Device` as its model."""
+    priors: tuple[Prior, ...]
+    values: Mapping[str, float]
+    """Where fits start from."""
+    free: tuple[str, ...] | None
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The steps that were recorded, in gluing order."""
+        return tuple(dict.fromkeys(recording.step for recording in self.recordings))
+
+    @classmethod
+    def of(cls, solution: Solution, free: tuple[str, ...] | None) -> "Problem":
+        """Return the problem that a joint fit has solved, its stacks seen as devices under their sweep's conditions."""
+        objective = solution.descent.objective
+        counts: dict[str, int] = {}
+        recordings: list[Recording] = []
+        for recording in objective.recordings:
+            k = counts.get(recording.step, 0)
+            counts[recording.step] = k + 1
+            stack = recording.model
+            device = Device(stack, conditions=conditions_of(recording.sweep, k))  # type: ignore[arg-type]
+            recordings.append(replace(recording, model=device))
+        values, _ = objective.coordinates.forward(solution.descent.x)
+        steps = tuple(dict.fromkeys(recording.step for recording in recordings))
+        return cls(solution.build, tuple(recordings), priors_of(solution.build, steps), values, free)
+
+    def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of a fit with these effects, starting at `values`."""
+        base = coordinates_of(self.build, self.steps, values, self.free)
+        blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks())]
+        names = [name for effect in effects for name in effect.parameters]
+        null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.knobs}
+        return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
+
+    def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
+        """Return the recordings, their devices extended by these effects."""
+        return tuple(_extended(recording, effects) for recording in self.recordings)
+
+    def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
+        """Return the objective of a fit with these effects, weighted as the recordings are now."""
+        return Objective(self.with_effects(effects), self.coordinates(effects, values), self.priors)
+
+    def only(self, keep: Sequence[NDArray[np.bool_]]) -> "Problem":
+        """Return the problem on part of the points: one mask for each recording; empty recordings fall away."""
+        parts = [
+            replace(recording, sweep=_masked(recording.sweep, mask), noise=recording.noise[mask])
+            for recording, mask in zip(self.recordings, keep, strict=True)
+            if mask.sum() >= 2
+        ]
+        return replace(self, recordings=tuple(parts))
+
+
+def conditions_of(sweep: Sweep, order: int) -> Conditions:
+    """Return how a sweep ran, from its settings; `order`: how many sweeps of its step came before."""
+    settings = sweep.settings
+    return Conditions(
+        direction=str(settings.get("direction") or "up"),
+        seconds=float(settings.get("sweep_seconds") or 0.0),
+        level_V=float(settings.get("oscillator_V") or 0.5),
+        order=order,
+    )
+
+
+def _extended(recording: Recording, effects: Sequence[Candidate]) -> Recording:
+    device = recording.model
+    for candidate in effects:
+        if recording.step in candidate.steps and isinstance(device, Device):
+            device = device.with_effect(candidate.effect, candidate.where)
+    return replace(recording, model=device)
+
+
+def _masked(sweep: Sweep, mask: NDArray[np.bool_]) -> Sweep:
+    return replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask])
