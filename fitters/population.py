@@ -195,7 +195,8 @@ def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) ->
     if n == 1:
         says.append("a single sample: there is no scatter between samples, and no outlier can be seen")
     elif n < 5:
-        says.append(f"{n} samples: the scatter itself is uncertain by {_of_sd(n):.0%}; only a far outlier can be seen")
+        percent = 100 * _of_sd(n)
+        says.append(f"{n} samples: the scatter itself is uncertain by {percent:.0f} %; only a far outlier can be seen")
     if n > 1 and any(part.within is None for part in parts):
         says.append("this fitter gives no uncertainties: the standard deviation holds both scatter and uncertainty")
     if misfits := [sample for sample, fit in used.items() if fit.chi2_per_dof > _MISFIT]:
