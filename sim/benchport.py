@@ -14,8 +14,6 @@ from .jig import JIGS, Jig
 from .sample import STEPS, BenchError
 from .session import Midway
 
-LINE_LIMIT = 65_536
-
 
 class BenchPort:
     """Answers the bench's commands."""

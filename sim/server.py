@@ -6,24 +6,19 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Awaitable, Callable, Generator
+from collections.abc import Callable, Coroutine, Generator
 from dataclasses import dataclass, field
 from queue import Queue
-from typing import TypeAlias
 
-from ..models.errors import PzctlError
 from .bench import Bench
-from .benchport import LINE_LIMIT, BenchPort
+from .benchport import BenchPort
 from .faults import Faults
 from .gpib import GpibDevice
 from .instrument import Instrument
 from .jig import JIGS
+from .listener import Handler, Listener, SimError
 from .prologix import serve_prologix
 from .session import Exchange, Midway, serve_socket
-
-
-class SimError(PzctlError):
-    """The simulator cannot start."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +59,6 @@ class SimOptions:
             raise SimError(f"simulator: no jig {self.jig!r}; there are {', '.join(JIGS)}")
 
 
-Handler: TypeAlias = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
-
-
 @dataclass
 class Simulator:
     """The running simulator: its listeners and the clients they have."""
@@ -78,9 +70,7 @@ class Simulator:
     prologix_port: int | None = None
     """The adapter's real port; None without one."""
     _gpib: GpibDevice | None = None
-    _servers: list[asyncio.Server] = field(default_factory=list[asyncio.Server])
-    _clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
-    _instrument_clients: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
+    _listeners: list[Listener] = field(default_factory=list[Listener])
     _off_until: float = 0.0
 
     @property
@@ -88,7 +78,7 @@ class Simulator:
         """The VISA resource string of the instrument."""
         return f"TCPIP0::{self.options.host}::{self.port}::SOCKET"
 
-    async def start(self) -> None:
+    def start(self) -> None:
         """Listen on both ports. Raises SimError where one is taken."""
         o = self.options
         bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
@@ -97,74 +87,43 @@ class Simulator:
         midway = Midway(self.instrument, self._power_cycle)
         exchange = Exchange(self.instrument, faults, midway)
         bench_port = BenchPort(self.instrument, faults, midway, self._power_cycle)
-        self.port = await self._listen(o.port, lambda r, w: serve_socket(exchange, r, w), instrument=True)
-        self.bench_port = await self._listen(o.bench_port, bench_port.serve, instrument=False)
+        self.port = self._listen(o.port, lambda r, w: self._powered(serve_socket(exchange, r, w)))
+        self.bench_port = self._listen(o.bench_port, bench_port.serve)
         if o.prologix_port is not None:
             gpib = self._gpib = GpibDevice(exchange)
-            self.prologix_port = await self._listen(
-                o.prologix_port, lambda r, w: serve_prologix(gpib, r, w), instrument=False
-            )
+            self.prologix_port = self._listen(o.prologix_port, lambda r, w: serve_prologix(gpib, r, w))
 
-    async def _listen(self, port: int, handler: Handler, *, instrument: bool) -> int:
-        async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            await self._client(handler, reader, writer, instrument=instrument)
+    def _listen(self, port: int, handler: Handler) -> int:
+        self._listeners.append(Listener(self.options.host, port, handler))
+        return self._listeners[-1].port
 
-        try:
-            server = await asyncio.start_server(connected, self.options.host, port, limit=LINE_LIMIT)
-        except OSError as error:
-            raise SimError(
-                f"simulator: cannot listen on {self.options.host}:{port} ({error.strerror}); "
-                "choose another port, or 0 for any free one"
-            ) from error
-        self._servers.append(server)
-        return int(server.sockets[0].getsockname()[1])
-
-    async def _client(
-        self, handler: Handler, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, instrument: bool
-    ) -> None:
-        task = asyncio.current_task()
-        assert task is not None  # noqa: S101
-        groups = [self._clients, *([self._instrument_clients] if instrument else [])]
-        for group in groups:
-            group.add(task)
-        try:
-            if not instrument or asyncio.get_running_loop().time() >= self._off_until:
-                await handler(reader, writer)
-        except asyncio.CancelledError:
-            writer.transport.abort()
-        finally:
-            for group in groups:
-                group.discard(task)
-            writer.close()
-            with contextlib.suppress(ConnectionError):
-                await writer.wait_closed()
+    async def _powered(self, service: Coroutine[None, None, None]) -> None:
+        """Serve a client of the instrument, or close the connection at once while there is no power."""
+        if asyncio.get_running_loop().time() < self._off_until:
+            service.close()
+        else:
+            await service
 
     def _power_cycle(self, seconds: float) -> None:
         """Mains fails: everybody is cut off, RAM is gone; connections are refused for this time."""
         self._off_until = asyncio.get_running_loop().time() + seconds
-        for task in list(self._instrument_clients):
-            task.cancel()
+        self._listeners[0].drop_clients()
         if self._gpib is not None:
             self._gpib.clear()
         self.instrument.power_on()
 
     async def stop(self) -> None:
         """Close the listeners and all connections."""
-        for server in self._servers:
-            server.close()
-        for task in list(self._clients):
-            task.cancel()
-        await asyncio.gather(*self._clients, return_exceptions=True)
+        for listener in self._listeners:
+            await listener.stop()
         if self._gpib is not None:
             await self._gpib.close()
-        for server in self._servers:
-            await server.wait_closed()
 
 
 async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: asyncio.Event) -> None:
     simulator = Simulator(options)
     try:
-        await simulator.start()
+        simulator.start()
         ready(simulator)
         await stop.wait()
     finally:

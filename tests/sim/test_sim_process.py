@@ -1,7 +1,9 @@
 """The simulator as a process: says where it is, dies when told, refuses to start in one sentence."""
 
+import gc
 import json
 import signal
+import socket
 import subprocess
 import sys
 
@@ -30,6 +32,15 @@ def test_says_its_addresses_and_dies_cleanly(number, tmp_path):
     (line,) = err.splitlines()
     assert addresses["instrument"] in line
     assert addresses["bench"] in line
+
+
+def test_stopping_closes_even_the_connections_that_just_came():
+    for _ in range(20):
+        with running() as sim:
+            clients = [socket.create_connection(("127.0.0.1", sim.port)) for _ in range(3)]
+        for client in clients:
+            client.close()
+    gc.collect()  # a socket that was left open warns here, and warnings are errors
 
 
 def test_a_port_that_is_taken_is_one_sentence():
