@@ -89,9 +89,9 @@ class Objective:
         if not np.array_equal(x, self._moving) or self._cache[0].size == 0:
             self.evaluations += 1
             try:
-                with np.errstate(over="ignore", invalid="ignore"):
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     self._cache = self._residual_and_jacobian(x)
-            except PzctlError:
+            except (PzctlError, ArithmeticError):
                 # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
                 self._cache = (np.full(self._rows, _NOWHERE), np.zeros((self._rows, x.size)))
             if not np.all(np.isfinite(self._cache[0])):
