@@ -4,11 +4,14 @@ import runpy
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 from pzctl.sim.server import SimOptions, running
 
 faults = runpy.run_path(str(Path(__file__).parents[1] / "drivers" / "test_4294a_faults.py"))
 
 
+@pytest.mark.timeout(1200)
 def test_every_fault_at_every_exchange():
     table, slowest = {}, Counter()
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, noise=False)) as sim:
