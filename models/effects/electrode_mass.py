@@ -17,7 +17,7 @@ class ElectrodeMass(Effect):
     separates = "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band cannot tell"
     references = (
         "Sauerbrey, Z. Phys. 155 (1959) 206",
-        "Martin and Hager, J. Appl. Phys. 65 (1989) 2630",
+        "Miller and Bolef, J. Appl. Phys. 39 (1968) 5815 (a film beyond the limit of small mass)",
         "left-out physics 4.2",
     )
 

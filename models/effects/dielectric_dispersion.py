@@ -1,0 +1,52 @@
+"""`dielectric-dispersion`: permittivity and loss tangent depend on frequency."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import Piezo, Stack
+from ..stack.stack import Layer
+from .assembly import Assembly
+from .effect import Effect, Knob, Stage, layer_at
+from .laws import Slope
+from .scale import resonance
+
+
+class DielectricDispersion(Effect):
+    """eps33S ~ f^(-slope), the constant being that at the resonance: a constant-phase element, log f for small slopes.
+
+    Causality ties the slope to the loss, slope = (2/pi) atan(tan d); it is left free, so that the tie can be seen.
+    """
+
+    name = "dielectric-dispersion"
+    stage = Stage.CONSTANTS
+    says = "The permittivity of {where} falls with frequency, as that of any lossy dielectric does."
+    separates = "sweep up and down (a drift turns round, this does not), and measure C and tan d well below resonance"
+    references = (
+        "Jonscher, Dielectric Relaxation in Solids (1983): the universal response (jw)^(n-1)",
+        "left-out physics 4.4",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every piezoelectric layer."""
+        return tuple(f"layer:{layer.name}" for layer in stack.layers if isinstance(layer, Piezo))
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return -d ln eps'/d ln f, and d ln tan d/d ln f."""
+        return (
+            Knob("slope", "1", typical=0.01, upper=0.5),
+            Knob("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the permittivity of that layer as a power of frequency."""
+        name, reference = layer_at(where), resonance(assembly.nominal)
+
+        def falling(layer: Layer) -> Layer:
+            if layer.name != name or not isinstance(layer, Piezo):
+                return layer
+            return replace(layer, eps_law=Slope(layer.eps_law, reference, values["slope"], values["loss_exponent"]))
+
+        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(falling, stack.layers))))
+
+
+EFFECT = DielectricDispersion()

@@ -1,0 +1,100 @@
+"""`drive-nonlinearity`: the resonance bends with the oscillator level."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+
+from ..arrays import Frequencies, Impedances, Reals, j_omega
+from ..stack import Piezo, Stack
+from .assembly import Assembly
+from .effect import Effect, Knob, Stage, layer_at
+from .laws import Factor
+from .scale import active
+
+_SOURCE = 25.0
+"""ohm, between the oscillator of a 4294A and the device."""
+_RAYLEIGH = 4 / (3 * pi)
+"""Loss per softening of a Rayleigh loop."""
+_MOST = 0.3
+"""Of the stiffness is lost at most: beyond it nothing here holds."""
+_USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
+"""V rms; relative softening at the resonance that would matter."""
+
+
+class DriveNonlinearity(Effect):
+    """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain that the level makes: found self-consistently."""
+
+    name = "drive-nonlinearity"
+    stage = Stage.RECORD
+    says = "The resonance of {where} bends with the oscillator level: the drive is too high for a linear model."
+    separates = "sweep at three levels, 5 mV to 500 mV, or drive by constant current"
+    references = (
+        "Hall, J. Mater. Sci. 36 (2001) 4575 (Rayleigh's law in ferroelectrics)",
+        "left-out physics 4.4",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return the piezoelectric layer where there is one alone."""
+        piezos = [layer.name for layer in stack.layers if isinstance(layer, Piezo)]
+        return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return a, the relative softening per strain, and r, the loss per softening (4/(3 pi) by Rayleigh's law)."""
+        disk = active(stack)
+        Q = disk.c33D.real / max(disk.c33D.imag, 1e-3 * disk.c33D.real)
+        strain = Q * sqrt(2) * _USUAL_LEVEL / disk.thickness * abs(disk.h33) * disk.eps33S.real / disk.c33D.real
+        return (
+            Knob("softening", "1", typical=_USUAL_SOFTENING / max(strain, 1e-12)),
+            Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device as a sweep at its level records it."""
+        name, softening, loss = layer_at(where), values["softening"], values["loss"]
+        if softening <= 0:
+            return assembly
+
+        def bent(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
+            soft = np.zeros(frequency.size)
+            for _ in range(100):
+                wanted = np.minimum(_MOST, softening * _strain(_softer(device, name, soft, loss), name, frequency))
+                change = wanted - soft
+                soft = soft + 0.5 * change
+                if np.max(np.abs(change)) < 1e-12:
+                    break
+            return Z * (_softer(device, name, soft, loss).steady(frequency) / device.steady(frequency))
+
+        return assembly.recorded(bent)
+
+
+def _softer(device: Assembly, name: str, soft: Reals, loss: float) -> Assembly:
+    """Return the device with the layer's stiffness times 1 - soft (1 - j loss); `soft` per frequency, shape (N,)."""
+    factor = np.add(1 - soft, 1j * loss * soft)
+
+    def softer(stack: Stack) -> Stack:
+        return replace(
+            stack,
+            layers=tuple(
+                replace(layer, c_law=Factor(layer.c_law, factor))
+                if isinstance(layer, Piezo) and layer.name == name
+                else layer
+                for layer in stack.layers
+            ),
+        )
+
+    return device.each_stack(softer)
+
+
+def _strain(device: Assembly, name: str, frequency: Frequencies) -> Reals:
+    """Return the amplitude of the layer's mean strain, shape (N,), from V = t (D/eps - h S) and its current jw D A."""
+    stack = device.stack
+    disk = next(layer for layer in stack.layers if isinstance(layer, Piezo) and layer.name == name)
+    jw, seen = j_omega(frequency), device.steady(frequency)
+    voltage = sqrt(2) * device.conditions.level_V * np.abs(seen / (seen + _SOURCE))
+    field_of_charge = disk.clamped_elastance(frequency) / (jw * stack.area * stack.impedance(frequency))
+    return voltage / disk.thickness * np.abs((field_of_charge - 1) / disk.field_per_strain(frequency))
+
+
+EFFECT = DriveNonlinearity()

@@ -1,0 +1,51 @@
+"""`face-load`: the face radiates into, or rests on, something (fluid, jig, rubber)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..stack import Stack, Support
+from .assembly import Assembly
+from .effect import FACES, Effect, Knob
+from .loads import Pressed
+from .scale import acoustic_impedance, resonance
+
+
+class FaceLoad(Effect):
+    """A resistance and a spring added to what the face works against; in one band the resistance looks like loss."""
+
+    name = "face-load"
+    says = "The {where} works against something that the build does not mention: a liquid, the jig, rubber."
+    separates = "sweep with three clamp forces, or with point contacts; turn the transducer over; dry the face"
+    references = (
+        "Kinsler et al., Fundamentals of Acoustics, sections 7.5 and 10",
+        "Martin, Granstaff and Frye, Anal. Chem. 63 (1991) 2272 (mass and liquid on one face)",
+        "left-out physics 4.2",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return both faces."""
+        return FACES
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the specific resistance in Rayl and the stiffness per area in Pa/m."""
+        resistance = 1e-3 * acoustic_impedance(stack)
+        return (
+            Knob("resistance", "Rayl", resistance),
+            Knob("stiffness", "Pa/m", 2 * np.pi * resonance(stack) * resistance),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with that face pressed against it."""
+        support = Support("face-load", resistance=values["resistance"], stiffness=values["stiffness"])
+
+        def pressed(stack: Stack) -> Stack:
+            if where == FACES[0]:
+                return replace(stack, back=Pressed(stack.back, support))
+            return replace(stack, front=Pressed(stack.front, support))
+
+        return assembly.each_stack(pressed)
+
+
+EFFECT = FaceLoad()

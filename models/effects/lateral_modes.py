@@ -1,0 +1,81 @@
+"""`lateral-modes`: radial overtones and the edge mode of a disk of finite diameter, in its thickness band."""
+
+from collections.abc import Mapping
+from math import pi, sqrt
+
+import numpy as np
+
+from ..arrays import Complexes, Reals
+from ..stack import Stack
+from .assembly import Assembly
+from .branch import branch
+from .effect import Effect, Knob
+from .scale import active, capacitance, resonance
+
+_WIDTH, _REACH = 0.2, 4.0
+"""Radial overtones are driven where the thickness mode is near: a bell of this relative width, cut at some widths."""
+_SLOWEST = 500.0
+"""m/s, of the comb: it keeps the number of modes finite."""
+
+
+class LateralModes(Effect):
+    """Y + jw sum of C_k f_k^2/(f_k^2 - f^2 + j f f_k/Q): a comb whose spacing is speed/diameter, and the edge mode."""
+
+    name = "lateral-modes"
+    says = "The finite diameter of {where} shows: radial overtones or the edge mode ripple through the thickness band."
+    separates = (
+        "sweep a disk of another diameter from the same batch, or damp the rim with wax; a 2-D model is the cure"
+    )
+    references = (
+        "Ikegami, Ueda and Nagata, J. Acoust. Soc. Am. 50 (1971) 1060 (spectra and edge mode of thick disks)",
+        "Guo, Cawley and Hitchings, J. Sound Vib. 159 (1992) 115 (finite element analysis of disks)",
+        "left-out physics 4.3",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return the active layer."""
+        return (f"layer:{active(stack).name}",)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return strength of a radial overtone (C/C0), comb speed (m/s), its offset (in spacings), Q, and the edge mode.
+
+        The edge mode by its strength (C/C0) and its frequency (of the half-wave resonance).
+        """
+        return (
+            Knob("strength", "1", typical=1e-3, upper=0.3),
+            Knob(
+                "speed", "m/s", typical=30.0, lower=_SLOWEST, upper=8000.0, null=3000.0, scan=(2000.0, 2500.0, 3000.0)
+            ),
+            Knob("offset", "1", typical=0.1, lower=-1.0, upper=2.0, null=0.5, scan=(0.0, 0.25, 0.5, 0.75)),
+            Knob("q", "1", typical=30.0, lower=3.0, upper=2000.0, null=80.0),
+            Knob("edge", "1", typical=1e-3, upper=0.3),
+            Knob("edge_frequency", "1", typical=0.01, lower=0.2, upper=1.2, null=0.75, scan=(0.6, 0.7, 0.8, 0.9)),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device beside the branches of its lateral modes."""
+        nominal = assembly.nominal
+        C0, f0 = capacitance(nominal), resonance(nominal)
+        spacing = values["speed"] / (2 * sqrt(nominal.area / pi))
+        radial = _comb(f0, spacing, values["offset"])
+        branches = [(values["strength"] * weight, f_k) for f_k, weight in zip(*radial, strict=True)]
+        branches.append((values["edge"], values["edge_frequency"] * f0))
+        shown = [(C0 * C, 2 * pi * f_k) for C, f_k in branches if C > 0]
+        if not shown:
+            return assembly
+
+        def lateral(jw: Complexes) -> Complexes:
+            return sum((C * branch(jw, w_k, values["q"]) for C, w_k in shown), np.zeros_like(jw))
+
+        return assembly.beside(lateral)
+
+
+def _comb(f0: float, spacing: float, offset: float) -> tuple[list[float], list[float]]:
+    """Return frequencies (Hz) and weights of the radial overtones around f0."""
+    low, high = (max(0.0, (f0 * (1 + sign * _REACH * _WIDTH)) / spacing) for sign in (-1, 1))
+    f_k: Reals = (np.arange(int(low), int(high) + 2) + offset) * spacing
+    f_k = f_k[f_k > 0.05 * f0]
+    return f_k.tolist(), np.exp(-0.5 * ((f_k / f0 - 1) / _WIDTH) ** 2).tolist()
+
+
+EFFECT = LateralModes()

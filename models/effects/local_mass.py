@@ -1,0 +1,57 @@
+"""`local-mass`: a solder dot or wire that loads part of a face."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import Mass, Stack
+from .assembly import Assembly, Part
+from .effect import FACES, Effect, Knob, Stage
+from .electrode_mass import with_mass
+from .scale import areal_mass
+
+_HEIGHTS = (0.03, 0.1, 0.3, 1.0)
+"""Mass of a dot per area in that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT."""
+
+
+class LocalMass(Effect):
+    """Y = (1 - phi) Y(free) + phi Y(with the mass): a satellite below the resonance, or a dark part of the face."""
+
+    name = "local-mass"
+    stage = Stage.SHARES
+    says = "Part of the {where} carries a mass: a solder dot, a wire, a drop of glue."
+    separates = "sweep with pressure contacts before soldering, or weigh the dot"
+    references = (
+        "left-out physics 4.2 (parts of the face as plates side by side)",
+        "Sauerbrey, Z. Phys. 155 (1959) 206 (local sensitivity to mass)",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return both faces."""
+        return FACES
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the part of the area that is loaded, and the mass per area there, kg/m2."""
+        unit = areal_mass(stack)
+        scan = tuple(height * unit for height in _HEIGHTS)
+        return (
+            Knob("fraction", "1", typical=0.01, upper=0.5),
+            Knob("mass", "kg/m2", typical=0.1 * unit, lower=1e-3 * unit, upper=100 * unit, null=scan[2], scan=scan),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the free and the loaded part of the face side by side."""
+        fraction, mass = values["fraction"], Mass(f"{self.name}@{where}", values["mass"])
+        if fraction <= 0:
+            return assembly
+
+        def parted(part: Part) -> tuple[Part, Part]:
+            loaded = with_mass(part.stack, where, mass)
+            return (
+                replace(part, fraction=part.fraction * (1 - fraction)),
+                replace(part, fraction=part.fraction * fraction, stack=loaded),
+            )
+
+        return assembly.split(parted)
+
+
+EFFECT = LocalMass()

@@ -1,0 +1,59 @@
+"""`loss-dispersion`: the quality factor of a layer depends on frequency."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import CausalConstantQ, ConstantLoss, Elastic, Piezo, Stack
+from ..stack.stack import Layer
+from .assembly import Assembly
+from .effect import Effect, Knob, Stage, layer_at
+from .laws import LossExponent
+from .scale import resonance
+
+
+class LossDispersion(Effect):
+    """1/Q ~ f^n, the constants being those at the resonance: one band hardly shows it, an overtone does."""
+
+    name = "loss-dispersion"
+    stage = Stage.CONSTANTS
+    says = "The loss of {where} is not the same at all frequencies: its Q changes from one overtone to the next."
+    separates = "sweep the third overtone, or the radial and the thickness mode of the same disk"
+    references = (
+        "Kjartansson, J. Geophys. Res. 84 (1979) 4737",
+        "Szabo, J. Acoust. Soc. Am. 96 (1994) 491 (causal power laws)",
+        "left-out physics 4.4",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every layer whose law of loss has no exponent of its own."""
+        return tuple(f"layer:{layer.name}" for layer in stack.layers if _law_of(layer))
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the exponent, and how much of its causal companion the real part has (where the law has none yet)."""
+        layer = next(layer for layer in stack.layers if layer.name == layer_at(where))
+        exponent = Knob("exponent", "1", typical=0.3, lower=-1.0, upper=1.0)
+        if isinstance(_law_of(layer), CausalConstantQ):
+            return (exponent,)
+        return (exponent, Knob("companion", "1", typical=1.0, upper=1.0))
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the loss of that layer as a power of frequency."""
+        name, reference = layer_at(where), resonance(assembly.nominal)
+
+        def lossy(layer: Layer) -> Layer:
+            law = _law_of(layer)
+            if layer.name != name or law is None:
+                return layer
+            bent = LossExponent(law, reference, values["exponent"], values.get("companion", 1.0))
+            return replace(layer, c_law=bent) if isinstance(layer, Piezo) else replace(layer, law=bent)
+
+        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(lossy, stack.layers))))
+
+
+def _law_of(layer: Layer) -> ConstantLoss | CausalConstantQ | None:
+    """Return the law of the layer's stiffness, None where it has an exponent or no stiffness."""
+    law = layer.c_law if isinstance(layer, Piezo) else layer.law if isinstance(layer, Elastic) else None
+    return law if isinstance(law, ConstantLoss | CausalConstantQ) else None
+
+
+EFFECT = LossDispersion()

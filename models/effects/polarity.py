@@ -1,0 +1,39 @@
+"""`polarity`: the recording is inverted or conjugated."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..arrays import Frequencies, Impedances
+from ..stack import Stack
+from .assembly import Assembly
+from .effect import TERMINALS, Effect, Knob, Stage
+
+
+class Polarity(Effect):
+    """-Z, Z* or -Z*: no device does it. There or not there: flags `inverted` and `conjugated`, 0 or 1, and no knob."""
+
+    name = "polarity"
+    stage = Stage.RECORD
+    says = "The recording is inverted or conjugated: sign of R, of X or of the phase is not the usual one."
+    separates = "sweep a known capacitor: its R is positive and its X negative"
+    references = ("exp(+jwt) throughout; a passive device has Re Z >= 0, a capacitor Im Z < 0",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `terminals`."""
+        return (TERMINALS,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return nothing: a sign has no size."""
+        return ()
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device as it is written down, for values `inverted` and `conjugated` of 0 (as absent) or 1."""
+        written = assembly.recorded(_inverted) if values.get("inverted") else assembly
+        return replace(written, conjugated=assembly.conjugated != bool(values.get("conjugated")))
+
+
+def _inverted(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
+    return -Z
+
+
+EFFECT = Polarity()

@@ -1,0 +1,47 @@
+"""`spurious-resonance`: one further resonance of unknown origin, as a pole pair of the admittance."""
+
+from collections.abc import Mapping
+from math import cos, pi, sin
+
+from ..stack import Stack
+from .assembly import Assembly
+from .branch import branch
+from .effect import Effect, Knob
+from .scale import capacitance, resonance
+
+
+class SpuriousResonance(Effect):
+    """Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q): a mode that no other effect of the catalogue explains."""
+
+    name = "spurious-resonance"
+    says = "There is one further resonance, which appears with {where}; what vibrates there is not known."
+    separates = "damp the rim with wax, hold the part elsewhere, or sweep a second sample: what moves tells what it is"
+    references = (
+        "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052 (pole pairs)",
+        "IEEE Standard on Piezoelectricity 176-1987 (the equivalent circuit)",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every layer: the step with which it appears tells where it sits."""
+        return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for a mode of its own)."""
+        f0 = resonance(stack)
+        return (
+            Knob("strength", "1", typical=1e-3, upper=1.0),
+            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
+            Knob("q", "1", typical=20.0, lower=2.0, upper=5000.0, null=60.0),
+            Knob("phase", "rad", typical=0.3, lower=-1.5, upper=1.5),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device beside a resonant branch."""
+        C = values["strength"] * capacitance(assembly.nominal)
+        residue = C * complex(cos(values["phase"]), sin(values["phase"]))
+        w_k = 2 * pi * values["frequency"]
+        q = values["q"]
+        return assembly.beside(lambda jw: residue * branch(jw, w_k, q))
+
+
+EFFECT = SpuriousResonance()

@@ -1,0 +1,73 @@
+"""`surface-layer`: a depoled or dead layer under a face of a piezoelectric layer."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..stack import Piezo, Stack
+from .assembly import Assembly, Part
+from .effect import Effect, Knob, layer_at
+
+_BOTH = 0.5
+_SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
+"""What the dead layer has in common with the live one."""
+_MOST = 0.8
+"""Of the thickness may be dead."""
+
+
+class SurfaceLayer(Effect):
+    """h33 = 0 down to a depth: even overtones light up if one face is dead, the overtones' coupling falls if both."""
+
+    name = "surface-layer"
+    says = "The ceramic of {where} is dead or depoled under a face (by grinding, soldering or heat)."
+    separates = "compare the coupling of first and third overtone, look for a line at twice the resonance, lap a face"
+    references = (
+        "left-out physics 4.2",
+        "Jaffe, Cook and Jaffe, Piezoelectric Ceramics (1971): depoling by stress",
+    )
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every piezoelectric layer; none where several are wired in parallel."""
+        piezos = [layer for layer in stack.layers if isinstance(layer, Piezo)]
+        if len(piezos) > 1 and stack.connection == "parallel":
+            return ()
+        return tuple(f"layer:{layer.name}" for layer in piezos if layer.h33 != 0)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the dead thickness of both faces together in metre, and which part of it is at the front."""
+        thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
+        return (
+            Knob("depth", "m", typical=0.005 * thickness, upper=0.5 * thickness),
+            Knob("front", "1", typical=0.3, upper=1.0, null=1.0, scan=(0.0, _BOTH, 1.0)),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the layer cut into dead and live ones, which share their other constants."""
+        name, depth, front = layer_at(where), values["depth"], values["front"]
+        depths = {"back": (1 - front) * depth, "front": front * depth}
+        if depth <= 0:
+            return assembly
+        return replace(assembly, parts=tuple(_with_dead(part, name, depths) for part in assembly.parts))
+
+
+def _with_dead(part: Part, name: str, depths: Mapping[str, float]) -> Part:
+    """Return the part with dead layers of these depths, at most `_MOST` of the layer, under its faces."""
+    layers = part.stack.layers
+    k = next(k for k, layer in enumerate(layers) if layer.name == name)
+    whole = layers[k]
+    if not isinstance(whole, Piezo):
+        return part
+    scale = min(1.0, _MOST * whole.thickness / sum(depths.values()))
+    dead = {
+        side: replace(whole, name=f"{name}-dead-{side}", thickness=depth * scale, h33=0j)
+        for side, depth in depths.items()
+        if depth > 0
+    }
+    live = replace(whole, thickness=whole.thickness - sum(layer.thickness for layer in dead.values()))
+    back, front = ([dead[side]] if side in dead else [] for side in ("back", "front"))
+    stack = replace(part.stack, layers=(*layers[:k], *back, live, *front, *layers[k + 1 :]), connection="series")
+    laws = [key for key in whole.parameters() if key.startswith(("c33D.", "eps33S.")) and key not in _SHARED]
+    twins = {f"{name}.{key}": tuple(f"{layer.name}.{key}" for layer in dead.values()) for key in (*_SHARED, *laws)}
+    return replace(part, stack=stack, twins={**part.twins, **twins})
+
+
+EFFECT = SurfaceLayer()
