@@ -59,7 +59,7 @@ def _edit_list(instrument: Instrument, _: Unit) -> None:
 def _end_edit(instrument: Instrument, _: Unit) -> None:
     instrument.state.editing, instrument.state.draft = False, None
     if instrument.state["SWPT"] == "LIST":
-        instrument.sweeper.forget()
+        instrument.new_axis()
         instrument.sweeper.restart()
 
 

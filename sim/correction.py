@@ -12,9 +12,13 @@ from ..models.arrays import Complexes, Frequencies, Impedances
 from .axis import grid
 from .messages import CommandError
 from .state import State
+from .traces import HUGE
 
 FIXED_POINTS: Frequencies = grid(40.0, 110e6, 201, "LOG")
 """The frequencies of CALP FIXED [the instrument's own were not reachable]; between them it is interpolated."""
+
+SHORTED = 1e-9
+"""Impedance that stands for 0 where its inverse is kept, ohm."""
 
 STANDARDS = ("A", "B", "C")
 """Open (kept as admittance G, B), short and load (kept as impedance R, X), by the last letter of the mnemonic."""
@@ -30,7 +34,8 @@ class Correction:
 
     def store(self, standard: str, frequency: Frequencies, z: Impedances) -> None:
         """Keep the impedance that was seen with a standard connected, and switch its correction on."""
-        self.put(standard, frequency, 1 / z if standard == "A" else z)
+        inverse: Complexes = 1 / np.where(np.abs(z) < SHORTED, SHORTED, z).astype(np.complex128)
+        self.put(standard, frequency, inverse if standard == "A" else z)
 
     def put(self, standard: str, frequency: Frequencies, values: Complexes) -> None:
         """Keep a standard's array as the instrument does (open in S, the others in ohm), and switch it on."""
@@ -44,9 +49,16 @@ class Correction:
         (self.on.add if on else self.on.discard)(standard)
 
     def apply(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
-        """Return the impedance of the device, shape (N,), from what was seen through the fixture."""
+        """Return the impedance of the device, shape (N,), from what was seen through the fixture.
+
+        Standards that make no sense (nothing keeps one from measuring a short as the open) give HUGE.
+        """
         if not self.on:
             return z
+        with np.errstate(all="ignore"):
+            return np.nan_to_num(self._solved(frequency, z, state), nan=HUGE, posinf=HUGE, neginf=-HUGE)
+
+    def _solved(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
         w = 2 * np.pi * frequency
         short = self._at("B", frequency) - (state.real("DCOMSHORR") + 1j * w * state.real("DCOMSHORL"))
         opened = self._at("A", frequency) - (state.real("DCOMOPENG") + 1j * w * state.real("DCOMOPENC"))

@@ -78,7 +78,8 @@ def _save_again(instrument: Instrument, unit: Unit) -> None:
 def _recall(instrument: Instrument, unit: Unit) -> None:
     """RECD: bring the settings of a state file back; the sweep stops."""
     recall(instrument.state, instrument.disk.content(_device(instrument), _name(unit)))
-    instrument.sweeper.clear()
+    instrument.sweeper.hold()
+    instrument.new_axis()
 
 
 FILE_COMMANDS: Mapping[str, Entry] = {

@@ -62,8 +62,9 @@ class Instrument:
         self.state.reset()
         self.calibration.on.clear()
         self.compensation.on.clear()
-        self.memory, self.opc_wanted = None, False
-        self.sweeper.clear()
+        self.opc_wanted = False
+        self.sweeper.hold()
+        self.new_axis()
         if continuous:
             self.sweeper.start(-1)
 
@@ -85,9 +86,13 @@ class Instrument:
         if self.state.draft is not None or mnemonic not in RESTARTS_SWEEP:
             return
         if mnemonic in AXIS_SETTINGS and self._shape() != before:
-            self.sweeper.forget()
-            self.memory = None
+            self.new_axis()
         self.sweeper.restart()
+
+    def new_axis(self) -> None:
+        """Drop data and memory, because they belong to another axis."""
+        self.sweeper.forget()
+        self.memory = None
 
     # time --------------------------------------------------------------------------------------------------------
 

@@ -65,11 +65,6 @@ class Sweeper:
         """Whether the sweep mode is CONT."""
         return self.running is not None and self.running.left == FOREVER
 
-    def clear(self) -> None:
-        """Stop, and forget the data: as after a reset."""
-        self.running = None
-        self.forget()
-
     def forget(self) -> None:
         """Drop the data, because the axis is another one."""
         self.axis = self.state.axis()

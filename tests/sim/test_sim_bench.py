@@ -181,6 +181,17 @@ def test_open_short_load_over_the_wire(lab_with):
     assert np.max(abs(wire.impedance() / truth - 1)) > 0.5
 
 
+def test_standards_that_make_no_sense_give_huge_numbers_and_no_silence(lab):
+    wire = lab.wire()
+    wire.say("*RST;STAR 1 MHZ;STOP 6 MHZ;CALP USER")
+    lab.bench("jig", name="ideal")
+    lab.bench("connect", what="short")
+    wire.say("COMB;COMA;COMC;SING;*OPC?")
+    wire.line()
+    assert np.all(np.isfinite(wire.impedance()))
+    assert wire.ask("*IDN?").startswith("HEWLETT")
+
+
 def test_fixed_points_correct_between_them(lab_with):
     lab = lab_with(noise=False, jig="coax")
     wire = lab.wire()

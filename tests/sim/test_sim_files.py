@@ -65,6 +65,18 @@ def test_a_binary_file_has_its_preamble_and_both_traces(swept):
     np.testing.assert_allclose(first, abs(swept.impedance()), rtol=1e-6)
 
 
+def test_a_memory_of_another_axis_is_gone_with_it(wire):
+    wire.say("EDITLIST;SADD;STAR 1 MHZ;STOP 2 MHZ;POIN 5;SDON;EDITDONE;SWPT LIST;SING;DATMEM;SAVDSTA 's'")
+    wire.say("EDITLIST;SADD;STAR 3 MHZ;STOP 4 MHZ;POIN 3;SDON;EDITDONE;SAVDASC 'longer'")
+    assert wire.errors() == []
+    lines = read(wire, "longer.TXT").decode().split("\r\n")
+    assert lines[7] == '"NUMBER of POINTS: 8"'
+    assert lines[21].count("\t") == 2
+    wire.say("SING;DATMEM;RECD 's.STA';SAVDASC 'shorter'")
+    assert wire.errors() == []
+    assert read(wire, "shorter.TXT").decode().split("\r\n")[7] == '"NUMBER of POINTS: 5"'
+
+
 def test_names_are_listed_and_an_existing_one_is_not_overwritten(swept):
     swept.say('SAVDASC "b";SAVDASC "a";SAVDASC "a"')
     assert swept.errors()[0].startswith("-257")
