@@ -18,7 +18,7 @@ from .sweeping import Sweeper
 
 SERIAL, FIRMWARE = "MY43202956", "REV1.11"
 
-AXIS_SETTINGS = frozenset({"SWPP", "SWPT", "POIN", "STAR", "STOP", "CENT", "SPAN", "EDITDONE"})
+AXIS_SETTINGS = frozenset({"SWPP", "SWPT", "POIN", "STAR", "STOP", "CENT", "SPAN"})
 """A change of one of these leaves no data that fits the axis."""
 
 

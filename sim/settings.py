@@ -192,6 +192,6 @@ PER_TRACE = frozenset({"TITL", "FMT", "TOPV", "BOTV"})
 
 RESTARTS_SWEEP = frozenset(
     {"SWPP", "SWPT", "SWED", "POIN", "CWFREQ", "SDELT", "PDELT", "POWMOD", "DCMOD", "DCV", "DCI", "BWFACT", "PAVER"}
-    | {"PAVERFACT", "AVER", "AVERFACT", "TRGS", "E4TP", "STAR", "STOP", "CENT", "SPAN", "POWE", "EDITDONE"}
+    | {"PAVERFACT", "AVER", "AVERFACT", "TRGS", "E4TP", "STAR", "STOP", "CENT", "SPAN", "POWE"}
 )
 """A running sweep begins anew when one of these is changed."""
