@@ -7,18 +7,19 @@ from typing import Any
 from ..fitters.interface import Constant, FitResult
 
 
-def _number(value: float | None) -> float | None:
+def number(value: float | None) -> float | None:
     """Return a number that JSON can hold: what is missing or infinite is null."""
     return value if value is not None and math.isfinite(value) else None
 
 
-def _constants(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any]]:
+def constants_json(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any]]:
+    """Return constants, by name, as JSON objects."""
     return {
         name: {
-            "re": _number(constant.re),
-            "im": _number(constant.im),
-            "u_re": _number(constant.u_re),
-            "u_im": _number(constant.u_im),
+            "re": number(constant.re),
+            "im": number(constant.im),
+            "u_re": number(constant.u_re),
+            "u_im": number(constant.u_im),
             "unit": constant.unit,
             "free": constant.free,
         }
@@ -33,12 +34,12 @@ def fit_json(result: FitResult) -> dict[str, Any]:
         "fitter": result.fitter,
         "version": result.version,
         "steps": list(result.steps),
-        "noise": {"relative": _number(result.noise.relative), "from": result.noise.source},
-        "chi2_per_dof": _number(result.chi2_per_dof),
-        "constants": _constants(result.constants),
-        "derived": _constants(result.derived),
+        "noise": {"relative": number(result.noise.relative), "from": result.noise.source},
+        "chi2_per_dof": number(result.chi2_per_dof),
+        "constants": constants_json(result.constants),
+        "derived": constants_json(result.derived),
         "correlation": [list(pair) for pair in result.correlation],
-        "rms_log_error": _number(result.rms_log_error),
+        "rms_log_error": number(result.rms_log_error),
         "converged": result.converged,
         "evaluations": result.evaluations,
         "seconds": result.seconds,

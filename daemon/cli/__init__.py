@@ -6,7 +6,7 @@ import sys
 import typer
 
 from ...models.errors import PzctlError
-from . import fit, fitters, materials, measure, samples, service, simulator
+from . import diagnose, fit, fitters, materials, measure, samples, service, simulator
 
 app = typer.Typer(
     name="pzctl",
@@ -16,6 +16,7 @@ app = typer.Typer(
 )
 app.command("measure")(measure.measure)
 app.command("fit")(fit.fit)
+app.command("diagnose")(diagnose.diagnose)
 app.command("samples")(samples.samples)
 app.command("daemon")(service.daemon)
 app.command("sim")(simulator.sim)

@@ -99,12 +99,14 @@ class Problem:
         """Return the objective of a fit with these effects, weighted as the recordings are now."""
         return Objective(self.with_effects(effects), self.coordinates(effects, values), self.priors)
 
-    def only(self, keep: Sequence[NDArray[np.bool_]]) -> "Problem":
-        """Return the problem on part of the points: one mask for each recording; empty recordings fall away."""
+    def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":
+        """Return the problem in which the `held` points, one mask for each recording, take no part.
+
+        They stay in their sweep, whose course in time they mark, but weigh nothing.
+        """
         parts = [
-            replace(recording, sweep=_masked(recording.sweep, mask), noise=recording.noise[mask])
-            for recording, mask in zip(self.recordings, keep, strict=True)
-            if mask.sum() >= 2
+            replace(recording, noise=np.where(mask, np.inf, recording.noise))
+            for recording, mask in zip(self.recordings, held, strict=True)
         ]
         return replace(self, recordings=tuple(parts))
 
@@ -126,7 +128,3 @@ def _extended(recording: Recording, effects: Sequence[Candidate]) -> Recording:
         if recording.step in candidate.steps and isinstance(device, Device):
             device = device.with_effect(candidate.effect, candidate.where)
     return replace(recording, model=device)
-
-
-def _masked(sweep: Sweep, mask: NDArray[np.bool_]) -> Sweep:
-    return replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask])

@@ -1,0 +1,46 @@
+"""`pzctl diagnose`: where model and recording differ, and which physics was left out."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .fit import read_steps
+
+
+def diagnose(
+    recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
+    build: Annotated[Path, typer.Option(help="build.toml")],
+    effects: Annotated[str | None, typer.Option(help="Only these effects, as cable,bond-layer.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png or .svg.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Say where recordings and model differ, which physics was left out, and what cannot be decided.
+
+    Example: pzctl diagnose --build build.toml disk=disk.csv ml1=ml1.csv
+    """
+    from ...fitters.diagnosis.diagnose import diagnose as find_out
+    from ...fitters.interface import FitTask
+    from ...models.effects import find_effect
+    from ..buildfile import read_build
+    from ..diagnoses import diagnosis_json, print_diagnosis
+    from ..terminal import console
+
+    chosen = tuple(find_effect(name.strip()).name for name in effects.split(",")) if effects else None
+    known = read_build(build)
+    screen = console(stderr=True)
+    task = FitTask(known, read_steps(recordings))
+    with screen.status("diagnosing") as status:
+        diagnosis = find_out(task, chosen, status.update)
+    if as_json:
+        print(json.dumps(diagnosis_json(diagnosis)))
+    else:
+        print_diagnosis(console(), diagnosis)
+    if picture is None and as_json:
+        return
+    from ..diagnosis_picture import diagnosis_picture
+
+    target = picture or Path(f"{known.name}-diagnosis.png")
+    drawn = diagnosis_picture(diagnosis, known, target)
+    console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)

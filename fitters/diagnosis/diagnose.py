@@ -1,0 +1,214 @@
+"""The whole diagnosis of a build: gates, null fit, search, proof, what stays open, and a verdict."""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.arrays import Complexes
+from ..answer import curves_of, fitted_constants
+from ..assembly import layers_of
+from ..covariance import estimate
+from ..descent import lag_one
+from ..interface import Constant, FitTask
+from ..joint import solve
+from .absorbed import not_decidable
+from .bands import excess_of, guilty_bands
+from .candidates import candidates
+from .decide import DESCRIBED, null_refit, polish, pursue, without_idle
+from .findings import Bands, Diagnosis, Finding, Fitted, Leftover, Size, Verdict
+from .gates import put_right
+from .problem import Candidate, Problem
+from .proof import held_out_chi2
+from .score import scores
+from .search import Refit
+from .weigh import Weighed, weigh
+
+_EXPLAINED = 1.4
+"""chi2 per degree of freedom of every recording up to which the effects found explain it."""
+_MOST = 0.98
+"""Part of the misfit that effects must take away to be named although something is left over."""
+_RIPPLE = 0.2
+"""Correlation of neighbouring residuals from which something is left even where chi2 is small."""
+
+
+def diagnose(
+    task: FitTask, effects: Iterable[str] | None = None, progress: Callable[[str], None] = lambda _: None
+) -> Diagnosis:
+    """Say where recordings and model differ, which physics was left out, and what cannot be decided.
+
+    `effects` names those of the catalogue to consider; None considers all. Raises FitError where the recordings
+    cannot be fitted at all, EffectError for an effect that is not known.
+    """
+    began = time.perf_counter()
+    sweeps, turned = put_right(task.sweeps)
+    progress("fitting without effects")
+    problem = Problem.of(solve(replace(task, sweeps=sweeps), progress), task.free)
+    null = polish(problem, null_refit(problem))
+    choice = candidates(problem, effects)
+    stages = pursue(problem, choice, null, progress)
+    final = without_idle(problem, stages[-1].after) if stages else null
+    named, verdict = _named(null, final)
+    if not named:
+        stages, final = [], null
+    progress("proving on bands that took no part")
+    held_before = held_out_chi2(problem, null)
+    held_after = held_out_chi2(problem, final) if final is not null else held_before
+    weighed = weigh(problem, final, stages)
+    findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
+    findings = [*_polarity(turned, null, held_before), *findings]
+    if verdict in ("unexplained", "partly-explained"):
+        findings.append(_unknown(final, held_after))
+    constants = _constants(problem, final)
+    progress("asking what stays open")
+    remaining = scores(problem, choice, final.objective, final.descent.x)
+    taken = {finding.effect for finding in findings}
+    if turned and verdict == "no-mismatch":
+        verdict = "explained"
+    return Diagnosis(
+        verdict=verdict,
+        baseline=Fitted(null.chi2_per_dof, held_before, _constants(problem, null)),
+        final=Fitted(final.chi2_per_dof, held_after, constants),
+        findings=tuple(findings),
+        not_decidable=not_decidable(final, remaining, constants, taken),
+        leftover=Leftover(_bands(final) if verdict != "no-mismatch" else (), final.chi2_per_dof),
+        says=_says(verdict, findings),
+        before=curves_of(null.objective, null.descent.x, null.descent.x),
+        after=curves_of(final.objective, final.descent.start, final.descent.x),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _named(null: Refit, final: Refit) -> tuple[bool, Verdict]:
+    """Return whether the effects found may be named, and the verdict.
+
+    An effect in the wrong family is often flexible enough to take away much of a misfit. So effects are named only
+    where they take away nearly all of it.
+    """
+    if not final.effects:
+        return False, "unexplained" if _something_left(null) else "no-mismatch"
+    if max(final.chi2) < _EXPLAINED:
+        return True, "explained"
+    taken = 1 - (final.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, 1e-9)
+    return (True, "partly-explained") if taken > _MOST else (False, "unexplained")
+
+
+def _something_left(found: Refit) -> bool:
+    ripple = max(lag_one(ratio) for ratio in found.objective.log_ratios(found.descent.x))
+    return max(found.chi2) > DESCRIBED or ripple > _RIPPLE
+
+
+def _ratios(found: Refit) -> tuple[Complexes, ...]:
+    """Return the residuals of every recording in units of its noise."""
+    ratios = found.objective.log_ratios(found.descent.x)
+    return tuple(ratio / recording.noise for recording, ratio in zip(found.objective.recordings, ratios, strict=True))
+
+
+def _bands(found: Refit) -> Bands:
+    """Return the bands in which a fit leaves more than noise, the worst first."""
+    bands = [
+        band
+        for recording, ratio in zip(found.objective.recordings, _ratios(found), strict=True)
+        for band in guilty_bands(recording.sweep.frequency, np.abs(ratio) ** 2 / 2)
+    ]
+    return tuple(bands[:5])
+
+
+def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: float, held_after: float) -> Finding:
+    candidate, without = weighed.candidate, weighed.without
+    fall = excess_of(_ratios(without), _ratios(final))
+    bands = [
+        band
+        for recording, excess in zip(problem.recordings, fall, strict=True)
+        if recording.step in candidate.steps
+        for band in guilty_bands(recording.sweep.frequency, 1 + excess)
+    ]
+    before = held_out_chi2(problem, without) if len(final.effects) > 1 else held_before
+    return Finding(
+        effect=candidate.effect.name,
+        where=candidate.where,
+        step=candidate.step,
+        probability=weighed.probability,
+        bands_Hz=tuple(bands[:5]),
+        parameters=_sizes(candidate, final),
+        chi2_per_dof_before=without.chi2_per_dof,
+        chi2_per_dof_after=final.chi2_per_dof,
+        held_out_before=before,
+        held_out_after=held_after,
+        alternatives=weighed.alternatives,
+        says=candidate.effect.says.format(where=candidate.where),
+    )
+
+
+def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
+    """Return the knobs of an effect as people are shown them, with standard uncertainties."""
+    names = final.objective.coordinates.parameters
+    covariance = estimate(final.descent).covariance
+    values = {knob.name: final.values[candidate.prefix + knob.name] for knob in candidate.knobs}
+    u = {
+        knob.name: float(np.sqrt(max(0.0, covariance[k, k])))
+        for knob in candidate.knobs
+        for k in [names.index(candidate.prefix + knob.name)]
+    }
+    sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.knobs}
+    first = candidate.knobs[0]
+    for name, (value, unit) in candidate.effect.shown(values).items():
+        more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
+        sizes[name] = Size(value, abs(more - value), unit)
+    return sizes
+
+
+def _polarity(turned: dict[str, str], null: Refit, held: float) -> list[Finding]:
+    chi2 = null.chi2_per_dof
+    return [
+        Finding(
+            effect="polarity",
+            where="terminals",
+            step=step,
+            probability=0.995,
+            bands_Hz=(),
+            parameters={},
+            chi2_per_dof_before=float("inf"),
+            chi2_per_dof_after=chi2,
+            held_out_before=float("inf"),
+            held_out_after=held,
+            alternatives=(),
+            says=f"The recording of {step} is {how}: it was turned round before anything was fitted.",
+        )
+        for step, how in turned.items()
+    ]
+
+
+def _unknown(final: Refit, held: float) -> Finding:
+    worst = int(np.argmax(final.chi2))
+    return Finding(
+        effect="unknown",
+        where="any",
+        step=final.objective.recordings[worst].step,
+        probability=0.95,
+        bands_Hz=_bands(final),
+        parameters={},
+        chi2_per_dof_before=final.chi2_per_dof,
+        chi2_per_dof_after=final.chi2_per_dof,
+        held_out_before=held,
+        held_out_after=held,
+        alternatives=(),
+        says="Something is there that no effect of the catalogue explains; look at the bands before using constants.",
+    )
+
+
+def _constants(problem: Problem, found: Refit) -> dict[str, Constant]:
+    result = estimate(found.descent)
+    layers = layers_of(problem.build, problem.steps)
+    return fitted_constants(layers, found.values, found.objective.coordinates.parameters, result.covariance)
+
+
+def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:
+    first = {
+        "no-mismatch": "Model and recording agree to within the noise.",
+        "explained": "Model and recording differ, and what was left out explains all of it.",
+        "partly-explained": "Model and recording differ; what was found explains most of it, but something is left.",
+        "unexplained": "Model and recording differ, and nothing in the catalogue explains it.",
+    }[verdict]
+    return (first, *(f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings))
