@@ -115,12 +115,14 @@ class BareDisk:
         return weighted / max(1, 2 * every.size - parameters), float(np.sqrt(np.mean(np.abs(every) ** 2)))
 
 
-def bare_disk(task: FitTask, fitter: str, round_one: bool) -> BareDisk:
+def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareDisk:
     """Return the recordings of the bare disk among those given. Raises FitError where there are none.
 
-    `round_one`: the fitter needs a disk known to be round.
+    `round_one`: the fitter needs a disk known to be round; `frees`: it can hold some constants and free others.
     """
-    build, sweeps = check_task(task)
+    if task.free is not None and not frees:
+        raise FitError(f"`{fitter}` reads all constants off the recording: it cannot free {', '.join(task.free)} alone")
+    build, sweeps = check_task(replace(task, free=None))
     for step in sweeps:
         layers = [build.layer(name) for name in build.step(step).layers]
         if len(layers) == 1 and layers[0].kind == "piezo":

@@ -47,7 +47,7 @@ class Disk:
         Raises FitError where one of the modes is not in the recordings.
         """
         began = time.perf_counter()
-        whole = bare_disk(task, self.name, round_one=True)
+        whole = bare_disk(task, self.name, round_one=True, frees=True)
         progress(f"fitting {whole.step}")
         model, references = _start(whole)
         descent = _descend(whole, model, task.free)

@@ -68,6 +68,8 @@ class _Watched:
         self.evaluations = 0
 
     def __call__(self, x: Reals, gradient: Reals) -> float:
+        if self.error is not None:  # CRS2 fills its population before it looks whether it was stopped
+            return _TOO_LARGE
         self.evaluations += 1
         try:
             value = self._value(x, gradient)

@@ -53,7 +53,7 @@ class RadialLeastSquares:
         Raises FitError where they show no radial resonance, or the first alone and nothing is known of s12E.
         """
         began = time.perf_counter()
-        whole = bare_disk(task, self.name, round_one=True)
+        whole = bare_disk(task, self.name, round_one=True, frees=True)
         progress(f"fitting {whole.step}")
         peaks = radial_peaks(whole)
         disk, start = radial_band(whole, peaks), radial_start(whole, peaks)

@@ -9,7 +9,7 @@ bounded by others as the sine of an angle.
 import numpy as np
 
 from ..models.arrays import Reals
-from .coordinates import Block
+from .coordinates import Block, linear
 
 RADIAL_CONSTANTS = ("s11E", "s12E", "d31", "eps33T")
 _LOSS_FLOOR = 1e-7
@@ -31,11 +31,6 @@ def radial_constants_block(layer: str) -> Block:
     )
 
 
-def linear(name: str, unit: float) -> Block:
-    """Return a constant that may be any number near `unit`: x = p/unit."""
-    return Block((name,), (name,), lambda x: (unit * x, np.full((1, 1), unit)), lambda p: p / unit)
-
-
 def plate_blocks(layer: str) -> tuple[Block, Block]:
     """Return what motion through the thickness needs: `alpha`, and `d33f` (C/N)."""
     return linear(f"{layer}.alpha", 1.0), linear(f"{layer}.d33f", 1e-10)
@@ -46,7 +41,8 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
     sigma, k = np.tanh(x[[2, 4]]).tolist()
     sine, cosine = float(np.sin(x[3])), float(np.cos(x[3]))
     L11, e_im = s * loss, e * tan
-    d = -k * np.sqrt(e * s * (1 - sigma) / 2)
+    unit = np.sqrt(e * s * (1 - sigma) / 2)
+    d = -k * unit
     bound = np.sqrt(L11 * (1 + sine) * e_im / 2)
     d_im = np.sin(x[5]) * bound
     values = np.array([s, -L11, -sigma * s, -L11 * sine, d, d_im, e, -e_im])
@@ -57,7 +53,7 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
     J[3, :2], J[3, 3] = -L11 * sine, -L11 * cosine
     J[4, [0, 6]] = d / 2
     J[4, 2] = -d / 2 * (1 + sigma)  # d ln(1 - sigma)/da = -(1 - sigma^2)/(1 - sigma)
-    J[4, 4] = (d / k if k else -np.sqrt(e * s * (1 - sigma) / 2)) * (1 - k**2)
+    J[4, 4] = -unit * (1 - k**2)
     J[5, [0, 1, 6, 7]] = d_im / 2
     # d sqrt(1 + sine) = cosine/(2 sqrt(1 + sine)), written so that nothing is divided by where 1 + sine vanishes
     J[5, 3] = np.sin(x[5]) * np.sqrt(L11 * e_im / 2) * np.sign(cosine) * np.sqrt(max(0.0, 1 - sine)) / 2

@@ -54,7 +54,7 @@ class SherritRadial:
         in a linewidth.
         """
         began = time.perf_counter()
-        disk = bare_disk(task, self.name, round_one=True)
+        disk = bare_disk(task, self.name, round_one=True, frees=False)
         progress(f"reading the critical frequencies of {disk.step}")
         seen = _read(disk)
         sizes = {name: q.re for name, q in disk.sizes.items()}

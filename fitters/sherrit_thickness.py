@@ -51,7 +51,7 @@ class SherritThickness:
         Raises FitError where no thickness resonance is in the recording, or too few points are in its linewidth.
         """
         began = time.perf_counter()
-        disk = bare_disk(task, self.name, round_one=False)
+        disk = bare_disk(task, self.name, round_one=False, frees=False)
         progress(f"reading the critical frequencies of {disk.step}")
         seen = _read(disk)
         found = _made(disk, seen)

@@ -1,0 +1,60 @@
+"""A bare round disk as build.toml has it, and noise."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pzctl.daemon.buildfile import parse_build
+from pzctl.models.build import Build
+from pzctl.models.model import Model
+from pzctl.models.sweep import Sweep
+
+DISK = """
+name = "D"
+diameter_mm = {{ value = {diameter}, u = {u_diameter} }}
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "{material}"
+thickness_mm = {{ value = {thickness}, u = {u_thickness} }}
+density_kg_m3 = {{ value = {density}, u = {u_density} }}
+{more}
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+"""
+
+
+@pytest.fixture
+def disk_build() -> Callable[..., Build]:
+    """Builds of one bare disk; sizes in mm and kg/m3."""
+
+    def make(
+        material: str,
+        sizes: tuple[float, float, float],
+        u: tuple[float, float, float] = (0.01, 0.001, 10.0),
+        more: str = "",
+    ) -> Build:
+        (diameter, thickness, density), (u_diameter, u_thickness, u_density) = sizes, u
+        names = ("diameter", "u_diameter", "thickness", "u_thickness", "density", "u_density")
+        values = (diameter, u_diameter, thickness, u_thickness, density, u_density)
+        return parse_build(DISK.format(material=material, more=more, **dict(zip(names, values, strict=True))))
+
+    return make
+
+
+@pytest.fixture
+def swept() -> Callable[..., Sweep]:
+    """Sweeps of a model with relative noise."""
+
+    def make(model: Model, frequency: NDArray[np.float64], noise: float = 1e-4, seed: int = 0) -> Sweep:
+        rng = np.random.default_rng(seed)
+        both = rng.standard_normal(frequency.size) + 1j * rng.standard_normal(frequency.size)
+        return Sweep(frequency, model.impedance(frequency) * np.exp(noise * both), id="sweep")
+
+    return make

@@ -1,0 +1,58 @@
+"""Fitter `disk`: both modes' constants come back from one recording, within their uncertainties."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pzctl.fitters.assembly import stack_of
+from pzctl.fitters.disk import Disk
+from pzctl.fitters.interface import FitError, FitTask
+from pzctl.models.constants import Radial, Thickness, clamped_permittivity
+from pzctl.models.disk import BothModes
+from pzctl.models.stack import CausalConstantQ
+
+RADIAL_REFERENCE, THICKNESS_REFERENCE = 124.75e3, 4.22e6
+BANDS = (np.arange(80e3, 600e3, 1e3), np.linspace(2e6, 9e6, 701))
+
+
+@pytest.fixture
+def build(disk_build):
+    return disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
+
+
+def both_modes(build):
+    v = build.layer("disk").values
+    radial = Radial(*(v[name].value for name in ("s11E", "s12E", "d31", "eps33T")))
+    stack = stack_of(build, build.steps[0])
+    law = CausalConstantQ(THICKNESS_REFERENCE)
+    plate = replace(stack.layers[0], c_law=law, h_law=law, eps_law=law)
+    disk = BothModes.of(replace(stack, layers=(plate,)), "disk", radial)
+    laws = dict.fromkeys(("s11E", "s12E", "d31"), CausalConstantQ(RADIAL_REFERENCE))
+    return replace(disk, arm=replace(disk.arm, alpha=0.69, d33f=1.35e-10, laws=laws))
+
+
+def test_constants_of_both_modes_come_back(build, swept):
+    model = both_modes(build)
+    sweeps = tuple(swept(model, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
+    result = Disk().fit(FitTask(build, {"disk": sweeps}))
+    assert 0.8 < result.chi2_per_dof < 1.2
+    v = build.layer("disk").values
+    # the fitter's references lie within a per cent of these: 1e-4 of a constant by its loss's dispersion
+    for name in ("c33D", "h33", "eps33S", "s11E", "s12E", "d31"):
+        truth, found = v[name].value, result.constants[f"disk.{name}"]
+        assert found.re == pytest.approx(truth.real, rel=1e-3), name
+        assert found.im == pytest.approx(truth.imag, abs=3e-4 * abs(truth)), name
+    found = result.constants | result.derived
+    eps33S = clamped_permittivity(found["disk.eps33T"].re, found["disk.kp"].re, found["disk.kt"].re)
+    low = Thickness(*(v[name].value for name in ("c33D", "h33", "eps33S"))).eps33S.real
+    assert eps33S / low == pytest.approx(1 + 2 / np.pi * 0.0116 * np.log(4.22e6 / 124.75e3), rel=5e-3)
+    assert any(line.startswith("Passive: ") for line in result.says)
+
+
+def test_one_mode_alone_is_refused(build, swept):
+    model = both_modes(build)
+    with pytest.raises(FitError, match="no thickness resonance in 80-599 kHz"):
+        Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[0]),)}))
+    with pytest.raises(FitError, match="no radial resonance in 2000-9000 kHz"):
+        Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[1]),)}))
