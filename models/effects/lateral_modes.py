@@ -5,7 +5,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from ..arrays import Complexes, Reals
+from ..arrays import Complexes
 from ..stack import Stack
 from .assembly import Assembly
 from .branch import branch
@@ -23,11 +23,9 @@ class LateralModes(Effect):
 
     name = "lateral-modes"
     says = "The finite diameter of {where} shows: radial overtones or the edge mode ripple through the thickness band."
-    separates = (
-        "sweep a disk of another diameter from the same batch, or damp the rim with wax; a 2-D model is the cure"
-    )
+    separates = "sweep a disk of another diameter from the same batch, or damp the rim with wax; a 2-D model cures it"
     references = (
-        "Ikegami, Ueda and Nagata, J. Acoust. Soc. Am. 50 (1971) 1060 (spectra and edge mode of thick disks)",
+        "Shaw, J. Acoust. Soc. Am. 28 (1956) 38 (thick disks, edge mode)",
         "Guo, Cawley and Hitchings, J. Sound Vib. 159 (1992) 115 (finite element analysis of disks)",
         "left-out physics 4.3",
     )
@@ -37,15 +35,13 @@ class LateralModes(Effect):
         return (f"layer:{active(stack).name}",)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return strength of a radial overtone (C/C0), comb speed (m/s), its offset (in spacings), Q, and the edge mode.
+        """Return strength of a radial overtone (C/C0), speed (m/s) and offset (spacings) of the comb, Q, the rest.
 
-        The edge mode by its strength (C/C0) and its frequency (of the half-wave resonance).
+        The rest is the edge mode: its strength (C/C0) and frequency (of the half-wave resonance).
         """
         return (
             Knob("strength", "1", typical=1e-3, upper=0.3),
-            Knob(
-                "speed", "m/s", typical=30.0, lower=_SLOWEST, upper=8000.0, null=3000.0, scan=(2000.0, 2500.0, 3000.0)
-            ),
+            Knob("speed", "m/s", typical=30.0, lower=_SLOWEST, upper=8e3, null=3e3, scan=(2e3, 2.5e3, 3e3)),
             Knob("offset", "1", typical=0.1, lower=-1.0, upper=2.0, null=0.5, scan=(0.0, 0.25, 0.5, 0.75)),
             Knob("q", "1", typical=30.0, lower=3.0, upper=2000.0, null=80.0),
             Knob("edge", "1", typical=1e-3, upper=0.3),
@@ -73,7 +69,7 @@ class LateralModes(Effect):
 def _comb(f0: float, spacing: float, offset: float) -> tuple[list[float], list[float]]:
     """Return frequencies (Hz) and weights of the radial overtones around f0."""
     low, high = (max(0.0, (f0 * (1 + sign * _REACH * _WIDTH)) / spacing) for sign in (-1, 1))
-    f_k: Reals = (np.arange(int(low), int(high) + 2) + offset) * spacing
+    f_k = (np.arange(int(low), int(high) + 2) + offset) * spacing
     f_k = f_k[f_k > 0.05 * f0]
     return f_k.tolist(), np.exp(-0.5 * ((f_k / f0 - 1) / _WIDTH) ** 2).tolist()
 

@@ -1,6 +1,7 @@
 """`thickness-variation`: faces that are not parallel; a distribution of thickness over the area."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,10 +43,11 @@ class ThicknessVariation(Effect):
         def strips(part: Part) -> list[Part]:
             t0 = part.stack.parameters()[name]
             return [
-                Part(
-                    part.fraction * weight / 2,
-                    part.stack.replace({name: t0 * (1 + w * node)}),
-                    {**part.scale, name: part.scale.get(name, 1.0) * (1 + w * node)},
+                replace(
+                    part,
+                    fraction=part.fraction * weight / 2,
+                    stack=part.stack.replace({name: t0 * (1 + w * node)}),
+                    scale={**part.scale, name: part.scale.get(name, 1.0) * (1 + w * node)},
                 )
                 for node, weight in zip(_NODES.tolist(), _WEIGHTS.tolist(), strict=True)
             ]
