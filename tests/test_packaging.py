@@ -1,15 +1,98 @@
-"""The repository root is the package; what is installed is what is here."""
+"""The repository root is the package; what is installed is what is here, in every way of installing it."""
 
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
 import tomllib
+import zipfile
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("daemon", "drivers", "fitters", "models", "sim")
 
 
 def test_every_package_is_shipped() -> None:
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
-    tops = ("daemon", "drivers", "fitters", "models", "sim")
     found = {
-        "pzctl." + ".".join(p.parent.relative_to(ROOT).parts) for top in tops for p in (ROOT / top).rglob("__init__.py")
+        "pzctl." + ".".join(p.parent.relative_to(ROOT).parts)
+        for top in ROOMS
+        for p in (ROOT / top).rglob("__init__.py")
     }
     assert found <= listed, f"add to [tool.setuptools] packages: {sorted(found - listed)}"
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with wheel and sdist, built from the tracked files in a folder of another name."""
+    source = tmp_path_factory.mktemp("my-clone")
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode != 0:
+        pytest.skip("not a git checkout: nobody says which files belong to the project")
+    for name in listed.stdout.splitlines():
+        if (ROOT / name).exists():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, source / name)
+    built = subprocess.run(
+        [sys.executable, "-m", "build", "--no-isolation", "--outdir", source / "dist", source],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=source,
+    )
+    assert built.returncode == 0, built.stderr[-2000:]
+    return source / "dist"
+
+
+def test_the_wheel_holds_the_code_and_one_name(dist: Path) -> None:
+    with zipfile.ZipFile(next(dist.glob("*.whl"))) as wheel:
+        names = wheel.namelist()
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"pzctl"}
+    assert "pzctl/py.typed" in names
+    assert "pzctl/daemon/thesis.toml" in names
+    assert any(name.endswith("entry_points.txt") for name in names)
+    assert not [name for name in names if "/tests/" in name or "/docs/" in name or name.endswith("README.md")]
+
+
+def test_the_sdist_holds_the_tests(dist: Path) -> None:
+    with tarfile.open(next(dist.glob("*.tar.gz"))) as sdist:
+        names = [name.partition("/")[2] for name in sdist.getnames()]
+    assert "tests/test_packaging.py" in names
+    assert "models/stack/stack.py" in names
+
+
+def test_the_installed_wheel_runs(dist: Path, tmp_path: Path) -> None:
+    """Installed from the wheel alone, away from the checkout: fitters load, and the files that go with them are there."""
+    wheel = next(dist.glob("*.whl"))
+    target = tmp_path / "site"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", target, wheel]
+    subprocess.run(pip, check=True)
+    program = (
+        "import pzctl, sys; assert pzctl.__file__.startswith(sys.argv[1]), pzctl.__file__\n"
+        "from pzctl.fitters.plugins import list_fitters; assert all(fitter.works for fitter in list_fitters())\n"
+        "from pzctl.daemon.buildfile import read_build; from pathlib import Path\n"
+        "read_build(Path(pzctl.__file__).parent / 'daemon' / 'thesis.toml')\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(target)}
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(target)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_modules_exist_once() -> None:
+    """Standing in the checkout, nothing imports the package under the folder's own name."""
+    import pzctl.models.stack
+
+    twins = [name for name in sys.modules if name.endswith("models.stack") and name != "pzctl.models.stack"]
+    assert not twins
+    assert pzctl.models.stack.Stack is not None

@@ -12,6 +12,8 @@ def sim(
     seed: Annotated[int, typer.Option(help="Which sample lies on the bench, and which noise.")] = 0,
     jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips ...")] = "compensated",
     noise: Annotated[bool, typer.Option(help="Random noise as the analyzer has it.")] = True,
+    radial: Annotated[bool, typer.Option("--radial", help="The disk has its radial modes too.")] = False,
+    prologix_port: Annotated[int | None, typer.Option(help="Port of a Prologix-style GPIB front, often 1234.")] = None,
     off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
 ) -> None:
     """Run a simulated Agilent 4294A with a virtual bench behind it, until Ctrl-C.
@@ -20,4 +22,16 @@ def sim(
     """
     from ...sim.server import SimOptions, run
 
-    run(SimOptions(port=port, bench_port=bench_port, time_scale=time_scale, seed=seed, jig=jig, noise=noise, off=off))
+    run(
+        SimOptions(
+            port=port,
+            bench_port=bench_port,
+            prologix_port=prologix_port,
+            time_scale=time_scale,
+            seed=seed,
+            jig=jig,
+            noise=noise,
+            radial=radial,
+            off=off,
+        )
+    )

@@ -14,7 +14,9 @@ _HELD_OUT = (3, 7)
 neighbours would give away."""
 _SMOOTH = 15
 _GUILTY = 4.0
-"""Mean squared residual over `_SMOOTH` points, in units of noise, from which a stretch counts as guilty."""
+_OF_WORST = 0.01
+"""A stretch counts as guilty where its mean squared residual over `_SMOOTH` points is above four times the noise, and
+above a hundredth of the worst: a large mismatch reaches far, and people need to know where it sits."""
 
 
 def held_out(sweep: Sweep) -> NDArray[np.bool_]:
@@ -27,7 +29,8 @@ def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, fl
     """Return the bands where `excess`, 1 on average where all is well, stands out; the worst first, five at most."""
     kernel = np.ones(_SMOOTH) / _SMOOTH
     smooth = np.convolve(excess, kernel, mode="same")
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], smooth > _GUILTY, [False]]).astype(np.int8)))
+    guilty = smooth > max(_GUILTY, _OF_WORST * float(np.max(smooth, initial=0.0)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8)))
     bands = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
     merged: list[tuple[int, int]] = []
     for a, b in bands:
