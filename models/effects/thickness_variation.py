@@ -8,9 +8,12 @@ import numpy as np
 from ..stack import Stack
 from .assembly import Assembly, Part
 from .effect import Effect, Knob, Stage, layer_at
+from .scale import active
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(9)
 """Exact while the resonance moves by less than some line widths over the face."""
+_THIN = 0.1
+"""Of the disk's thickness: a glue line varies by tens of per cent where ground layers vary by one."""
 
 
 class ThicknessVariation(Effect):
@@ -28,7 +31,11 @@ class ThicknessVariation(Effect):
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the variance of the thickness, relative to its mean squared; the effect is linear in it."""
-        return (Knob("variance", "1", typical=3e-6, upper=0.01),)
+        name = layer_at(where)
+        thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
+        if thin:
+            return (Knob("variance", "1", typical=0.02, upper=0.3),)
+        return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01),)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return half the range of thickness, relative to its mean."""
