@@ -66,7 +66,7 @@ def test_the_sdist_holds_the_tests(dist: Path) -> None:
 
 
 def test_the_installed_wheel_runs(dist: Path, tmp_path: Path) -> None:
-    """Installed from the wheel alone, away from the checkout: fitters load, and the files that go with them are there."""
+    """Installed from the wheel alone, away from the checkout: fitters load, the files that go with them are there."""
     wheel = next(dist.glob("*.whl"))
     target = tmp_path / "site"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", target, wheel]

@@ -1,0 +1,84 @@
+"""The diagnosis on devices of an independent world: what was planted is found, where it is, and nothing else."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.buildfile import read_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.findings import Diagnosis
+from pzctl.fitters.interface import FitTask
+
+CASES = (
+    "null",
+    "lead",
+    "taper",
+    "hidden-mass",
+    "glue-null",
+    "glue-missing",
+    "void",
+    "drift",
+    "lead-and-taper",
+    "unknown",
+)
+
+
+def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
+    truth = json.loads((cases / "truth.json").read_text())[name]
+    sweeps = {
+        step: tuple(read_recording(cases / name / file) for file in files) for step, files in truth["files"].items()
+    }
+    return diagnose(FitTask(read_build(cases / name / "build.toml"), sweeps)), truth
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_open_case(cases: Path, name: str) -> None:
+    diagnosis, truth = diagnosed(cases, name)
+    assert diagnosis.verdict == truth["verdict"]
+    found = {(finding.effect, finding.step): finding.where for finding in diagnosis.findings}
+    assert set(found) == {(planted["effect"], planted["step"]) for planted in truth["findings"]}
+    for planted in truth["findings"]:
+        assert found[planted["effect"], planted["step"]] in planted["where"]
+    assert set(truth["not_decidable"]) <= {entry.effect for entry in diagnosis.not_decidable}
+
+
+def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "glue-missing")
+    (finding,) = diagnosis.findings
+    assert diagnosis.final.held_out < 0.1 * diagnosis.baseline.held_out
+    assert diagnosis.final.held_out < 1.2
+    assert finding.probability > 0.9
+    thickness = finding.parameters["thickness"]
+    assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
+
+
+def test_constants_are_freed_of_their_bias(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "lead-and-taper")
+    true = complex(*truth["constants"]["disk.eps33S"])
+    before, after = (side.constants["disk.eps33S"] for side in (diagnosis.baseline, diagnosis.final))
+    assert abs(complex(after.re, after.im) - true) < 0.2 * abs(complex(before.re, before.im) - true)
+    assert after.u_im is not None
+    assert abs(after.im - true.imag) < 3 * after.u_im
+
+
+def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
+
+    sweep = read_recording(cases / "null" / "disk.csv")
+    task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (replace(sweep, impedance=-sweep.impedance),)})
+    diagnosis = diagnose(task)
+    assert [finding.effect for finding in diagnosis.findings] == ["polarity"]
+    assert np.isfinite(diagnosis.final.chi2_per_dof)
+    assert "inverted" in diagnosis.findings[0].says
+
+
+def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
+    truth = json.loads((cases / "truth.json").read_text())["lead"]
+    sweeps = {"disk": tuple(read_recording(cases / "lead" / file) for file in truth["files"]["disk"])}
+    diagnosis = diagnose(FitTask(read_build(cases / "lead" / "build.toml"), sweeps), effects=("leakage",))
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert diagnosis.verdict == "unexplained"
