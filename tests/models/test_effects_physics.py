@@ -1,0 +1,256 @@
+"""Each effect's physics against something that shares no code with it: circuits, wave equations, integrals, laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec, solve_ivp
+from scipy.optimize import brentq
+
+from pzctl.models.effects import Conditions, Device, find_effect
+from pzctl.models.stack import AIR, VACUUM, CausalConstantQ, Elastic, HalfSpace, Mass, Piezo, PowerLoss, Stack, Support
+
+F = np.linspace(1.5e6, 15e6, 60)
+W = 2 * np.pi * F
+AREA = np.pi * 5e-3**2
+DISK = Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1j / 80), 1.98e9 + 1e7j, 8.09e-9 * (1 - 0.017j))
+GLUE, ML1 = Elastic("glue1", 10e-6, 2.9e6, 2550.0, 30.0), Elastic("ml1", 139e-6, 10.3e6, 2455.0, 60.0)
+WATER = HalfSpace("water", 1.5e6)
+BARE = Stack((DISK,), AIR, AIR, AREA)
+GLUED = Stack((DISK, GLUE, ML1), AIR, WATER, AREA)
+
+
+def added(name: str, where: str, stack: Stack = BARE, conditions: Conditions | None = None, **values: float) -> Device:
+    return Device(stack, conditions=conditions or Conditions()).with_effect(find_effect(name), where, values)
+
+
+def close(Z: np.ndarray, expected: np.ndarray, tolerance: float = 1e-11) -> None:
+    assert np.max(np.abs(Z / expected - 1)) < tolerance
+
+
+def shooting(h, f: float, mass_back: float = 0.0, mass_front: float = 0.0, front: float = 0.0, cuts=()) -> complex:
+    """Z of a disk with h33(z), by integrating u' = (T + h D)/c, T' = -w^2 rho u, V' = D/eps - h u'."""
+    w, D, t = 2 * np.pi * f, 1e-3, DISK.thickness
+
+    def slope(z: float, y: np.ndarray, charge: float) -> list[complex]:
+        u, T = y[0], y[1]
+        stretch = (T + h(z) * charge) / DISK.c33D
+        return [stretch, -(w**2) * DISK.density * u, charge / DISK.eps33S - h(z) * stretch]
+
+    ends = []
+    for start, charge in ((1e-9, 0.0), (0.0, D)):
+        y = np.array([start, -(w**2) * mass_back * start, 0], complex)
+        for a, b in zip((0.0, *cuts), (*cuts, t), strict=True):
+            run = solve_ivp(slope, (a, b), y, "DOP853", rtol=1e-11, atol=1e-30, args=(charge,))
+            y = run.y[:, -1]
+        ends.append(y)
+    free, driven = ends  # at the front T = (w^2 m - jw Z) u
+    pull = w**2 * mass_front - 1j * w * front
+    share = -(driven[1] - pull * driven[0]) / (free[1] - pull * free[0])
+    return complex((driven[2] + share * free[2]) / (1j * w * D * AREA))
+
+
+def test_terminals_are_the_circuits_they_are_named_after() -> None:
+    Z = BARE.impedance(F)
+    wire = added("series-resistance", "terminals", resistance=0.3, skin=0.1).impedance(F)
+    close(wire, Z + 0.3 + 0.1 * (1 + 1j) * np.sqrt(F / 1e6))
+    close(added("stray-capacitance", "terminals", capacitance=3e-12).impedance(F), Z / (1 + 1j * W * 3e-12 * Z))
+    close(added("leakage", "terminals", conductance=1e-5).impedance(F), 1 / (1 / Z + 1e-5))
+
+
+def test_a_cable_is_its_ladder_of_short_pieces() -> None:
+    length, Z0, n = 0.8, 60.0, 20000
+    Z = BARE.impedance(F)
+    L, C = Z0 / 2e8 * length / n, length / n / (Z0 * 2e8)
+    for _ in range(n):
+        half = Z + 0.5j * W * L
+        Z = half / (1 + 1j * W * C * half) + 0.5j * W * L
+    close(added("cable", "terminals", length=length, impedance=Z0).impedance(F), Z, 1e-7)
+
+
+def test_leads_and_stray_stand_where_they_do_in_the_world() -> None:
+    """Beside the device, then the wire, then the cable, whatever was found first."""
+    device = Device(BARE)
+    for name, knob, value in (
+        ("cable", "length", 0.5), ("lead-inductance", "inductance", 3e-8), ("stray-capacitance", "capacitance", 5e-12),
+    ):  # fmt: skip
+        device = device.with_effect(find_effect(name), "terminals", {knob: value})
+    inner = 1 / (1 / BARE.impedance(F) + 1j * W * 5e-12) + 1j * W * 3e-8
+    T = 1j * np.tan(W / 2e8 * 0.5)
+    close(device.impedance(F), 50 * (inner + 50 * T) / (50 + inner * T))
+
+
+@pytest.mark.parametrize(("front", "where"), [(1.0, "front"), (0.0, "back"), (0.3, "both")])
+def test_a_dead_layer_solves_the_wave_equation(front: float, where: str) -> None:
+    depth, t = 8e-6, DISK.thickness
+    low, high = (1 - front) * depth, t - front * depth
+    cuts = tuple(cut for cut in (low, high) if 0 < cut < t)
+    stack = Stack((DISK,), VACUUM, VACUUM, AREA)
+    Z = added("surface-layer", "layer:disk", stack, depth=depth, front=front).impedance(F)
+    expected = [shooting(lambda z: DISK.h33 if low <= z <= high else 0.0, f, cuts=cuts) for f in F]
+    close(Z, np.array(expected), 2e-7)
+
+
+def test_masses_and_a_liquid_solve_the_wave_equation() -> None:
+    stack = Stack((DISK,), VACUUM, VACUUM, AREA)
+    device = added("electrode-mass", "face:back", stack, mass=0.05)
+    device = device.with_effect(find_effect("electrode-mass"), "face:front", {"mass": 0.08})
+    device = device.with_effect(find_effect("face-load"), "face:front", {"resistance": 1.5e6})
+    expected = [shooting(lambda z: DISK.h33, f, 0.05, 0.08, 1.5e6) for f in F]
+    close(device.impedance(F), np.array(expected), 2e-7)
+
+
+def test_a_light_mass_lowers_the_antiresonance_as_sauerbrey_says() -> None:
+    stack = Stack((Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1e-5j), 1.98e9, 8.09e-9),), VACUUM, VACUUM, AREA)
+    m = 1e-4 * 7700 * 0.5e-3
+    f = np.linspace(4.32e6, 4.34e6, 40001)
+    before, after = (
+        f[np.argmax(d.impedance(f).real)] for d in (stack, added("electrode-mass", "face:back", stack, mass=m))
+    )
+    assert after / before - 1 == pytest.approx(-1e-4, rel=0.02)
+
+
+def test_a_jig_is_a_support_of_the_same_resistance_and_spring() -> None:
+    Z = added("face-load", "face:back", Stack((DISK,), VACUUM, AIR, AREA), resistance=5e4, stiffness=1e12)
+    close(Z.impedance(F), Stack((DISK,), Support("jig", 5e4, 1e12), AIR, AREA).impedance(F))
+
+
+def test_an_echoing_backing_is_a_long_layer_with_a_free_rear() -> None:
+    """A constant Q makes exp(-w delay/2Q) of the amplitude; the layer's small complex impedance is set real here."""
+    z, c, q, length = 5e6, 2000.0, 40.0, 3e-3
+    f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
+    delay = 2 * length / c
+    decay = np.pi * f0 * delay / q
+    known = {"strength": float(np.exp(-decay)), "delay": delay, "decay": float(decay)}
+    Z = added("finite-backing", "face:back", Stack((DISK,), HalfSpace("tungsten", z), AIR, AREA), **known).impedance(F)
+    gamma = 1j * W / c * (1 - 0.5j / q)
+    ends = z * np.tanh(gamma * length)
+    expected = np.array(
+        [
+            Stack((DISK,), Support("rear", e.real, *((0, e.imag / w) if e.imag > 0 else (-e.imag * w, 0))), AIR, AREA)
+            .impedance(np.array([f]))[0]
+            for f, w, e in zip(F, W, ends, strict=True)
+        ]
+    )  # fmt: skip
+    close(Z, expected, 1e-9)
+
+
+def test_parts_of_the_face_stand_side_by_side() -> None:
+    Z, free = GLUED.impedance(F), BARE.impedance(F)
+    for where in ("interface:disk|glue1", "layer:glue1"):
+        close(added("bond-void", where, GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / free))
+    kept = Stack((DISK, GLUE), AIR, AIR, AREA).impedance(F)
+    close(added("bond-void", "interface:glue1|ml1", GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / kept))
+    loaded = Stack((DISK, GLUE, ML1, Mass("dot", 0.4)), AIR, WATER, AREA).impedance(F)
+    dot = added("local-mass", "face:front", GLUED, fraction=0.03, mass=0.4).impedance(F)
+    close(dot, 1 / (0.97 / Z + 0.03 / loaded))
+
+
+def test_a_void_takes_with_it_what_lies_beyond() -> None:
+    device = added("electrode-mass", "face:front", GLUED, mass=0.05)
+    device = device.with_effect(find_effect("bond-void"), "interface:disk|glue1", {"fraction": 0.2})
+    heavy = Stack((DISK, GLUE, ML1, Mass("ink", 0.05)), AIR, WATER, AREA).impedance(F)
+    close(device.impedance(F), 1 / (0.8 / heavy + 0.2 / BARE.impedance(F)))
+
+
+def test_strips_are_the_integral_over_the_thickness() -> None:
+    w = 0.004
+    Z = added("thickness-variation", "layer:disk", variance=w**2 / 3).impedance(F)
+    mean, _ = quad_vec(
+        lambda x: 0.5 / BARE.replace({"disk.thickness": DISK.thickness * (1 + w * x)}).impedance(F), -1, 1, epsrel=1e-12
+    )
+    close(Z, 1 / mean, 1e-9)
+
+
+def test_dispersion_is_that_of_the_causal_laws() -> None:
+    f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
+
+    def lawful(disk: Piezo, **laws) -> Stack:
+        return Stack((replace(disk, **laws),), AIR, AIR, AREA)
+
+    sharp = replace(DISK, c33D=DISK.c33D.real * (1 + 1j / 2000))
+    for n in (-0.5, 0.3, 1.0):
+        Z = added("loss-dispersion", "layer:disk", exponent=n, companion=1.0).impedance(F)
+        close(Z, lawful(DISK, c_law=PowerLoss(f0, n)).impedance(F))
+        causal = lawful(sharp, c_law=CausalConstantQ(f0))  # the two laws differ by 1/Q^2
+        Z = added("loss-dispersion", "layer:disk", causal, exponent=n).impedance(F)
+        close(Z, lawful(sharp, c_law=PowerLoss(f0, n)).impedance(F), 2e-3)
+    Z = added("dielectric-dispersion", "layer:disk", slope=2 / np.pi * np.arctan(0.017)).impedance(F)
+    close(Z, lawful(DISK, eps_law=CausalConstantQ(f0)).impedance(F))
+
+
+def test_a_spurious_resonance_is_a_series_circuit_beside_the_device() -> None:
+    f_k, q, strength = 3.9e6, 50.0, 2e-3
+    C0 = DISK.eps33S.real * AREA / DISK.thickness
+    C, w_k = strength * C0, 2 * np.pi * f_k
+    L, R = 1 / (w_k**2 * C), 1 / (q * w_k * C)
+    Z = added("spurious-resonance", "layer:disk", strength=strength, frequency=f_k, q=q).impedance(F)
+    close(Z, 1 / (1 / BARE.impedance(F) + 1 / (R + 1j * W * L + 1 / (1j * W * C))))
+
+
+def test_the_comb_of_a_finite_disk_has_the_spacing_of_its_diameter() -> None:
+    f = np.linspace(3e6, 5e6, 4001)
+    ripples = {}
+    for diameter in (10e-3, 20e-3):
+        stack = Stack((DISK,), AIR, AIR, np.pi * diameter**2 / 4)
+        Z = added("lateral-modes", "layer:disk", stack, strength=1e-3, q=400.0, speed=3000.0).impedance(f)
+        added_G = (1 / Z - 1 / stack.impedance(f)).real
+        peaks = f[1:-1][(added_G[1:-1] > added_G[:-2]) & (added_G[1:-1] > added_G[2:])]
+        ripples[diameter] = np.median(np.diff(peaks))
+        assert np.all(added_G > 0)
+    assert ripples[10e-3] == pytest.approx(3000.0 / 10e-3, rel=0.02)
+    assert ripples[20e-3] == pytest.approx(3000.0 / 20e-3, rel=0.02)
+
+
+def test_a_sweep_that_lags_reads_the_past() -> None:
+    for direction, sign in (("up", -1), ("down", 1)):
+        late = added("sweep-lag", "sweep", conditions=Conditions(direction), lag=2000.0).impedance(F)
+        close(late, BARE.impedance(F + sign * 2000.0))
+
+
+def test_polarity_turns_signs_and_the_derivatives_with_them() -> None:
+    Z, J = BARE.jacobian(F, ["disk.thickness"])
+    for inverted, conjugated in ((0, 1), (1, 0), (1, 1)):
+        device = added("polarity", "terminals", inverted=inverted, conjugated=conjugated)
+        seen, slopes = device.jacobian(F, ["disk.thickness"])
+        turn = np.conj if conjugated else np.array
+        close(seen, (-1) ** inverted * turn(Z))
+        close(slopes, turn(J))
+
+
+def test_the_drive_bends_the_series_resonance_and_finds_its_own_strain() -> None:
+    """Point by point with a root finder, from the field of the disk's own current; the antiresonance hardly moves."""
+    a, r, level = 2000.0, 0.4, 0.5
+    f = np.linspace(3.4e6, 4.6e6, 25)
+    Z = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=level), softening=a, loss=r).impedance(
+        f
+    )
+
+    def at(one: np.ndarray, strain: float) -> tuple[complex, float]:
+        c = DISK.c33D * (1 - a * strain * (1 - 1j * r))
+        bent = BARE.replace({"disk.c33D.re": c.real, "disk.c33D.im": c.imag})
+        z = complex(bent.impedance(one)[0])
+        current = np.sqrt(2) * level / abs(z + 25)
+        clamped = DISK.thickness / (2j * np.pi * one[0] * DISK.eps33S * AREA)
+        return z, current * abs(z - clamped) / (abs(DISK.h33) * DISK.thickness)
+
+    expected = []
+    for k in range(f.size):
+        one = f[k : k + 1]
+        strain = brentq(lambda s, one=one: at(one, s)[1] - s, 0.0, 1e-4, xtol=1e-16)
+        expected.append(at(one, strain)[0])
+    close(Z, np.array(expected), 1e-8)
+    halved = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=1e-6), softening=a).impedance(f)
+    close(halved, BARE.impedance(f), 1e-6)
+
+
+def test_a_drift_turns_round_with_the_sweep() -> None:
+    """To first order in the drift, the sweep down shows at each frequency what the sweep up shows mirrored in time."""
+    Z = BARE.impedance(F)
+    up, down = (
+        np.log(added("temperature-drift", "sweep", conditions=Conditions(d), relative=1e-5).impedance(F) / Z)
+        for d in ("up", "down")
+    )
+    assert np.max(np.abs(up + down)) < 1e-9
+    last = BARE.replace({"disk.c33D.re": DISK.c33D.real * (1 + 1e-5), "disk.c33D.im": DISK.c33D.imag * (1 + 1e-5)})
+    assert up[-1] == pytest.approx(np.log(last.impedance(F[-1:]) / Z[-1:])[0], rel=1e-3)
