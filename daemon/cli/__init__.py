@@ -6,7 +6,7 @@ import sys
 import typer
 
 from ...models.errors import PzctlError
-from . import diagnose, fit, fitters, materials, measure, samples, service, simulator
+from . import diagnose, effects, fit, fitters, materials, measure, samples, service, simulator
 
 app = typer.Typer(
     name="pzctl",
@@ -21,6 +21,7 @@ app.command("samples")(samples.samples)
 app.command("daemon")(service.daemon)
 app.command("sim")(simulator.sim)
 app.command("fitters")(fitters.fitters)
+app.command("effects")(effects.effects)
 app.command("materials")(materials.materials)
 
 

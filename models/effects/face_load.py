@@ -16,7 +16,7 @@ class FaceLoad(Effect):
     """A resistance and a spring added to what the face works against; in one band the resistance looks like loss."""
 
     name = "face-load"
-    says = "The {where} works against something that the build does not mention: a liquid, the jig, rubber."
+    says = "Something that the build does not mention works against {where}: a liquid, the jig, rubber."
     separates = "sweep with three clamp forces, or with point contacts; turn the transducer over; dry the face"
     references = (
         "Kinsler et al., Fundamentals of Acoustics, sections 7.5 and 10",

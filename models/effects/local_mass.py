@@ -18,7 +18,7 @@ class LocalMass(Effect):
 
     name = "local-mass"
     stage = Stage.SHARES
-    says = "Part of the {where} carries a mass: a solder dot, a wire, a drop of glue."
+    says = "Part of {where} carries a mass: a solder dot, a wire, a drop of glue."
     separates = "sweep with pressure contacts before soldering, or weigh the dot"
     references = (
         "left-out physics 4.2 (parts of the face as plates side by side)",

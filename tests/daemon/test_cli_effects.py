@@ -1,0 +1,36 @@
+"""`pzctl effects` as a user calls it."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from pzctl.daemon.cli import app
+from pzctl.models.effects import EffectError, catalogue
+
+
+def test_the_list_names_every_effect() -> None:
+    shown = CliRunner().invoke(app, ["effects"])
+    assert shown.exit_code == 0
+    for effect in catalogue():
+        assert effect.name in shown.stdout
+
+
+def test_json_says_what_and_where_and_how_to_tell() -> None:
+    told = json.loads(CliRunner().invoke(app, ["effects", "--json"]).stdout)["effects"]
+    assert [effect["name"] for effect in told] == [effect.name for effect in catalogue()]
+    mass = next(effect for effect in told if effect["name"] == "electrode-mass")
+    assert mass["where"] == ["face:back", "face:front", "interface"]
+    assert mass["parameters"][0] | {"typical": 0, "limits": []} == {
+        "name": "mass", "unit": "kg/m2", "null": 0.0, "typical": 0, "limits": [],
+    }  # fmt: skip
+    assert "weigh" in mass["separates"]
+
+
+def test_one_effect_is_shown_with_its_sentence_and_unknown_ones_are_refused() -> None:
+    shown = " ".join(CliRunner().invoke(app, ["effects", "sweep-lag"]).stdout.split())
+    assert "before the device had settled" in shown.replace("│ │ ", "")
+    refused = CliRunner().invoke(app, ["effects", "gremlins"]).exception
+    assert isinstance(refused, EffectError)
+    with pytest.raises(EffectError, match="'gremlins'"):
+        raise refused
