@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ..models.arrays import Complexes, Reals
 from ..models.errors import PzctlError
@@ -42,6 +43,10 @@ _ENOUGH = 12
 # Descents after which a minimum that describes every recording to its noise is taken: none can be better.
 _DESCRIBED = 1.3
 _POLISHED = 3
+_EVALUATIONS = 100
+_ROUGH = 1e-6
+_HARMLESS = (".loss", ".q", "back.z", "front.z")
+# Coordinates that remain physical whatever their value is.
 _NARROWEST, _WIDEST = np.log(1.5), np.log(10.0)
 _LOSSES = np.log(1e-4), np.log(0.3)
 
@@ -50,7 +55,8 @@ _LOSSES = np.log(1e-4), np.log(0.3)
 class _Minimum:
     """A distinct minimum of the blunted objective."""
 
-    descent: Descent
+    x: Reals
+    cost: float
     curves: Complexes
     """ln(Z_model/Z_measured) of all coarse points."""
     found_by: list[str] = field(default_factory=list[str])
@@ -66,17 +72,16 @@ class _Hunt:
     """The minima seen so far."""
 
     objective: Objective
+    box: Box
     minima: list[_Minimum] = field(default_factory=list[_Minimum])
     descents: int = 0
-    evaluations: int = 0
 
     def polish(self, x: Reals, by: str) -> None:
         """Descend from x and enter the minimum."""
-        found = descend(self.objective, x, 1e-6)
+        end = _inside(self.objective, self.box, x)
         self.descents += 1
-        self.evaluations += found.evaluations
         try:
-            curves = np.concatenate(self.objective.log_ratios(found.x))
+            curves = np.concatenate(self.objective.log_ratios(end))
         except (PzctlError, ArithmeticError):
             return
         if not np.all(np.isfinite(curves)):
@@ -85,8 +90,9 @@ class _Hunt:
             if np.sqrt(np.mean(np.abs(minimum.curves - curves) ** 2)) < _SAME:
                 minimum.found_by.append(by)
                 return
-        self.minima.append(_Minimum(found, curves, [by]))
-        self.minima.sort(key=lambda minimum: minimum.descent.cost)
+        cost = float(np.sum(self.objective.residual(end) ** 2)) / 2
+        self.minima.append(_Minimum(end, cost, curves, [by]))
+        self.minima.sort(key=lambda minimum: minimum.cost)
 
     @property
     def unseen(self) -> float:
@@ -129,24 +135,26 @@ class NloptGlobal:
         coordinates, priors = coordinates_of(build, sweeps, begun, task.free), priors_of(build, sweeps)
         if coordinates.x.size == 0:
             raise FitError("nothing is free to be fitted: every constant of the build is taken as exact")
-        hunt = _Hunt(Objective([_coarse(recording) for recording in recordings], coordinates, priors))
-        why = self._search(hunt, box_of(coordinates, priors), recordings, began + self._seconds, progress)
+        coarse = Objective([_coarse(recording) for recording in recordings], coordinates, priors)
+        hunt = _Hunt(coarse, box_of(coordinates, priors))
+        why = self._search(hunt, recordings, began + self._seconds, progress)
         progress("polishing")
-        last, polished = _settled(hunt, recordings, coordinates, priors)
-        solution = Solution(build, noises, last, begun, hunt.evaluations + polished, time.perf_counter() - began)
+        last, stuck = _settled(hunt, recordings)
+        solution = Solution(
+            build, noises, last, begun, coarse.evaluations + last.evaluations, time.perf_counter() - began
+        )
         answer = least_squares_answer(self.name, self.version, solution)
-        return replace(answer, says=(*_says(hunt, why), *answer.says))
+        return replace(answer, says=(*_says(hunt, why), *_at_bounds(stuck), *answer.says))
 
     def _search(
         self,
         hunt: _Hunt,
-        box: Box,
         recordings: Sequence[Recording],
         deadline: float,
         progress: Callable[[str], None],
     ) -> str:
         """Fill the hunt with minima; return why it ended."""
-        cost, slope = _costs(hunt.objective)
+        box, (cost, slope) = hunt.box, _costs(hunt.objective)
         for k, (algorithm, per_coordinate) in enumerate(_ALGORITHMS):
             left = deadline - time.perf_counter()
             if left <= 0:
@@ -154,7 +162,6 @@ class NloptGlobal:
             progress(f"searching: {algorithm}")
             share = left / (len(_ALGORITHMS) - k + 1)
             end = search(algorithm, cost, slope, box, per_coordinate * box.start.size, share, self._seed + k)
-            hunt.evaluations += end.evaluations
             hunt.polish(end.x, algorithm)
         rng = np.random.default_rng(self._seed)
         while time.perf_counter() < deadline:
@@ -218,34 +225,83 @@ def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:
 def _describes(hunt: _Hunt, recordings: Sequence[Recording]) -> bool:
     """Say whether the deepest minimum, settled at the recordings' own noise, describes all of them to it."""
     objective = hunt.objective
-    last = descend(Objective(recordings, objective.coordinates, objective.priors), hunt.minima[0].descent.x, 1e-6)
-    hunt.evaluations += last.evaluations
+    last = descend(Objective(recordings, objective.coordinates, objective.priors), hunt.minima[0].x, _ROUGH)
     ratios = last.objective.log_ratios(last.x)
     return all(chi2_per_point(r, ratio) < _DESCRIBED for r, ratio in zip(recordings, ratios, strict=True))
 
 
-def _settled(
-    hunt: _Hunt, recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior]
-) -> tuple[Descent, int]:
-    """Return the best of the deepest minima at the recordings' full weight, and the evaluations it took."""
+def _inside(objective: Objective, box: Box, x: Reals) -> Reals:
+    """Return where least squares from x ends without leaving the box.
+
+    Levenberg-Marquardt is several times faster; where it goes out of the box, a trust region inside it goes again.
+    """
+    free = descend(objective, x, _ROUGH).x
+    if np.all((box.low <= free) & (free <= box.high)):
+        return free
+    margin = 1e-6 * (box.high - box.low)
+    found = least_squares(
+        objective.residual,
+        np.clip(x, box.low + margin, box.high - margin),
+        jac=objective.jacobian,
+        bounds=(box.low, box.high),
+        x_scale="jac",
+        ftol=_ROUGH,
+        xtol=_ROUGH,
+        gtol=_ROUGH,
+        max_nfev=_EVALUATIONS,
+    )
+    return np.asarray(found.x, np.float64)
+
+
+def _settled(hunt: _Hunt, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
+    """Return the best of the deepest minima at the recordings' full weight, and the constants held at a bound."""
     if not hunt.minima:
         raise FitError("the model gives no number anywhere inside the bounds of the search")
-    ends = [
-        settle(recordings, coordinates, priors, minimum.descent.x)
-        for minimum in hunt.minima[:_POLISHED]
-        if minimum.descent.cost < 4 * hunt.minima[0].descent.cost + 1
-    ]
+    near = [minimum for minimum in hunt.minima[:_POLISHED] if minimum.cost < 4 * hunt.minima[0].cost + 1]
+    ends = [_settled_inside(hunt, recordings, minimum.x) for minimum in near]
 
-    def rms(descent: Descent) -> float:
+    def rms(end: tuple[Descent, tuple[str, ...]]) -> float:
+        descent = end[0]
         return float(np.mean(np.abs(np.concatenate(descent.objective.log_ratios(descent.x))) ** 2))
 
-    return min(ends, key=rms), sum(end.evaluations for end in ends)
+    best, stuck = min(ends, key=rms)
+    return replace(best, evaluations=sum(end.evaluations for end, _ in ends)), stuck
+
+
+def _settled_inside(hunt: _Hunt, recordings: Sequence[Recording], x: Reals) -> tuple[Descent, tuple[str, ...]]:
+    """Settle from x; a constant that would leave its bounds is held at them."""
+    coordinates, priors, box = hunt.objective.coordinates, hunt.objective.priors, hunt.box
+    bounds = dict(zip(box.names, zip(box.low.tolist(), box.high.tolist(), strict=True), strict=True))
+    stuck: list[str] = []
+    while True:
+        last = settle(recordings, coordinates, priors, x)
+        out = [
+            name
+            for name, value in zip(coordinates.free, last.x.tolist(), strict=True)
+            if not bounds[name][0] <= value <= bounds[name][1] and not name.endswith(_HARMLESS)
+        ]
+        if not out:
+            return last, tuple(stuck)
+        stuck += out
+        held = np.array([np.clip(v, *bounds[n]) for n, v in zip(coordinates.free, last.x.tolist(), strict=True)])
+        values, _ = coordinates.forward(held)
+        coordinates = Coordinates(coordinates.blocks, values, tuple(n for n in coordinates.free if n not in stuck))
+        x = coordinates.x
+
+
+def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
+    if not stuck:
+        return ()
+    return (
+        f"{', '.join(stuck)} would leave the physical bounds and was held at them: the model does not describe this "
+        "device, or build and data sheet are far off. Do not use these numbers.",
+    )
 
 
 def _says(hunt: _Hunt, why: str) -> tuple[str, ...]:
     lines = [f"{hunt.descents} descents ended in {len(hunt.minima)} distinct minima; {why}."]
     for k, minimum in enumerate(hunt.minima[:4]):
-        values, _ = hunt.objective.coordinates.forward(minimum.descent.x)
+        values, _ = hunt.objective.coordinates.forward(minimum.x)
         key = [name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in _moved(hunt)]
         shown = ", ".join(f"{name.removesuffix('.re')} {values[name]:.4g}" for name in key[:6])
         by = ", ".join(f"{who} {minimum.found_by.count(who)}x" for who in dict.fromkeys(minimum.found_by))
