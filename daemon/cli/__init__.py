@@ -6,7 +6,7 @@ import sys
 import typer
 
 from ...models.errors import PzctlError
-from . import diagnose, effects, fit, fitters, materials, measure, samples, service, simulator
+from . import diagnose, doctor, effects, export, fit, fitters, materials, measure, samples, service, show, simulator
 
 app = typer.Typer(
     name="pzctl",
@@ -23,6 +23,9 @@ app.command("sim")(simulator.sim)
 app.command("fitters")(fitters.fitters)
 app.command("effects")(effects.effects)
 app.command("materials")(materials.materials)
+app.command("doctor")(doctor.doctor)
+app.command("show")(show.show)
+app.command("export")(export.export)
 
 
 def main() -> None:
