@@ -11,7 +11,7 @@ from ..stack import Piezo, Stack
 from .assembly import Assembly
 from .effect import Effect, Knob, Stage, layer_at
 from .laws import Factor
-from .scale import active
+from .scale import active, reactance
 
 _SOURCE = 25.0
 """ohm, between the oscillator of a 4294A and the device."""
@@ -42,11 +42,8 @@ class DriveNonlinearity(Effect):
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return a, the relative softening per strain, and r, the loss per softening (4/(3 pi) by Rayleigh's law)."""
-        disk = active(stack)
-        Q = disk.c33D.real / max(disk.c33D.imag, 1e-3 * disk.c33D.real)
-        strain = Q * sqrt(2) * _USUAL_LEVEL / disk.thickness * abs(disk.h33) * disk.eps33S.real / disk.c33D.real
         return (
-            Knob("softening", "1", typical=_USUAL_SOFTENING / max(strain, 1e-12)),
+            Knob("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
             Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
         )
 
@@ -67,6 +64,16 @@ class DriveNonlinearity(Effect):
             return Z * (_softer(device, name, soft, loss).steady(frequency) / device.steady(frequency))
 
         return assembly.recorded(bent)
+
+
+def _usual_strain(stack: Stack) -> float:
+    """Return the strain at the series resonance at the usual level, of which the source's resistance keeps most."""
+    disk = active(stack)
+    Q = disk.c33D.real / max(disk.c33D.imag, 1e-3 * disk.c33D.real)
+    per_field = abs(disk.h33) * disk.eps33S.real / disk.c33D.real
+    coupling = abs(disk.h33) * per_field  # kt^2
+    R = pi**2 / 8 * reactance(stack) / max(coupling * Q, 1e-3)
+    return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _SOURCE)
 
 
 def _softer(device: Assembly, name: str, soft: Reals, loss: float) -> Assembly:

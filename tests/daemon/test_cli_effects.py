@@ -2,7 +2,6 @@
 
 import json
 
-import pytest
 from typer.testing import CliRunner
 
 from pzctl.daemon.cli import app
@@ -32,5 +31,4 @@ def test_one_effect_is_shown_with_its_sentence_and_unknown_ones_are_refused() ->
     assert "before the device had settled" in shown.replace("│ │ ", "")
     refused = CliRunner().invoke(app, ["effects", "gremlins"]).exception
     assert isinstance(refused, EffectError)
-    with pytest.raises(EffectError, match="'gremlins'"):
-        raise refused
+    assert "'gremlins'" in str(refused)
