@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .daemon.client import connect as connect
     from .models.build import Build as Build
     from .models.plan import Segment as Segment
     from .models.plan import SweepPlan as SweepPlan
@@ -17,8 +18,9 @@ _HOME = {
     "Segment": ".models.plan",
     "Sweep": ".models.sweep",
     "SweepPlan": ".models.plan",
+    "connect": ".daemon.client",
 }
-__all__ = ["Build", "Segment", "Sweep", "SweepPlan"]
+__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect"]
 
 
 def __getattr__(name: str) -> Any:

@@ -116,6 +116,11 @@ class Archive:
         rows = self._all("SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok ORDER BY fitter", measurement)
         return tuple(row[0] for row in rows)
 
+    def answers(self, measurement: str, fitter: str) -> int:
+        """Return how many answers of a fitter to a measurement are kept."""
+        row = self._one("SELECT count(*) FROM fits WHERE measurement = ? AND fitter = ?", measurement, fitter)
+        return row[0] if row else 0
+
     def verify(self) -> list[str]:
         """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
         wrong: list[str] = []

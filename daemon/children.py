@@ -1,6 +1,7 @@
 """Child processes that end with their parent, however that ends."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -39,6 +40,17 @@ def end_child(process: "subprocess.Popen[bytes]") -> None:
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
             pipe.close()
+
+
+def kill_child(process: "subprocess.Popen[bytes]") -> None:
+    """End a child that hangs, and whatever it started: at once, it is past being asked."""
+    if process.poll() is None:
+        if sys.platform == "win32":
+            process.kill()
+        else:
+            os.killpg(process.pid, signal.SIGKILL)  # start_child gave it a session, so a group, of its own
+    process.wait()
+    end_child(process)
 
 
 def end_with_parent() -> None:

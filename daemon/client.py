@@ -14,16 +14,17 @@ from typing import Any, Self
 
 import zmq
 
-from ..fitters.interface import FitError, FitResult
+from ..fitters.interface import FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
 from ..models.sweep import Sweep
 from . import requests as ask
+from .awaiting import Answers, diagnosis_of, fit_of
 from .connection import Asker, DaemonError, Subscription
 from .location import locate
-from .reports import curve_columns, curves_of, report_of, result_of
+from .reports import curve_columns, report_of
 from .uuid7 import uuid7
-from .wire import FitEvent, Heard, ProgressEvent, StateEvent, SweepEvent
+from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
 
 BENCH_PATIENCE = 60.0
 """Seconds that a bench command may take."""
@@ -60,7 +61,7 @@ class Client:
         self._asker = Asker(self._context, requests)
         self._endpoint = events
         self._subscription: Subscription | None = None
-        self._fits: dict[tuple[str, str], Heard] = {}
+        self._answers = Answers()
 
     def __enter__(self) -> Self:
         return self
@@ -162,16 +163,35 @@ class Client:
 
         Raises FitError where the fitter refused, DaemonError where it does not run or does not answer in time.
         """
-        subscription = self._subscribed()
-        self._remember(self.fits(measurement))
-        deadline = time.monotonic() + patience
-        while (measurement, fitter) not in self._fits:
-            self._require(fitter)
-            heard = subscription.receive(min(1.0, max(0.0, deadline - time.monotonic())))
-            self._remember([heard] if heard else [])
-            if heard is None and time.monotonic() > deadline:
-                raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer")
-        return fit_of(self._fits[measurement, fitter])
+        self._subscribed()
+        self._answers.note(self.fits(measurement))
+        return fit_of(self._answer(measurement, fitter, None, patience, kept=True))
+
+    def fit(self, measurement: str, fitter: str, patience: float = 600.0) -> FitResult:
+        """Have a measurement fitted by any fitter that is installed beside the daemon, unless it was already.
+
+        Raises FitError where the fitter refused, DaemonError where it is not installed or does not answer in time.
+        """
+        self._subscribed()
+        self._answers.note(self.fits(measurement))
+        self._answers.forget_given_up(measurement, fitter)
+        if self._answers.find(measurement, fitter) is None:
+            self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), ask.ErrandAnswer)
+        return fit_of(self._answer(measurement, fitter, None, patience))
+
+    def diagnose(
+        self, measurement: str, effects: Sequence[str] | None = None, patience: float = 1200.0
+    ) -> dict[str, Any]:
+        """Have a measurement diagnosed; return the object that `pzctl diagnose --json` prints.
+
+        Raises FitError where it cannot be, DaemonError where an effect is not known or no answer comes in time.
+        """
+        self._subscribed()
+        request = ask.Diagnose(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
+        wanted = self._asker.ask(request, ask.ErrandAnswer)
+        self._answers.note(self.fits(measurement))
+        self._answers.forget_given_up(measurement, wanted.fitter)
+        return diagnosis_of(self._answer(measurement, wanted.fitter, wanted.version, patience))
 
     def submit(
         self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, answer: FitResult | str
@@ -187,6 +207,12 @@ class Client:
                 measurement, sweeps, fitter, version, report=report, curves=curves, columns=columns
             )
         self._asker.ask(request, ask.Answer, raw)
+
+    def submit_diagnosis(
+        self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, diagnosis: dict[str, Any]
+    ) -> None:
+        """Hand in a diagnosis: the object that `pzctl diagnose --json` prints."""
+        self._asker.ask(self._submission(measurement, sweeps, fitter, version, diagnosis=diagnosis), ask.Answer)
 
     @staticmethod
     def _submission(measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any) -> ask.Submit:
@@ -206,7 +232,7 @@ class Client:
         sweeps: list[Sweep] = []
         while True:
             heard = subscription.receive(1.0)
-            self._remember([heard] if heard else [])
+            self._answers.note([heard] if heard else [])
             match heard.event if heard else None:
                 case ProgressEvent(measurement=m) as event if m == measurement:
                     progress(event)
@@ -221,11 +247,25 @@ class Client:
                 case _:
                     pass
 
-    def _remember(self, heard: Sequence[Heard]) -> None:
-        """Keep the fits that come by, for whoever waits for them later."""
-        for one in heard:
-            if isinstance(one.event, FitEvent):
-                self._fits[one.event.measurement, one.event.fitter] = one
+    def _answer(
+        self, measurement: str, fitter: str, version: str | None, patience: float, *, kept: bool = False
+    ) -> Heard:
+        """Listen until there is an answer, of this version where one is given, or one in the fitter's place.
+
+        Raises DaemonError where none comes in time, or where a fitter that has to be a `kept` one is none.
+        """
+        subscription = self._subscribed()
+        deadline = time.monotonic() + patience
+        while True:
+            found = self._answers.find(measurement, fitter, version) or self._answers.find(measurement, fitter, "")
+            if found is not None:
+                return found
+            if kept:
+                self._require(fitter)
+            heard = subscription.receive(min(1.0, max(0.0, deadline - time.monotonic())))
+            self._answers.note([heard] if heard else [])
+            if heard is None and time.monotonic() > deadline:
+                raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer")
 
     def _require(self, fitter: str) -> None:
         """Raise DaemonError where waiting for this fitter is of no use."""
@@ -237,11 +277,3 @@ class Client:
             )
         if known[fitter].state == "broken":
             raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")
-
-
-def fit_of(heard: Heard) -> FitResult:
-    """Return the result that a fit event carries. Raises FitError where it is a refusal."""
-    event = heard.event
-    if not isinstance(event, FitEvent) or event.report is None:
-        raise FitError((event.error if isinstance(event, FitEvent) else None) or "this event holds no fit")
-    return result_of(event.report, curves_of(event.curves, heard.arrays))

@@ -1,35 +1,29 @@
-"""Answers every request but `bench`: looks things up, changes the queue, stores what fitters hand in."""
+"""Answers every request but `bench`: looks things up, changes the queue, keeps what fitters hand in."""
 
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import singledispatchmethod
-from importlib.metadata import version
+from importlib.metadata import entry_points, version
 from typing import Any
 
-from ..models.errors import PzctlError
 from . import requests as ask
 from .acquisition import Acquisition, Job
 from .archive import Measurement
-from .frames import unpack
+from .errand import diagnosis_version
+from .errands import Errand, Errands
+from .guest import GROUP
 from .journal import Journal
-from .reports import curves_of
+from .refusals import RequestError
+from .submissions import checked
 from .supervisor import Supervisor
-from .wire import WIRE, DiagnosisEvent, Event, FitEvent, Instrument, Payload, StateEvent
+from .wire import WIRE, Event, Instrument, Payload, StateEvent
 
 MOST_FITTERS = 100
 """Fitters that are listed."""
 
 MOST_WAITING = 1000
 """Measurements in the queue."""
-
-
-class RequestError(PzctlError):
-    """A request that cannot be met; carries what the answer says."""
-
-    def __init__(self, code: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.problem = ask.Problem(code, message, hint)
 
 
 @dataclass
@@ -39,6 +33,7 @@ class Desk:
     journal: Journal
     acquisition: Acquisition
     supervisor: Supervisor
+    errands: Errands
     instrument: Instrument
     endpoints: tuple[str, str]
     bench: str | None
@@ -158,6 +153,26 @@ class Desk:
         return _events(request.id, self.journal.fits(self._known(request.measurement).id))
 
     @answer.register
+    def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        installed = sorted({*entry_points(group=GROUP).names, *self.supervisor.states})
+        if request.fitter not in installed:  # a name from a message is never imported as it is
+            raise RequestError(
+                "no-such-fitter", f"fitter {request.fitter!r} is not installed here; there are {', '.join(installed)}"
+            )
+        return self._errand(request.id, Errand(request.measurement, request.fitter), None), []
+
+    @answer.register
+    def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        from ..models.effects import EffectError, find_effect  # the catalogue brings SciPy along
+
+        try:
+            names = request.effects and tuple(sorted({find_effect(name).name for name in request.effects}))
+        except EffectError as error:
+            raise RequestError("no-such-effect", str(error)) from None
+        errand = Errand(request.measurement, None, names or None)
+        return self._errand(request.id, errand, diagnosis_version(errand.effects)), []
+
+    @answer.register
     def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         open_ones = tuple(self.journal.unanswered(request.fitter))
         return ask.MeasurementsAnswer(id=request.id, measurements=open_ones), []
@@ -165,13 +180,8 @@ class Desk:
     @answer.register
     def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         known = self._known(request.measurement)
-        event = _submitted(request, known)
-        unknown = [sweep for sweep in request.sweeps if not self.journal.has_sweep(sweep)]
-        if unknown or not request.sweeps:
-            named = f"the journal holds no sweep {unknown[0]!r}" if unknown else "no sweep is named"
-            raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {named}")
-        curves_of(request.curves, unpack(request.columns, raw))
-        if self.journal.answered(event) is None:
+        event = checked(self.journal, known, request, raw)
+        if event is not None:
             self.publish(event, tuple(raw))
         return ask.Answer(id=request.id), []
 
@@ -179,6 +189,15 @@ class Desk:
     def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         self.shutdown()
         return ask.Answer(id=request.id), []
+
+    def _errand(self, request: str, errand: Errand, version: str | None) -> ask.ErrandAnswer:
+        """Begin an errand on a complete measurement."""
+        known = self._known(errand.measurement)
+        if known.state != "measured":
+            raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
+        if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
+            raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
+        return ask.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
 
     def _known(self, measurement: str) -> Measurement:
         found = self.journal.measurement(measurement)
@@ -201,35 +220,3 @@ def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) 
     """Return the answer that carries events as they were published."""
     answer = ask.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
     return answer, [frame for event in events for frame in event]
-
-
-def _submitted(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent:
-    """Return the event that a fitter's answer becomes. Raises RequestError where it is not one answer."""
-    given = [name for name in ("report", "error", "diagnosis") if getattr(request, name) is not None]
-    if len(given) != 1:
-        raise RequestError(
-            "bad-answer",
-            f"answer of {request.fitter!r} holds {' and '.join(given) or 'nothing'}; "
-            "exactly one of report, error, diagnosis is needed",
-        )
-    if request.diagnosis is not None:
-        return DiagnosisEvent(
-            measurement=known.id,
-            sample=known.sample,
-            fitter=request.fitter,
-            version=request.version,
-            sweeps=request.sweeps,
-            diagnosis=request.diagnosis,
-            columns=request.columns,
-        )
-    return FitEvent(
-        measurement=known.id,
-        sample=known.sample,
-        fitter=request.fitter,
-        version=request.version,
-        sweeps=request.sweeps,
-        report=request.report,
-        error=request.error,
-        curves=request.curves,
-        columns=request.columns,
-    )

@@ -6,6 +6,7 @@ python -m pzctl.daemon.guest mason --events tcp://127.0.0.1:5470 --requests tcp:
 import argparse
 import logging
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 
@@ -15,7 +16,8 @@ from ..models.sweep import Sweep
 from .children import end_with_parent
 from .client import Client
 from .connection import DaemonError
-from .wire import SweepEvent
+from .limits import Limits, limit_memory
+from .wire import Heard, SweepEvent
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +46,17 @@ def load_fitter(name: str) -> Fitter:
     raise FitterError(f"fitter {name!r} is not installed; installed are {', '.join(sorted(found)) or 'none'}")
 
 
+def task_of(heard: Sequence[Heard]) -> FitTask:
+    """Return what a fitter is given, of the sweep events of a measurement and of the steps before it."""
+    sweeps: dict[str, tuple[Sweep, ...]] = {}
+    build = None
+    for one in heard:
+        if isinstance(one.event, SweepEvent):
+            build, step = one.event.build, one.event.sample.step
+            sweeps[step] = (*sweeps.get(step, ()), one.sweep())
+    return FitTask(build, sweeps)
+
+
 class Guest:
     """Fits every measurement once."""
 
@@ -68,18 +81,14 @@ class Guest:
         if measurement in self._answered:
             return
         heard = self._client.sweeps(measurement)
-        last = heard[-1].event
-        if not isinstance(last, SweepEvent):
+        if not heard:
             return
-        sweeps: dict[str, tuple[Sweep, ...]] = {}
-        for one in heard:
-            if isinstance(one.event, SweepEvent):
-                step = one.event.sample.step
-                sweeps[step] = (*sweeps.get(step, ()), one.sweep())
         try:
-            found = self._fitter.fit(FitTask(last.build, sweeps))
+            found = self._fitter.fit(task_of(heard))
         except FitError as error:
             found = str(error)
+        except MemoryError:  # what it leaked before would make every later fit fail as well: begin anew
+            raise
         except Exception as error:
             log.exception("measurement %s", measurement)
             found = f"fitter {self._name!r} failed: {type(error).__name__}: {error}"
@@ -104,10 +113,12 @@ def main() -> None:
     parser.add_argument("--events", required=True)
     parser.add_argument("--requests", required=True)
     parser.add_argument("--with-parent", action="store_true", help="end when the standard input ends")
+    parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB, help="address space it may use")
     given = parser.parse_args()
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
     if given.with_parent:
         end_with_parent()
+    limit_memory(given.memory_MB)
     try:
         fitter = load_fitter(given.name)
     except FitterError as error:
@@ -119,6 +130,9 @@ def main() -> None:
             Guest(given.name, fitter, client).serve()
     except PzctlError as error:
         print(error, file=sys.stderr)
+        sys.exit(1)
+    except MemoryError:
+        print(f"it needs more than the {given.memory_MB} MB of memory it may use", file=sys.stderr)
         sys.exit(1)
 
 

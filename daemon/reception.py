@@ -11,8 +11,9 @@ import zmq.asyncio
 from ..models.errors import PzctlError
 from . import requests as ask
 from .archive import JournalError
-from .desk import Desk, RequestError
+from .desk import Desk
 from .frames import MOST_FRAMES, WireError, from_json, to_json
+from .refusals import RequestError
 from .wire import WIRE
 
 log = logging.getLogger(__name__)
@@ -20,7 +21,7 @@ log = logging.getLogger(__name__)
 REMEMBERED = 1000
 """Answers kept, so that a request that is sent again is answered again and not done again."""
 
-ONCE = (ask.Measure, ask.Cancel, ask.Bench)
+ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose)
 """Requests that change something each time they are done; the others may be answered anew."""
 
 

@@ -83,6 +83,27 @@ class Fits(Request, frozen=True, kw_only=True, tag="fits"):
     measurement: str
 
 
+class Fit(Request, frozen=True, kw_only=True, tag="fit"):
+    """Fit a complete measurement with any installed fitter; answered as soon as it is accepted.
+
+    What comes of it is a `fit` event, as from a fitter the daemon keeps.
+    """
+
+    measurement: str
+    fitter: str
+
+
+class Diagnose(Request, frozen=True, kw_only=True, tag="diagnose"):
+    """Diagnose a complete measurement; answered as soon as it is accepted.
+
+    What comes of it is a `diagnosis` event, or a `fit` event with the `error` that says why there is none.
+    """
+
+    measurement: str
+    effects: tuple[str, ...] | None = None
+    """Consider only these of the catalogue; all where none is given."""
+
+
 class Unanswered(Request, frozen=True, kw_only=True, tag="unanswered"):
     """The measurements of this run that this fitter has not answered yet."""
 
@@ -123,6 +144,8 @@ AnyRequest: TypeAlias = (
     | Samples
     | Sweeps
     | Fits
+    | Fit
+    | Diagnose
     | Unanswered
     | Submit
     | Bench
@@ -200,6 +223,15 @@ class MeasureAnswer(Answer, frozen=True, kw_only=True):
     """Accepted."""
 
     measurement: str
+
+
+class ErrandAnswer(Answer, frozen=True, kw_only=True):
+    """Accepted, or answered before: what the events that carry the answer are known by."""
+
+    measurement: str
+    fitter: str
+    version: str | None
+    """None where it is known only once the fitter has been loaded."""
 
 
 class EventsAnswer(Answer, frozen=True, kw_only=True):

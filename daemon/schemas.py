@@ -34,12 +34,13 @@ ANSWERS: dict[str, type[ask.Answer]] = {
     "status": ask.StatusAnswer,
     "settings": ask.SettingsAnswer,
     "measure": ask.MeasureAnswer,
+    "errand": ask.ErrandAnswer,
     "events": ask.EventsAnswer,
     "samples": ask.SamplesAnswer,
     "measurements": ask.MeasurementsAnswer,
     "bench": ask.BenchAnswer,
 }
-"""`done` answers cancel, submit and shutdown; `events` answers replay, sweeps and fits."""
+"""`done` answers cancel, submit and shutdown; `events` answers replay, sweeps and fits, `errand` fit and diagnose."""
 
 
 def text(schema: dict[str, Any]) -> str:

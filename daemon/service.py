@@ -22,7 +22,10 @@ from ..drivers.analyzer import Analyzer
 from ..models.sweep import now_utc
 from .acquisition import Acquisition, AnalyzerThread
 from .desk import Desk
+from .errands import Errands
 from .journal import Journal
+from .ledger import Ledger
+from .limits import Limits
 from .location import Location, announce, withdraw
 from .paths import home, journal_folder, log_file
 from .reception import Reception
@@ -55,6 +58,8 @@ class Options:
     """`host:port` of the simulator's bench, where the resource is a simulated instrument."""
     simulator: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Fields of `SimOptions` for the simulated 4294A, such as `{"time_scale": 0}`."""
+    limits: Limits = field(default_factory=Limits)
+    """What each fitter may use."""
 
 
 def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:
@@ -124,11 +129,21 @@ class Daemon:
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
         self._acquisition = Acquisition(analyzer, instrument, self.publish)
-        self._supervisor = Supervisor(folder, *endpoints, changed=self._fitter_changed, died=self._fitter_died)
+        self._ledger = Ledger(options.fitters)
+        self._supervisor = Supervisor(
+            folder,
+            *endpoints,
+            limits=options.limits,
+            ledger=self._ledger,
+            changed=self._fitter_changed,
+            died=self._fitter_died,
+        )
+        self._errands = Errands(folder, endpoints, options.limits, lambda event: self.publish(event, ()))
         desk = Desk(
             journal=journal,
             acquisition=self._acquisition,
             supervisor=self._supervisor,
+            errands=self._errands,
             instrument=instrument,
             endpoints=endpoints,
             bench=options.bench,
@@ -142,6 +157,7 @@ class Daemon:
         """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""
         _, frames = self._journal.append(event, payload)
         self._say(frames)
+        self._ledger.note(event)
         if isinstance(event, StateEvent):
             log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)
 
@@ -161,6 +177,7 @@ class Daemon:
             await self._until_stopped(stop, acquiring, {*tasks})
         finally:
             self._acquisition.cancel_all()
+            await self._errands.end()
             for task in (*tasks, stop):
                 task.cancel()
             await asyncio.wait((*tasks, stop))
@@ -207,20 +224,22 @@ class Daemon:
 
         It takes one measurement after the other: the first open one is what it died over.
         """
-        for measurement in self._journal.unanswered(fate.fitter)[:1]:
-            key = (fate.fitter, measurement)
-            self._deaths[key] = self._deaths.get(key, 0) + 1
-            known = self._journal.measurement(measurement)
-            if self._deaths[key] >= DEATHS and known is not None:
-                refusal = FitEvent(
-                    measurement=measurement,
-                    sample=known.sample,
-                    fitter=fate.fitter,
-                    version="",
-                    sweeps=self._journal.sweep_ids(measurement),
-                    error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
-                )
-                self.publish(refusal, ())
+        measurement = self._ledger.first(fate.fitter)
+        known = self._journal.measurement(measurement) if measurement else None
+        if known is None:
+            return
+        key = (fate.fitter, known.id)
+        self._deaths[key] = self._deaths.get(key, 0) + 1
+        if self._deaths[key] >= DEATHS:
+            refusal = FitEvent(
+                measurement=known.id,
+                sample=known.sample,
+                fitter=fate.fitter,
+                version="",
+                sweeps=self._journal.sweep_ids(known.id),
+                error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
+            )
+            self.publish(refusal, ())
 
 
 def _on_signals(stop: Callable[[], None]) -> None:

@@ -1,17 +1,17 @@
 """Keeps the fitters: each in a process of its own, started again when it dies, and the daemon goes on without it."""
 
 import asyncio
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .children import end_child, last_line, start_child
 from .guest import GIVEN_UP
+from .ledger import Ledger
+from .limits import Limits
 from .paths import log_file
 from .requests import FitterState
-
-ONE_THREAD: dict[str, str] = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""So that fitters side by side do not fight over the cores."""
+from .tending import tend
 
 FIRST_WAIT, LONGEST_WAIT = 0.5, 60.0
 """Seconds until a fitter that died is started again; doubled at each death, forgotten after a long life."""
@@ -33,6 +33,9 @@ class Supervisor:
     home: Path
     events: str
     requests: str
+    limits: Limits
+    ledger: Ledger
+    """Who owes which answer since when."""
     changed: Callable[[FitterState, str], None]
     """Called with a fitter's new state and a sentence when it became ready, ended or broken."""
     died: Callable[[Fate], None]
@@ -40,8 +43,10 @@ class Supervisor:
     states: dict[str, FitterState] = field(default_factory=dict[str, FitterState])
 
     def ready(self, name: str, version: str) -> None:
-        """Note that a fitter said hello."""
-        self._set(FitterState(name, "ready", version))
+        """Note that a fitter said hello; said again, it is no news."""
+        state = FitterState(name, "ready", version)
+        if self.states.get(name) != state:
+            self._set(state)
 
     async def keep(self, name: str) -> None:
         """Run a fitter for ever, or until it says that starting it again is of no use."""
@@ -60,17 +65,22 @@ class Supervisor:
             await asyncio.sleep(wait)
 
     async def _live(self, name: str) -> Fate:
-        """Run the process once; end it where this is cancelled."""
+        """Run the process once; end it where it hangs, or where this is cancelled."""
         path = log_file(self.home, "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name))
-        with path.open("ab") as log:
-            arguments = [name, "--events", self.events, "--requests", self.requests, "--with-parent"]
-            process = start_child("pzctl.daemon.guest", arguments, log, stdout=log, environment=ONE_THREAD)
-            try:
-                while process.poll() is None:
-                    await asyncio.sleep(0.1)
-            finally:
-                end_child(process)
-        return Fate(name, process.returncode, f"ended with status {process.returncode}: {last_line(path)}")
+        arguments = [name, "--events", self.events, "--requests", self.requests, "--with-parent"]
+        arguments += ["--memory-MB", str(self.limits.memory_MB)]
+        began = time.monotonic()
+        end = await tend("pzctl.daemon.guest", arguments, path, lambda: self._hung(name, began))
+        return Fate(name, end.code, end.says)
+
+    def _hung(self, name: str, began: float) -> str:
+        """Return what a fitter hangs over, in words; nothing where it does not."""
+        most = self.limits
+        if self.states[name].state == "starting" and time.monotonic() - began > most.start_seconds:
+            return f"did not say hello within {most.start_seconds:g} s of its start"
+        if self.ledger.waited(name, began) > most.seconds:
+            return f"gave no answer within {most.seconds:g} s"
+        return ""
 
     def _set(self, state: FitterState) -> None:
         self.states[state.name] = state

@@ -1,6 +1,8 @@
 """Fitters for the tests: one that answers, one that refuses, one that dies, one that answers nonsense."""
 
 import os
+import signal
+import time
 from collections.abc import Callable
 
 from pzctl.fitters.interface import Constant, Curve, FitError, FitResult, FitTask, Noise
@@ -55,3 +57,23 @@ class Dies(Echo):
 class Nonsense(Echo):
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         return _result(task, self.name, chi2=float("nan"))
+
+
+class Hangs(Echo):
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        while True:
+            time.sleep(1)
+
+
+class Leaks(Echo):
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        kept = [bytearray(64 << 20) for _ in range(1000)]
+        return _result(task, str(len(kept)))
+
+
+class Chatters(Echo):
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        for _ in range(100):
+            print("x" * (1 << 20))
+        return _result(task, self.name)

@@ -127,6 +127,8 @@ REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
         CURVE_RAW,
     ),
     "request-bench": (ask.Bench(id="12", command={"command": "step", "name": "ml1"}), ()),
+    "request-fit": (ask.Fit(id="14", measurement="m", fitter="mason"), ()),
+    "request-diagnose": (ask.Diagnose(id="15", measurement="m", effects=("bond-layer", "cable")), ()),
     "request-shutdown": (ask.Shutdown(id="13"), ()),
 }
 

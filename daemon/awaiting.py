@@ -1,0 +1,56 @@
+"""Waiting for what a fitter, or a diagnosis, answers to a measurement."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..fitters.interface import FitError, FitResult
+from .reports import curves_of, result_of
+from .wire import DiagnosisEvent, FitEvent, Heard
+
+
+class Answers:
+    """The answers heard so far, the latest of each kept: for whoever waits for them later."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str, str | None], Heard] = {}
+
+    def note(self, heard: Iterable[Heard]) -> None:
+        """Keep those that are answers."""
+        for one in heard:
+            event = one.event
+            if isinstance(event, FitEvent | DiagnosisEvent):
+                for version in (event.version, None):
+                    self._found[event.measurement, event.fitter, version] = one
+
+    def find(self, measurement: str, fitter: str, version: str | None = None) -> Heard | None:
+        """Return the latest answer; of this version where one is given."""
+        return self._found.get((measurement, fitter, version))
+
+    def forget_given_up(self, measurement: str, fitter: str) -> None:
+        """Forget that the daemon answered in a fitter's place: it is asked once more."""
+        for key in [(measurement, fitter, ""), (measurement, fitter, None)]:
+            one = self._found.get(key)
+            if one is not None and is_given_up(one):
+                del self._found[key]
+
+
+def is_given_up(heard: Heard) -> bool:
+    """Return whether the daemon answered in the place of a fitter that died or hung."""
+    return isinstance(heard.event, FitEvent) and heard.event.version == ""
+
+
+def fit_of(heard: Heard) -> FitResult:
+    """Return the result that a fit event carries. Raises FitError where it is a refusal."""
+    event = heard.event
+    if not isinstance(event, FitEvent) or event.report is None:
+        raise FitError((event.error if isinstance(event, FitEvent) else None) or "this event holds no fit")
+    return result_of(event.report, curves_of(event.curves, heard.arrays))
+
+
+def diagnosis_of(heard: Heard) -> dict[str, Any]:
+    """Return what a diagnosis event says. Raises FitError where it is a refusal."""
+    if isinstance(heard.event, DiagnosisEvent):
+        return heard.event.diagnosis
+    raise FitError(
+        (heard.event.error if isinstance(heard.event, FitEvent) else None) or "this event holds no diagnosis"
+    )

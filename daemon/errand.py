@@ -1,0 +1,89 @@
+"""One fit or diagnosis that was asked for, in a process of its own: an ordinary client that hands in what it found.
+
+python -m pzctl.daemon.errand MEASUREMENT --fitter mason --events tcp://... --requests tcp://...
+"""
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from ..fitters.interface import FitError, FitResult
+from ..models.errors import PzctlError
+from .children import end_with_parent
+from .client import Client
+from .guest import load_fitter, task_of
+from .limits import Limits, limit_memory
+from .wire import Heard
+
+DIAGNOSIS = "diagnosis"
+"""Under this name a diagnosis is handed in, as a fit is under its fitter's."""
+
+
+def diagnosis_version(effects: Sequence[str] | None) -> str:
+    """Return what a diagnosis is known by beside its sweeps: pzctl's version, and the effects it was limited to."""
+    own = version("pzctl")
+    return own if effects is None else f"{own} {','.join(effects)}"
+
+
+def fit(client: Client, measurement: str, fitter: str) -> None:
+    """Fit a measurement; hand in the result, or why there is none. Raises FitterError, DaemonError."""
+    loaded = load_fitter(fitter)
+    heard = client.sweeps(measurement)
+    found: FitResult | str
+    try:
+        found = loaded.fit(task_of(heard))
+    except FitError as error:
+        found = str(error)
+    client.submit(measurement, _ids(heard), fitter, loaded.version, found)
+
+
+def diagnose(client: Client, measurement: str, effects: Sequence[str] | None) -> None:
+    """Diagnose a measurement; hand in what was found, or why it cannot be. Raises EffectError, DaemonError."""
+    from ..fitters.diagnosis.diagnose import diagnose as find_out
+    from .diagnoses import diagnosis_json
+
+    heard = client.sweeps(measurement)
+    key = (measurement, _ids(heard), DIAGNOSIS, diagnosis_version(effects))
+    try:
+        found = diagnosis_json(find_out(task_of(heard), effects))
+    except FitError as error:
+        client.submit(*key, str(error))
+    else:
+        client.submit_diagnosis(*key, found)
+
+
+def _ids(heard: Sequence[Heard]) -> list[str]:
+    return [one.event.id for one in heard]
+
+
+def main() -> None:
+    """Do one errand and end."""
+    parser = argparse.ArgumentParser(description="One fit or diagnosis for the daemon.")
+    parser.add_argument("measurement")
+    parser.add_argument("--fitter", help="the fitter; without one it is a diagnosis")
+    parser.add_argument("--effects", help="consider only these, as cable,bond-layer")
+    parser.add_argument("--events", required=True)
+    parser.add_argument("--requests", required=True)
+    parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB)
+    given = parser.parse_args()
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    end_with_parent()
+    limit_memory(given.memory_MB)
+    try:
+        with Client(given.events, given.requests) as client:
+            if given.fitter:
+                fit(client, given.measurement, given.fitter)
+            else:
+                diagnose(client, given.measurement, given.effects.split(",") if given.effects else None)
+    except PzctlError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+    except MemoryError:
+        print(f"it needs more than the {given.memory_MB} MB of memory it may use", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

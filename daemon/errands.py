@@ -1,0 +1,96 @@
+"""Fits and diagnoses that were asked for: a process for each, few at a time, each limited in time and memory."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .archive import Measurement
+from .errand import DIAGNOSIS
+from .limits import Limits
+from .paths import log_file
+from .tending import tend
+from .wire import FitEvent
+
+AT_ONCE = 2
+"""Errands that run side by side; the others wait."""
+
+MOST = 100
+"""Errands that run or wait."""
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What is to be done: a fit by `fitter`, or a diagnosis that considers `effects` where fitter is None."""
+
+    measurement: str
+    fitter: str | None
+    effects: tuple[str, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        """The fitter's name on the answer."""
+        return self.fitter or DIAGNOSIS
+
+    @property
+    def arguments(self) -> list[str]:
+        """For `daemon/errand.py`."""
+        fitter = [] if self.fitter is None else ["--fitter", self.fitter]
+        return [self.measurement, *fitter, *(["--effects", ",".join(self.effects)] if self.effects else [])]
+
+
+@dataclass
+class Errands:
+    """Carries errands out. An errand that ends without an answer is answered here, with the reason."""
+
+    home: Path
+    endpoints: tuple[str, str]
+    limits: Limits
+    publish: Callable[[FitEvent], None]
+    running: dict[Errand, "asyncio.Task[None]"] = field(default_factory=dict[Errand, "asyncio.Task[None]"])
+    _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
+
+    def begin(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> bool:
+        """Begin an errand, unless it runs already; return False where too many do."""
+        if errand in self.running:
+            return True
+        if len(self.running) >= MOST:
+            return False
+        task = asyncio.get_running_loop().create_task(self._do(errand, of, sweeps))
+        self.running[errand] = task
+        task.add_done_callback(lambda _: self.running.pop(errand, None))
+        return True
+
+    async def end(self) -> None:
+        """End what runs."""
+        tasks = list(self.running.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _do(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> None:
+        async with self._slots:
+            began, most = time.monotonic(), self.limits.seconds
+            events, requests = self.endpoints
+            arguments = [*errand.arguments, "--events", events, "--requests", requests]
+            log = log_file(self.home, f"errand-{errand.measurement}")
+            end = await tend(
+                "pzctl.daemon.errand",
+                [*arguments, "--memory-MB", str(self.limits.memory_MB)],
+                log,
+                lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
+            )
+        if end.code == 0:
+            log.unlink(missing_ok=True)
+            return
+        self.publish(
+            FitEvent(
+                measurement=of.id,
+                sample=of.sample,
+                fitter=errand.name,
+                version="",
+                sweeps=sweeps,
+                error=f"{errand.name} of measurement {of.id}: {end.says}",
+            )
+        )
