@@ -30,7 +30,7 @@ def constants(values: NDArray[np.float64]) -> list[complex]:
 
 
 def check_slopes(block: Block, x: NDArray[np.float64], s11E: int) -> None:
-    """`s11E`: its place among the constants; s12E comes next, and may vanish as a difference of numbers of that size."""
+    """`s11E`: its place among the constants; s12E is next, a difference of numbers of that size."""
     values, J = block.forward(x)
     sizes = np.abs(constants(values))
     sizes[s11E + 1] = max(sizes[s11E], sizes[s11E + 1])
