@@ -36,8 +36,8 @@ def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     pids: list[int] = []
 
-    def begin(*fitters: str, time_scale: float = 0.0, **options: object) -> Location:
-        named = tuple(f"guest_examples:{name}" for name in fitters)
+    def begin(*fitters: str, names: tuple[str, ...] = (), time_scale: float = 0.0, **options: object) -> Location:
+        named = (*(f"guest_examples:{name}" for name in fitters), *names)
         where = start(Options(fitters=named, simulator={"time_scale": time_scale}, **options))  # type: ignore[arg-type]
         pids.append(where.pid)
         return where
