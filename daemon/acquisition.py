@@ -32,6 +32,8 @@ class Job:
     build: Build
     step: str
     plan: SweepPlan
+    priority: int = 0
+    """Higher ones go first."""
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     @property
@@ -57,9 +59,13 @@ class AnalyzerThread:
         """Carry out a job; `report` is called in the thread. Raises PlanError, Cancelled or InstrumentError."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._measure, job, report)
 
-    async def close(self) -> None:
-        """Let go of the instrument, once what runs has come to its end."""
+    async def let_go(self) -> None:
+        """Let go of the instrument, once what runs has come to its end; the next job opens it again."""
         await asyncio.get_running_loop().run_in_executor(self._thread, self._let_go)
+
+    async def close(self) -> None:
+        """Let go of the instrument for good."""
+        await self.let_go()
         self._thread.shutdown()
 
     def _opened(self) -> Analyzer:
@@ -102,9 +108,14 @@ class Acquisition:
         self._more = asyncio.Event()
 
     def add(self, job: Job) -> None:
-        """Put a job at the end of the queue."""
-        self.waiting.append(job)
+        """Put a job into the queue, behind those of the same or a higher priority."""
+        behind = next((k for k, other in enumerate(self.waiting) if other.priority < job.priority), len(self.waiting))
+        self.waiting.insert(behind, job)
         self._more.set()
+
+    async def let_go(self) -> None:
+        """Let go of the instrument until the next job: somebody else takes it."""
+        await self._analyzer.let_go()
 
     def cancel(self, measurement: str | None) -> bool:
         """Cancel a job, the running one where none is named; return whether there was one."""

@@ -6,8 +6,8 @@ with connect() as lab:
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -138,14 +138,18 @@ class Client:
         step: str,
         plan: SweepPlan | None = None,
         progress: Callable[[ProgressEvent], None] = lambda _: None,
+        *,
+        priority: int = 0,
+        lease: str | None = None,
     ) -> Measurement:
         """Measure a step of a build and wait for it; Ctrl-C cancels the measurement.
 
-        `plan` is the build's own where none is given. Raises DaemonError with the daemon's sentence where the
+        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first; `lease` is needed
+        while the instrument is leased. Raises DaemonError with the daemon's sentence where the
         measurement failed or was cancelled.
         """
         subscription = self._subscribed()
-        measurement = self.begin(build, step, plan)
+        measurement = self.begin(build, step, plan, priority=priority, lease=lease)
         try:
             return self._follow(subscription, measurement, progress)
         except KeyboardInterrupt:
@@ -153,10 +157,26 @@ class Client:
                 self.cancel(measurement)
             raise
 
-    def begin(self, build: Build, step: str, plan: SweepPlan | None = None) -> str:
+    def begin(
+        self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
+    ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan)
+        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
         return self._asker.ask(request, ask.MeasureAnswer).measurement
+
+    @contextmanager
+    def lease(self, owner: str, seconds: float = 60.0) -> Generator[str]:
+        """Have the instrument to oneself; give the id that `measure` needs meanwhile. Expires after `seconds`.
+
+        The daemon lets go of the instrument, so that other tools may talk to it. Raises DaemonError where it is
+        leased to another one already (code `leased`) or measures (code `busy`).
+        """
+        held = self._asker.ask(ask.Lease(id=uuid7(), owner=owner, seconds=seconds), ask.LeaseAnswer).lease
+        try:
+            yield held
+        finally:
+            with suppress(DaemonError):  # it may have expired
+                self._asker.ask(ask.Release(id=uuid7(), lease=held), ask.Answer)
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
         """Return what a fitter answered to a measurement, waiting for it.

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import singledispatchmethod
 from importlib.metadata import entry_points, version
 from typing import Any
@@ -14,6 +14,7 @@ from .errand import diagnosis_version
 from .errands import Errand, Errands
 from .guest import GROUP
 from .journal import Journal
+from .lease import Lease
 from .refusals import RequestError
 from .submissions import checked
 from .supervisor import Supervisor
@@ -41,6 +42,7 @@ class Desk:
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
     garbage: int = 0
+    lease: Lease = field(default_factory=Lease)
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
@@ -84,6 +86,7 @@ class Desk:
                 queue=tuple(waiting.measurement for waiting in self.acquisition.waiting),
                 fitters=tuple(self.supervisor.states.values()),
                 garbage=self.garbage,
+                lease=self.lease.holder,
             ),
             [],
         )
@@ -106,14 +109,26 @@ class Desk:
                 f"neither the request nor build {request.build.name!r} says what to sweep",
                 "give a plan, or a [sweep] table in build.toml",
             )
+        self.lease.check(request.lease)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
         if new:
-            job = Job(measurement, request.build, request.step, plan)
+            job = Job(measurement, request.build, request.step, plan, request.priority)
             self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
             self.acquisition.add(job)
         return ask.MeasureAnswer(id=request.id, measurement=measurement), []
+
+    @answer.register
+    def _(self, request: ask.Lease, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
+        lease, held = self.lease.take(request.owner, request.seconds, request.lease, busy=busy)
+        return ask.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
+
+    @answer.register
+    def _(self, request: ask.Release, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        self.lease.give_back(request.lease)
+        return ask.Answer(id=request.id), []
 
     @answer.register
     def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 REMEMBERED = 1000
 """Answers kept, so that a request that is sent again is answered again and not done again."""
 
-ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose)
+ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
 """Requests that change something each time they are done; the others may be answered anew."""
 
 
@@ -70,6 +70,8 @@ class Reception:
                 answer, more = await self._bench(request), list[bytes]()
             else:
                 answer, more = self._desk.answer(request, raw)
+                if isinstance(request, ask.Lease):
+                    await self._desk.acquisition.let_go()
         except RequestError as error:
             return _refusal(request.id, error.problem)
         except JournalError as error:

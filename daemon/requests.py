@@ -48,6 +48,29 @@ class Measure(Request, frozen=True, kw_only=True, tag="measure"):
     step: str
     plan: SweepPlan | None = None
     """The build's own plan where none is given."""
+    priority: Annotated[int, msgspec.Meta(ge=-10, le=10)] = 0
+    """Higher ones go first; what is being measured is finished."""
+    lease: str | None = None
+    """Needed while the instrument is leased."""
+
+
+class Lease(Request, frozen=True, kw_only=True, tag="lease"):
+    """Have the instrument to oneself for some seconds, or for longer; the daemon lets go of it meanwhile.
+
+    Whoever holds the lease may talk to the instrument directly, or measure by requests that name it.
+    """
+
+    owner: Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+    """Who it is, for people."""
+    seconds: Annotated[float, msgspec.Meta(gt=0, le=3600)]
+    lease: str | None = None
+    """The one that is held, to hold it for longer."""
+
+
+class Release(Request, frozen=True, kw_only=True, tag="release"):
+    """Give a lease back."""
+
+    lease: str
 
 
 class Cancel(Request, frozen=True, kw_only=True, tag="cancel"):
@@ -140,6 +163,8 @@ AnyRequest: TypeAlias = (
     | Settings
     | Measure
     | Cancel
+    | Lease
+    | Release
     | Replay
     | Samples
     | Sweeps
@@ -161,6 +186,14 @@ class FitterState(msgspec.Struct, frozen=True):
     """`starting`, `ready`, `ended` (it will be started again) or `broken` (it will not)."""
     version: str | None = None
     says: str = ""
+
+
+class LeaseState(msgspec.Struct, frozen=True):
+    """Who has the instrument to themselves."""
+
+    owner: str
+    until: str
+    """RFC 3339, UTC; it expires then."""
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
@@ -211,6 +244,8 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     fitters: tuple[FitterState, ...]
     garbage: int
     """Messages that were no request."""
+    lease: LeaseState | None = None
+    """None where nobody has the instrument to themselves."""
 
 
 class SettingsAnswer(Answer, frozen=True, kw_only=True):
@@ -223,6 +258,14 @@ class MeasureAnswer(Answer, frozen=True, kw_only=True):
     """Accepted."""
 
     measurement: str
+
+
+class LeaseAnswer(Answer, frozen=True, kw_only=True):
+    """The instrument is yours."""
+
+    lease: str
+    """To be named by `measure`, `lease` and `release`; keep it to yourself."""
+    until: str
 
 
 class ErrandAnswer(Answer, frozen=True, kw_only=True):

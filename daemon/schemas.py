@@ -35,12 +35,13 @@ ANSWERS: dict[str, type[ask.Answer]] = {
     "settings": ask.SettingsAnswer,
     "measure": ask.MeasureAnswer,
     "errand": ask.ErrandAnswer,
+    "lease": ask.LeaseAnswer,
     "events": ask.EventsAnswer,
     "samples": ask.SamplesAnswer,
     "measurements": ask.MeasurementsAnswer,
     "bench": ask.BenchAnswer,
 }
-"""`done` answers cancel, submit and shutdown; `events` answers replay, sweeps and fits, `errand` fit and diagnose."""
+"""`done` answers cancel, release, submit, shutdown; `events` replay, sweeps, fits; `errand` fit and diagnose."""
 
 
 def text(schema: dict[str, Any]) -> str:

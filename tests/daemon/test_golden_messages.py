@@ -129,6 +129,8 @@ REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
     "request-bench": (ask.Bench(id="12", command={"command": "step", "name": "ml1"}), ()),
     "request-fit": (ask.Fit(id="14", measurement="m", fitter="mason"), ()),
     "request-diagnose": (ask.Diagnose(id="15", measurement="m", effects=("bond-layer", "cable")), ()),
+    "request-lease": (ask.Lease(id="16", owner="scan", seconds=60.0), ()),
+    "request-release": (ask.Release(id="17", lease="l"), ()),
     "request-shutdown": (ask.Shutdown(id="13"), ()),
 }
 
