@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from ..models.arrays import Complexes, Reals
 from .coordinates import Coordinates
-from .objective import Objective, Prior, Recording
+from .objective import Objective, Posterior, Prior, Recording
 
 _MAX_EVALUATIONS = 200
 _ROUGH, _FINE = 1e-4, 1e-10
@@ -32,7 +32,7 @@ class Descent:
     evaluations: int
 
 
-def descend(objective: Objective, x: Reals, tolerance: float = _FINE) -> Descent:
+def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int = _MAX_EVALUATIONS) -> Descent:
     """Go downhill from `x` by Levenberg-Marquardt with the exact Jacobian.
 
     J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`; on 1600 x 12
@@ -52,7 +52,7 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE) -> Descent
         xtol=tolerance,
         ftol=tolerance,
         gtol=tolerance,
-        max_nfev=_MAX_EVALUATIONS,
+        max_nfev=most,
     )
     tried = objective.evaluations - before
     return Descent(objective, x, x + np.asarray(found.x), float(found.cost), bool(found.status > 0), tried)
@@ -90,7 +90,9 @@ def _settled(before: Sequence[Recording], after: Sequence[Recording]) -> bool:
     )
 
 
-def settle(recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior], x: Reals) -> Descent:
+def settle(
+    recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
+) -> Descent:
     """Go downhill from `x`, each recording softened by its own misfit, until the misfits no longer change.
 
     Begins with the misfits the recordings come with; a large one makes the first descent a cautious one.

@@ -76,7 +76,7 @@ def noise_from_smoothness(sweep: Sweep) -> Reals | None:
         return None
     squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
     near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
-    return _at(_from_differences(squares, near), sweep.impedance)
+    return np.maximum(_at(_from_differences(squares, near), sweep.impedance), _resolution(sweep))
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
@@ -112,6 +112,24 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
     )
     source = "analyzer accuracy" if all(sigma is None for sigma in smooth) else "smoothness"
     return Noise(_typical(found), source), found
+
+
+def _resolution(sweep: Sweep) -> Reals:
+    """Return the standard deviation of Re and Im of ln Z that rounding alone makes, shape (N,).
+
+    Where R or X are whole multiples of one step, as in a table with three digits, nothing below the step can be seen.
+    """
+    step = max(_step(sweep.impedance.real), _step(sweep.impedance.imag))
+    return step / np.sqrt(12) / np.abs(sweep.impedance)
+
+
+def _step(values: Reals) -> float:
+    gaps = np.diff(np.unique(values))
+    if gaps.size == 0:
+        return 0.0
+    q = float(np.min(gaps))
+    multiples = values / q
+    return q if bool(np.all(np.abs(multiples - np.round(multiples)) < 1e-3)) else 0.0
 
 
 def _typical(sigmas: Sequence[Reals]) -> float:

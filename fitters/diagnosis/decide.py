@@ -20,8 +20,8 @@ SIGNIFICANT = 30.0
 """Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
 for forty candidates, and the noise itself is known to some per cent only."""
 _MOST_EFFECTS = 3
-_REFITTED = 14
-_POLISHED = 4
+_REFITTED = 16
+_POLISHED = 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import Reals
+from ...models.effects import Knob
 from ..descent import Descent, chi2_per_point, descend
 from ..objective import Objective
 from .problem import Candidate, Problem
 
-_SIZES = (0.3, 3.0)
-"""First guesses of an effect's size in typical sizes, beside the one the score test gives."""
+_SMALL = 0.01
+"""Size in typical sizes below which what the score test says is no guess to start from."""
 ROUGH = 1e-3
+_AGAIN = 60
+"""Evaluations of a fit that begins near its minimum."""
+_ROUGHLY = 25
+"""Evaluations that a candidate gets to show what it can do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +70,21 @@ def refit(
     new = effects[-1] if effects else None
     if guess is None or new is None:
         objective = problem.objective(effects, values)
-        return finished(effects, descend(objective, objective.coordinates.x, tolerance))
+        return finished(effects, descend(objective, objective.coordinates.x, tolerance, _AGAIN))
     knob = new.knobs[0]
-    sizes = {float(np.clip(size, knob.lower, knob.upper)) for size in _sizes(guess, knob.typical, knob.lower)}
     best: Descent | None = None
-    for size in sorted(sizes):
+    for size in _sizes(guess, knob):
         objective = problem.objective(effects, {**values, new.parameters[0]: size})
-        descent = descend(objective, objective.coordinates.x, tolerance)
+        descent = descend(objective, objective.coordinates.x, tolerance, _ROUGHLY)
         best = descent if best is None or descent.cost < best.cost else best
     return finished(effects, best) if best is not None else refit(problem, effects, values, None, tolerance)
 
 
-def _sizes(guess: float, typical: float, lower: float) -> list[float]:
-    signs = (1.0,) if lower >= 0 else (1.0, -1.0)
-    return [guess, *(sign * part * typical for part in _SIZES for sign in signs)]
+def _sizes(guess: float, knob: Knob) -> list[float]:
+    """Return first guesses of a size: that of the score test, and one that is plausible whatever the score says."""
+    plausible = knob.typical if guess >= 0 else -knob.typical
+    sizes = [guess, plausible] if abs(guess) > _SMALL * knob.typical else [plausible]
+    return [float(np.clip(size, knob.lower, knob.upper)) for size in sizes]
 
 
 def shift_of(objective: Objective, x: Reals, change: Reals) -> dict[str, float]:

@@ -10,7 +10,7 @@ from .findings import Alternative
 from .problem import Candidate, Problem
 from .search import Refit, refit
 
-_RIVALS = 4
+_RIVALS = 3
 _CERTAIN = 0.995
 """No finding is said with more: the model itself may be wrong in a way that nobody has thought of."""
 
