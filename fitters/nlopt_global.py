@@ -202,23 +202,21 @@ def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:
     Losses range from 1e-4 to 0.3, the quality of a passive layer over a factor of ten to either side, a load from
     nothing to three times its value.
     """
-    x = coordinates.x
+    x, values = coordinates.x, coordinates.forward(coordinates.x)[0]
     spread = {prior.parameter.removesuffix(".re"): 4 * prior.u / abs(prior.mean) for prior in priors if prior.mean}
     low, high = np.zeros(x.size), np.zeros(x.size)
     for k, name in enumerate(coordinates.free):
-        reach = float(np.clip(spread.get(name, 0.0), _NARROWEST, _WIDEST))
         if name.endswith("h33.loss"):
             low[k], high[k] = -1.4, 1.4
         elif name.endswith(".loss"):
             low[k], high[k] = min(_LOSSES[0], x[k]), max(_LOSSES[1], x[k])
-        elif name.endswith("h33"):
-            ends = sorted((x[k] * np.exp(-reach), x[k] * np.exp(reach)))
-            low[k], high[k] = ends[0], ends[1]
         elif name in ("back.z", "front.z"):
             low[k], high[k] = min(0.0, x[k]), max(3.0, x[k])
         else:
-            wide = _WIDEST if name.endswith(".q") else reach
-            low[k], high[k] = x[k] - wide, x[k] + wide
+            reach = _WIDEST if name.endswith(".q") else np.clip(spread.get(name, 0.0), _NARROWEST, _WIDEST)
+            of = name if name in values else f"{name}.re"
+            ends = [coordinates.inverse({**values, of: values[of] * np.exp(s * reach)})[k] for s in (-1, 1)]
+            low[k], high[k] = min(ends), max(ends)
     return Box(coordinates.free, low, high, x)
 
 
