@@ -10,11 +10,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit, logit
 
 from ..models.arrays import Reals
 
 _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
+_H_UNIT = 1e8
+# V/m. h33 moves as a logarithm above it, as what it goes with does: along c33D/(h33^2 eps33S), which thickness and
+# density leave open to a per cent while everything else is known to 1e-5, a fit then goes straight. Its sign is free.
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,24 @@ def linear(name: str, unit: float) -> Block:
     return Block((name,), (name,), lambda x: (unit * x, np.array([[unit]])), lambda p: p / unit)
 
 
+def between(name: str, lower: float, upper: float) -> Block:
+    """Return a constant between two limits: p = lower + (upper - lower)/(1 + exp(-x)); in ln p where lower > 0."""
+    log = lower > 0
+    low, high = (np.log(lower), np.log(upper)) if log else (lower, upper)
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        part = expit(x)
+        inner, slope = low + (high - low) * part, (high - low) * part * (1 - part)
+        p = np.exp(inner) if log else inner
+        return p, (slope * p if log else slope)[:, None]
+
+    def inverse(p: Reals) -> Reals:
+        inner = np.log(np.maximum(p, lower)) if log else p
+        return logit(np.clip((inner - low) / (high - low), 1e-4, 1 - 1e-4))
+
+    return Block((name,), (name,), forward, inverse)
+
+
 def hardly_negative(name: str, unit: float) -> Block:
     """Return a constant that may well be next to nothing: p = unit (x + sqrt(x^2 + s^2))/2, s = 0.1.
 
@@ -67,7 +89,7 @@ def hardly_negative(name: str, unit: float) -> Block:
 def thickness_constants(layer: str) -> Block:
     """Return c33D, h33 and eps33S of a piezo layer, passive whatever the coordinates are.
 
-    x = ln c', ln(c''/c'), h'/1e9, angle, ln eps', ln tan d; h'' = -sin(angle) sqrt(c'' beta''), beta = 1/eps33S.
+    x = ln c', ln(c''/c'), asinh(h'/1e8), angle, ln eps', ln tan d; h'' = -sin(angle) sqrt(c'' beta''), beta = 1/eps33S.
     """
     names = ("c33D", "h33", "eps33S")
     return Block(
@@ -86,11 +108,11 @@ def _thickness_forward(x: Reals) -> tuple[Reals, Reals]:
     beta_im = tan / (e * (1 + tan**2))
     bound = np.sqrt(c_im * beta_im)
     h_im = -np.sin(angle) * bound
-    values = np.array([c, c_im, 1e9 * h_re, h_im, e, -e * tan])
+    values = np.array([c, c_im, _H_UNIT * np.sinh(h_re), h_im, e, -e * tan])
     J = np.zeros((6, 6))
     J[0, 0] = c
     J[1, 0] = J[1, 1] = c_im
-    J[2, 2] = 1e9
+    J[2, 2] = _H_UNIT * np.cosh(h_re)
     # d ln(bound): half of d ln c'' and of d ln beta''
     J[3] = h_im * np.array([0.5, 0.5, 0.0, 0.0, -0.5, 0.5 * (1 - tan**2) / (1 + tan**2)])
     J[3, 3] = -np.cos(angle) * bound
@@ -99,12 +121,17 @@ def _thickness_forward(x: Reals) -> tuple[Reals, Reals]:
     return values, J
 
 
+def to_h33(h: float) -> float:
+    """Return the coordinate of the real part of h33, V/m."""
+    return float(np.arcsinh(h / _H_UNIT))
+
+
 def _thickness_inverse(values: Reals) -> Reals:
     c, c_im, h, h_im, e, e_im = (float(value) for value in values)
     c_loss, tan = max(c_im / c, _LOSS_FLOOR), max(-e_im / e, _LOSS_FLOOR)
     bound = np.sqrt(c * c_loss * tan / (e * (1 + tan**2)))
     angle = np.arcsin(np.clip(-h_im / bound, -np.sin(_ANGLE_LIMIT), np.sin(_ANGLE_LIMIT)))
-    return np.array([np.log(c), np.log(c_loss), h / 1e9, angle, np.log(e), np.log(tan)])
+    return np.array([np.log(c), np.log(c_loss), to_h33(h), angle, np.log(e), np.log(tan)])
 
 
 def resonant_branch(name: str) -> Block:

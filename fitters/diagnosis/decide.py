@@ -87,10 +87,14 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
     taken = {(effect.effect.name, effect.where) for effect in current.effects}
     left = [one for one in candidates if (one.effect.name, one.where) not in taken]
     ranked = _promising(scores(softer, left, base.objective, base.descent.x))
-    rough = [refit(softer, (*current.effects, score.candidate), base.values, score.value) for score in ranked]
+    rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
     polished = [polish(problem, one) for one in rough[:_POLISHED]]
     return sorted(polished, key=price)
+
+
+def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
+    return refit(problem, (*current.effects, score.candidate), {**base.values, **score.start}, score.value)
 
 
 def _promising(found: list[Score]) -> list[Score]:

@@ -10,7 +10,7 @@ from ...models.build import Build
 from ...models.effects import Conditions, Device, Effect, Knob
 from ...models.sweep import Sweep
 from ..assembly import coordinates_of, priors_of
-from ..coordinates import Block, Coordinates, hardly_negative, linear
+from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
 from ..objective import Objective, Prior, Recording
 
@@ -41,13 +41,8 @@ class Candidate:
         return tuple(self.prefix + knob.name for knob in self.knobs)
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the coordinates of its knobs: positive where physics says so."""
-        return tuple(
-            hardly_negative(self.prefix + knob.name, knob.typical)
-            if knob.lower == knob.null == 0
-            else linear(self.prefix + knob.name, knob.typical)
-            for knob in self.knobs
-        )
+        """Return the coordinates of its knobs, within what physics allows."""
+        return tuple(_block(self.prefix + knob.name, knob, first=knob is self.knobs[0]) for knob in self.knobs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +104,14 @@ class Problem:
             for recording, mask in zip(self.recordings, held, strict=True)
         ]
         return replace(self, recordings=tuple(parts))
+
+
+def _block(name: str, knob: Knob, first: bool) -> Block:
+    if knob.lower == knob.null == 0:
+        return hardly_negative(name, knob.typical)
+    if not first and np.isfinite(knob.upper):
+        return between(name, knob.lower, knob.upper)
+    return linear(name, knob.typical)
 
 
 def conditions_of(sweep: Sweep, order: int) -> Conditions:
