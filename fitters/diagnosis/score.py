@@ -97,7 +97,7 @@ def _tuned(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
 
 
 def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
-    """Return the values of a knob to scan: those it names, for a frequency a grid over the band, else where it rests."""
+    """Return the values of a knob to scan: those it names, of a frequency a grid, else where it rests."""
     if knob.scan:
         return knob.scan
     if knob.unit == "Hz":
