@@ -28,6 +28,14 @@ def check_build(build: Build, source: str) -> None:
         _check_name(step.name, f"{where}.name", _NAME, "letters, digits and _ + -")
         where = f"{where}.layers (of step {step.name!r})"
         _check_step(step, known, piezo, where)
+        for name in step.reground:
+            if name not in step.layers:
+                raise BuildError(f"{source}: steps[{k}].reground names {name!r}; the step has {', '.join(step.layers)}")
+            if k == 0 or name not in build.steps[k - 1].layers:
+                raise BuildError(
+                    f"{source}: steps[{k}].reground names {name!r}, which is new in this step; a layer is ground after "
+                    "a step that had it, before that its thickness stands in [[layers]]"
+                )
         before = build.steps[k - 1] if k else step
         gone = [name for name in before.layers if name not in step.layers]
         if gone:

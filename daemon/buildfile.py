@@ -16,12 +16,14 @@ from .buildcheck import check_build
 from .buildtable import (
     ELASTIC_KEYS,
     PIEZO_KEYS,
+    THICKNESS_KEYS,
     Z_KEYS,
     BuildError,
     Key,
     Table,
     keys_for,
 )
+from .ties import resolved
 
 __all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build"]
 
@@ -73,7 +75,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         name=name,
         area=area,
         diameter=diameter,
-        layers=tuple(_layer(table) for table in top.tables("layers", "layer")),
+        layers=resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source),
         back=_load(load, "back"),
         front=_load(load, "front"),
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
@@ -154,6 +156,8 @@ def _impedance_from_density(table: Table, values: dict[str, Quantity], given: Ma
         raise table.error("density_kg_m3", f"is given beside {keys_for('z', Z_KEYS)}; z = density * c, give one")
     if "c" in values:
         density, c = given["density"], values["c"]
+        if c.same_as:
+            raise table.error("density_kg_m3", "is given beside a tied c; z = density * c needs a number, give z")
         u = math.hypot(density.u * c.re, density.re * c.u)
         values["z"] = Quantity(density.re * c.re, u=u, source="density * c")
 
@@ -175,8 +179,24 @@ def _load(table: Table, key: str) -> Load:
 
 
 def _step(table: Table) -> Step:
-    table.only(("name", "layers"))
-    return Step(table.string("name"), table.strings("layers"))
+    table.only(("name", "layers", "reground"))
+    reground = _reground(table.table("reground")) if "reground" in table.data else {}
+    return Step(table.string("name"), table.strings("layers"), reground)
+
+
+def _reground(table: Table) -> dict[str, Quantity]:
+    """Return the new thickness of each layer that was ground before this step."""
+    found: dict[str, Quantity] = {}
+    for layer in table.data:
+        inner = table.table(layer)
+        inner.only(THICKNESS_KEYS)
+        thickness = inner.quantities(THICKNESS_KEYS).get("thickness")
+        if thickness is None:
+            raise inner.missing("thickness", "write thickness_mm = { value = ..., u = ... }")
+        if thickness.same_as:
+            raise inner.missing("thickness of its own", "a ground layer is tied to no other")
+        found[layer] = thickness
+    return found
 
 
 def _plan(table: Table) -> SweepPlan:

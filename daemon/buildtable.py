@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from ..models.build import Quantity
@@ -50,6 +50,8 @@ PIEZO_KEYS = (
 """The unit stands in the key: each key with its constant and the factor to SI."""
 
 REAL = {"thickness", "density", "z", "c", "q", "diameter", "area"}
+TIED = {"thickness", "z", "c", "q"}
+"""Constants that can be `{ same_as = "LAYER" }`: those that two layers of a transducer can have in common."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}
 LOSS_SIGN = {"c33D": 1, "c11p": 1, "eps33S": -1, "eps33T": -1, "eps33P": -1, "s11E": -1}
 """Sign of the imaginary part of a passive constant under exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
@@ -170,17 +172,21 @@ class Table:
         return value
 
     def quantity(self, key: str, what: Key) -> Quantity:
-        """Return a number, {value, u} or {re, im, u, u_im} in SI units. Raises BuildError.
+        """Return a number, {value, u} or {re, im, u, u_im} in SI units, with min and max or not. Raises BuildError.
 
-        A bare number is taken as exact. The `u` of a complex value is that of its real and of its imaginary part,
+        Of a constant that is { same_as = "LAYER" } only that is known yet; `ties.resolved` gives it the value. A bare
+        number is taken as exact. The `u` of a complex value is that of its real and of its imaginary part,
         unless `u_im` says otherwise.
         """
         value = self.data[key]
         if not isinstance(value, dict):
             return self._checked(key, what, (self.number(key), 0.0, 0.0, 0.0))
         inner = Table(cast("dict[str, Any]", value), self.source, self.key(key), self.label)
+        if "same_as" in value and what.name in TIED:
+            inner.only(("same_as",))
+            return Quantity(math.nan, source="build.toml", same_as=f"{inner.string('same_as')}.{what.name}")
         parts = ("value", "u") if "value" in value or what.name in REAL else ("re", "im", "u", "u_im")
-        inner.only(parts)
+        inner.only((*parts, "min", "max"))
         if parts[0] not in value:
             raise inner.missing(parts[0], f"write {key} = {{ {parts[0]} = ..., u = ... }}")
         got = {part: inner.number(part) for part in parts if part in value}
@@ -189,7 +195,20 @@ class Table:
                 raise inner.error(part, f"is {got[part]:g}; a standard uncertainty is zero or positive")
         u = got.get("u", 0.0)
         u_im = got.get("u_im", u if "re" in got else 0.0)
-        return self._checked(key, what, (got[parts[0]], got.get("im", 0.0), u, u_im))
+        found = self._checked(key, what, (got[parts[0]], got.get("im", 0.0), u, u_im))
+        return replace(found, bounds=inner.bounds(what, got[parts[0]])) if {"min", "max"} & inner.data.keys() else found
+
+    def bounds(self, what: Key, value: float) -> tuple[float, float]:
+        """Return `min` and `max` in SI units: both there, `value` strictly between them. Raises BuildError."""
+        for end in ("min", "max"):
+            if end not in self.data:
+                raise self.missing(end, "a bounded value has both min and max")
+        low, high = self.number("min"), self.number("max")
+        if not low < value < high:
+            raise self.error("min", f"is {low:g} and max {high:g}; {value:g} must lie between them")
+        if what.name in POSITIVE and low <= 0:
+            raise self.error("min", f"is {low:g}; a positive number is needed")
+        return what.factor * low, what.factor * high
 
     def _checked(self, key: str, what: Key, numbers: tuple[float, float, float, float]) -> Quantity:
         re, im, u, u_im = (what.factor * n for n in numbers)

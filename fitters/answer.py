@@ -7,12 +7,22 @@ import numpy as np
 from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec
 from .assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from .bootstrap import bootstrap
+from .budget import budget_of
 from .covariance import Estimate, estimate
 from .derived import derived_constants
-from .interface import Constant, Curve, FitResult
+from .interface import Constant, Curve, FitResult, Options
+from .intervals import with_draws, with_intervals
 from .joint import Solution
 from .objective import Objective
+from .profile import profile_intervals
+from .separable import separability
 
+_USUAL = Options()
+_FROZEN = (
+    "The constants of earlier steps were frozen: their errors went into the later ones, whose uncertainties do not "
+    "cover that."
+)
 _MENTION = 0.9
 _MISFIT = 1.5
 # chi2 per degree of freedom above which a person is told that model and recording differ: the noise estimate itself
@@ -36,7 +46,8 @@ def fitted_constants(
                 re, im = f"{full}.re", f"{full}.im"
                 constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
             elif full in values:
-                constants[full] = Constant(values[full], 0.0, u(full), 0.0, UNITS[name], free=u(full) != 0)
+                for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
+                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
     return constants
 
 
@@ -73,14 +84,26 @@ def curves_of(objective: Objective, start: Reals, x: Reals) -> tuple[Curve, ...]
     )
 
 
-def least_squares_answer(fitter: str, version: str, solution: Solution) -> FitResult:
+def least_squares_answer(fitter: str, version: str, solution: Solution, options: Options = _USUAL) -> FitResult:
     """Return the answer of a least-squares fitter: constants, uncertainties, curves, and what to know of them."""
-    objective = solution.descent.objective
-    coordinates = objective.coordinates
-    result = estimate(solution.descent)
+    objective, coordinates = solution.judged, solution.descent.objective.coordinates
+    result = estimate(solution.descent, objective)
+    covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
+    derived = derived_constants(layers, values, coordinates.parameters, covariance)
+    says = verdict(result, _aspect(solution.build), noise.relative)
+    highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
+    says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
+    if options.procedure == "frozen" and len(solution.noises) > 1:
+        says += (_FROZEN,)
+    if options.uncertainty == "profile":
+        constants = with_intervals(constants, profile_intervals(solution.descent))
+    elif options.uncertainty == "bootstrap":
+        constants, derived, told = with_draws(constants, derived, layers, bootstrap(solution.descent))
+        says += told
     return FitResult(
         build=solution.build.name,
         fitter=fitter,
@@ -88,16 +111,27 @@ def least_squares_answer(fitter: str, version: str, solution: Solution) -> FitRe
         steps=tuple(solution.noises),
         noise=noise,
         chi2_per_dof=result.chi2_per_dof,
-        constants=fitted_constants(layers, values, coordinates.parameters, result.covariance),
-        derived=derived_constants(layers, values, coordinates.parameters, result.covariance),
-        correlation=strong_correlations(coordinates.parameters, result.covariance),
+        constants=constants,
+        derived=derived,
+        correlation=strong_correlations(coordinates.parameters, covariance),
         rms_log_error=result.rms_log_error,
         converged=result.converged,
         evaluations=solution.evaluations,
         seconds=solution.seconds,
-        says=verdict(result, _aspect(solution.build), noise.relative),
+        says=says,
         curves=curves_of(objective, coordinates.inverse(solution.begun), result.x),
+        budget=budget_of(solution) if options.procedure != "frozen" else None,
     )
+
+
+def _carried(solution: Solution) -> Reals:
+    """Return the covariance of what was frozen after an earlier step, in the place it has among all parameters."""
+    names = solution.descent.objective.coordinates.parameters
+    total = np.zeros((len(names), len(names)))
+    for descent in solution.carried:
+        at = [names.index(name) for name in descent.objective.coordinates.parameters]
+        total[np.ix_(at, at)] += estimate(descent).covariance
+    return total
 
 
 def _aspect(build: Build) -> float | None:

@@ -6,8 +6,13 @@ import numpy as np
 
 from ..models.arrays import Reals
 from .descent import Descent, chi2_per_point
+from .objective import Objective, Posterior
 
 _SINGULAR = 1e-12
+_FLATTEST = 1e-6
+# Slope of a load below which its coordinate has run off: nothing is known there but that it is next to nothing.
+_NOTHING = 1e-60
+# Information on a coordinate that counts as none, small enough to give an uncertainty that nobody overlooks.
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,27 +29,78 @@ class Estimate:
     converged: bool
 
 
-def estimate(descent: Descent) -> Estimate:
-    """Return the covariance and the figures of merit at a minimum.
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """How an objective bends at its minimum, in the moving coordinates."""
+
+    rows: Reals
+    """d residual / d x of all residuals, shape (R, M); those of the recordings divided by the misfit left."""
+    data: int
+    """How many of the rows are of recordings; the others are priors."""
+    spread: Reals
+    """Standard deviation of each residual, shape (R,)."""
+    half: Reals
+    """Shape (M, M); half half^T = (rows^T rows)^-1."""
+    scale: float
+    """What the rows of recordings were divided by."""
+
+    @property
+    def answer(self) -> Reals:
+        """How far each residual moves x, times its standard deviation, shape (M, R)."""
+        return self.half @ (self.half.T @ (self.rows * self.spread[:, None]).T)
+
+    def covariance(self, chain: Reals) -> Reals:
+        """Return the covariance of parameters with d parameter / d x = `chain`, shape (P, M).
+
+        Where the weights are not the noise's own (the thesis's objective) it is the sandwich of P. J. Huber (1967).
+        """
+        half = chain @ self.half
+        uneven = np.flatnonzero(self.spread != 1)
+        moved = half @ (self.half.T @ self.rows[uneven].T)
+        return half @ half.T + (moved * (self.spread[uneven] ** 2 - 1)) @ moved.T
+
+
+def remaining(objective: Objective, x: Reals) -> float:
+    """Return the misfit per degree of freedom that weights do not account for, at least 1 (Birge ratio squared)."""
+    data = 2 * objective.points
+    return max(1.0, float(np.sum(objective.residual(x)[:data] ** 2)) / max(1, data - x.size))
+
+
+def curvature(objective: Objective, x: Reals) -> Curvature:
+    """Return how the objective bends at its minimum `x`."""
+    data, rows = 2 * objective.points, objective.jacobian(x).copy()
+    scale = float(np.sqrt(remaining(objective, x)))
+    rows[:data] /= scale
+    spread = np.concatenate([objective.spread, np.ones(len(rows) - data)])
+    return Curvature(rows, data, spread, _inverse_root(rows.T @ rows), scale)
+
+
+def posterior(descent: Descent) -> Posterior:
+    """Return what a descent tells a later step: its minimum and all of its curvature."""
+    objective = descent.objective
+    mean, slope = objective.straight(descent.x)
+    rows = curvature(objective, descent.x).rows / np.maximum(slope, _FLATTEST)
+    return Posterior(objective.coordinates.free, mean, np.asarray(np.linalg.qr(rows, mode="r")))
+
+
+def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
+    """Return the covariance and the figures of merit at a minimum; `judged` has recordings of more than its last step.
 
     Misfit above the noise has been taken as noise by `descent.settle`; the little that remains widens the covariance
     too (Birge ratio).
     """
     objective, x = descent.objective, descent.x
-    ratios = objective.log_ratios(x)
-    data, dof = 2 * objective.points, max(1, 2 * objective.points - x.size)
-    r, J = objective.residual(x), objective.jacobian(x)
-    remaining = max(1.0, float(np.sum(r[:data] ** 2)) / dof)
-    normal = J[:data].T @ J[:data] / remaining + J[data:].T @ J[data:]
     _, chain = objective.coordinates.forward(x)
-    half = chain @ _inverse_root(normal)
+    judged = judged or objective
+    ratios = judged.log_ratios(x)
+    dof = max(1, 2 * judged.points - x.size)
     weighted = sum(
         2 * ratio.size * chi2_per_point(recording, ratio)
-        for recording, ratio in zip(objective.recordings, ratios, strict=True)
+        for recording, ratio in zip(judged.recordings, ratios, strict=True)
     )
     return Estimate(
         x=x,
-        covariance=half @ half.T,
+        covariance=curvature(objective, x).covariance(chain),
         chi2_per_dof=weighted / dof,
         rms_log_error=float(np.sqrt(np.mean(np.concatenate([np.abs(ratio) ** 2 for ratio in ratios])))),
         converged=descent.converged,
@@ -53,7 +109,7 @@ def estimate(descent: Descent) -> Estimate:
 
 def _inverse_root(normal: Reals) -> Reals:
     """Return H with H H^T = normal^-1; directions that nothing determines get a variance too large to miss."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diag(normal), _NOTHING))
     eigenvalues, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
     floor = _SINGULAR * float(eigenvalues[-1]) if eigenvalues.size else 0.0
     return scale[:, None] * vectors / np.sqrt(np.maximum(eigenvalues, floor))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 from ..models.arrays import Frequencies, Impedances
 from ..models.build import Build
@@ -15,6 +15,17 @@ class FitError(CannotError):
 
 
 @dataclass(frozen=True)
+class Options:
+    """How a fitter is to work; one that knows them says so by `takes_options = True`."""
+
+    objective: Literal["log", "thesis", "kt2"] = "log"
+    """`log`: noise-weighted ln Z; `thesis`: sum |w dZ|^2; `kt2`: stiffness and coupling by the critical frequencies."""
+    uncertainty: Literal["covariance", "profile", "bootstrap"] = "covariance"
+    procedure: Literal["joint", "sequential", "frozen"] = "joint"
+    """All steps at once; each step with the posterior of the one before; or, as in 2012, earlier constants frozen."""
+
+
+@dataclass(frozen=True)
 class FitTask:
     """What a fitter is given: the transducer, and the recordings of its steps so far."""
 
@@ -24,6 +35,15 @@ class FitTask:
     """By step, in gluing order; several sweeps of a step are repeats or further segments."""
     free: tuple[str, ...] | None = None
     """Names (`disk.c33D`, `glue1.thickness`) to free; None frees all that carry an uncertainty."""
+    options: Options = Options()
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Where a real constant lies with 68.3 % and with 95 %; SI units."""
+
+    p68: tuple[float, float]
+    p95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -37,6 +57,34 @@ class Constant:
     u_im: float | None
     unit: str
     free: bool = True
+    interval_re: Interval | None = None
+    """From profile likelihood or bootstrap; None where only the standard uncertainty is known."""
+    interval_im: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Share:
+    """What makes up a standard uncertainty, each part a standard uncertainty itself; SI units."""
+
+    noise: float
+    dimensions: float
+    """From thicknesses, area and density: a micrometer and a balance make it smaller."""
+    knowledge: float
+    """From what data sheets say of the other constants, loads and losses."""
+    assumptions: float
+    """From values held as exact, at their nominal tolerances. Not contained in `u`."""
+    largest: tuple[str, float]
+    """The single dimension, piece of knowledge or assumption that gives most, and how much."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The uncertainty budget: noise, dimensions and knowledge squared make `u` squared; assumptions stand beside it."""
+
+    re: Mapping[str, Share]
+    im: Mapping[str, Share]
+    tolerances: Mapping[str, float]
+    """Standard tolerance taken for each value that is held as exact, SI."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +128,7 @@ class FitResult:
     says: tuple[str, ...] = ()
     """What a person must know to read the numbers, a sentence each."""
     curves: tuple[Curve, ...] = field(default=())
+    budget: Budget | None = None
 
 
 class Fitter(Protocol):

@@ -1,22 +1,26 @@
-"""Joint least squares over the gluing steps of a build: starts, descents, the deepest place found."""
+"""Least squares over the gluing steps of a build, jointly or one by one: starts, descents, the deepest place found."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec
 from ..models.sweep import Sweep
-from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, stack_of
+from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, recordings_of
+from .coordinates import Coordinates
+from .covariance import posterior
 from .descent import Descent, settle, softened
 from .interface import FitError, FitTask, Noise
 from .noise import noise_of
-from .objective import Objective, Recording
+from .objective import Objective, Posterior, Prior, Recording
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS = 3
+_WEIGHTING: Mapping[str, Literal["log", "thesis"]] = {"log": "log", "thesis": "thesis", "kt2": "log"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,16 @@ class Solution:
     """Model parameters that the fit of each layer began with."""
     evaluations: int
     seconds: float
+    recordings: tuple[Recording, ...] = ()
+    """Those of all steps, where the last descent is over the last step alone."""
+    carried: tuple[Descent, ...] = ()
+    """Descents of earlier steps whose constants were frozen then."""
+
+    @property
+    def judged(self) -> Objective:
+        """The objective over all recordings, whatever the last descent was over."""
+        objective = self.descent.objective
+        return Objective(self.recordings, objective.coordinates, objective.priors) if self.recordings else objective
 
 
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
@@ -54,26 +68,65 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     build, sweeps = check_task(task)
     found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     noises = {step: noise for step, (noise, _) in found.items()}
-    recordings: tuple[Recording, ...] = ()
-    values = nominal_parameters(build)
-    begun = dict(values)
-    evaluations = 0
-    descent: Descent | None = None
+    way = _Way(build, task)
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
-        stack = stack_of(build, build.step(step))
-        here = [Recording(step, sweep, stack, sigma) for sweep, sigma in zip(of_step, found[step][1], strict=True)]
-        new = _new_layers(build, [recording.step for recording in recordings], step)
-        starts = _start_values(new, here, values)
-        descent, tried = _best_descent(build, recordings, here, task.free, starts)
-        recordings = descent.objective.recordings
-        evaluations += tried
-        first, _ = descent.objective.coordinates.forward(descent.start)
-        begun |= {name: value for name, value in first.items() if name.split(".")[0] in {n.name for n in new}}
-        values |= descent.objective.coordinates.forward(descent.x)[0]
-    if descent is None:
+        here = recordings_of(build, step, of_step, found[step][1])
+        way.go(step, [replace(recording, weighting=_WEIGHTING[task.options.objective]) for recording in here])
+    if way.descent is None:
         raise FitError(f"no recording of any step of build {build.name!r} was given")
-    return Solution(build, noises, descent, begun, evaluations, time.perf_counter() - began)
+    whole = () if task.options.procedure == "joint" else tuple(way.recordings)
+    seconds = time.perf_counter() - began
+    return Solution(build, noises, way.descent, way.begun, way.evaluations, seconds, whole, tuple(way.frozen))
+
+
+class _Way:
+    """The way through the gluing steps: what has been found so far, and what it says to the next step."""
+
+    def __init__(self, build: Build, task: FitTask) -> None:
+        self.build, self.free, self.procedure = build, task.free, task.options.procedure
+        self.values = nominal_parameters(build)
+        self.begun = dict(self.values)
+        self.recordings: list[Recording] = []
+        self.frozen: list[Descent] = []
+        self.evaluations = 0
+        self.descent: Descent | None = None
+
+    def go(self, step: str, here: Sequence[Recording]) -> None:
+        """Fit one more step. Raises FitError."""
+        before = [recording.step for recording in self.recordings]
+        new = _new_layers(self.build, before, step)
+        starts = [self._coordinates((*before, step), start) for start in _start_values(new, here, self.values)]
+        earlier = self.recordings if self.procedure == "joint" else []
+        self.descent, tried = _best_descent(earlier, here, starts, self._priors(before, step))
+        self.evaluations += len(starts) + tried
+        self.recordings = [*self.recordings[: len(before) - len(earlier)], *self.descent.objective.recordings]
+        first, _ = self.descent.objective.coordinates.forward(self.descent.start)
+        self.begun |= {name: value for name, value in first.items() if name.split(".")[0] in {n.name for n in new}}
+        self.values |= self.descent.objective.coordinates.forward(self.descent.x)[0]
+
+    def _coordinates(self, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of the next fit; frozen are those that moved in an earlier one."""
+        whole = coordinates_of(self.build, steps, start, self.free)
+        if self.procedure != "frozen" or self.descent is None:
+            return whole
+        return whole.without(*(name for descent in self._passed for name in descent.objective.coordinates.free))
+
+    @property
+    def _passed(self) -> list[Descent]:
+        return [*self.frozen, self.descent] if self.descent is not None else self.frozen
+
+    def _priors(self, before: Sequence[str], step: str) -> list[Prior | Posterior]:
+        """Return what is known before this step; what an earlier fit has taken in already is not told twice."""
+        known: list[Prior | Posterior] = list(priors_of(self.build, (*before, step)))
+        if self.procedure == "joint" or self.descent is None:
+            return known
+        told = {prior.parameter for prior in priors_of(self.build, before)}
+        fresh = [prior for prior in known if isinstance(prior, Prior) and prior.parameter not in told]
+        if self.procedure == "frozen":
+            self.frozen.append(self.descent)
+            return list(fresh)
+        return [*fresh, posterior(self.descent)]
 
 
 def _new_layers(build: Build, earlier: Sequence[str], step: str) -> tuple[LayerSpec, ...]:
@@ -99,27 +152,22 @@ def _start_values(
         for layer in new
         if layer.kind == "elastic"
         for name in (("z", "c") if layer.values["c"].u > 0 else ("thickness",))
-        if layer.values[name].u > 0
+        if layer.values[name].u > 0 and layer.values[name].same_as is None
     }
     return [values | spread for spread in spread_starts(values, uncertain, list(uncertain))]
 
 
 def _best_descent(
-    build: Build,
     earlier: Sequence[Recording],
     new: Sequence[Recording],
-    free: tuple[str, ...] | None,
-    starts: Sequence[dict[str, float]],
+    starts: Sequence[Coordinates],
+    priors: Sequence[Prior | Posterior],
 ) -> tuple[Descent, int]:
     """Settle from the most promising starts until one describes the new recordings.
 
     Returns the deepest place found and the number of evaluations.
     """
-    steps = [recording.step for recording in (*earlier, *new)]
-    priors = priors_of(build, steps)
-    ranked = sorted(
-        (Objective(new, coordinates_of(build, steps, start, free), priors) for start in starts), key=_rms_at_start
-    )
+    ranked = sorted((Objective(new, start, priors) for start in starts), key=_rms_at_start)
     tried: list[Descent] = []
     for objective in ranked[:_DESCENTS]:
         coordinates, misfits = objective.coordinates, objective.log_ratios(objective.coordinates.x)
@@ -128,7 +176,7 @@ def _best_descent(
         if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
             break
     best = min(tried, key=lambda descent: _rms(descent.objective, descent.x))
-    return best, len(starts) + sum(descent.evaluations for descent in tried)
+    return best, sum(descent.evaluations for descent in tried)
 
 
 def _rms(objective: Objective, x: Reals) -> float:

@@ -16,10 +16,11 @@ class Mason:
     name = "mason"
     version = "1"
     summary = "least squares on the 1-D stack, all steps jointly, with standard uncertainties (default)"
+    takes_options = True
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the constants of all layers to all steps at once.
 
         Raises FitError where the recordings show no resonance pair or do not belong to the build.
         """
-        return least_squares_answer(self.name, self.version, solve(task, progress))
+        return least_squares_answer(self.name, self.version, solve(task, progress), task.options)

@@ -1,7 +1,8 @@
 """What is minimised: noise-weighted complex residuals of ln Z over all steps at once, and what was known before."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..models.model import Model
 from ..models.sweep import Sweep
 from .coordinates import Coordinates
 
+LOADS = ("back.z", "front.z")
 _NOWHERE = 1e8
 _LOSSES = (".c33D.loss", ".eps33S.loss")
 _LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
@@ -28,6 +30,18 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
+class Posterior:
+    """What earlier steps have told of the moving coordinates, with all correlations."""
+
+    names: tuple[str, ...]
+    """Of the coordinates."""
+    mean: Reals
+    """Shape (M,), as `Objective.straight` gives it."""
+    root: Reals
+    """Shape (R, M): root^T root is the information, so that root (y - mean) are residuals of unit variance."""
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """One sweep, the model that should describe it, and its noise."""
 
@@ -41,11 +55,35 @@ class Recording:
     """What the model is known to miss, as further noise of Re and Im of ln Z."""
     correlation: float = 1.0
     """How many correlated points are worth one."""
+    renamed: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Parameters of the model that have another name in the fit: `ml1.thickness` after it was ground."""
+    weighting: Literal["log", "thesis"] = "log"
+    """`log`: ln(Z_model/Z)/sigma. `thesis`: w (Z_model - Z), scaled as a whole to the noise."""
 
     @property
     def sigma(self) -> Reals:
         """What residuals are weighted by, shape (N,)."""
         return np.sqrt((self.noise**2 + self.misfit**2) * self.correlation)
+
+    @property
+    def spread(self) -> Reals:
+        """Standard deviation that the noise gives each weighted residual, shape (N,); its rms is 1."""
+        if self.weighting == "log":
+            return np.ones(self.sweep.frequency.size)
+        size = self._lever * self.sigma
+        return size / float(np.sqrt(np.mean(size**2)))
+
+    @property
+    def _lever(self) -> Reals:
+        """|w Z|, shape (N,)."""
+        return 2 * np.pi * self.sweep.frequency * np.abs(self.sweep.impedance)
+
+    def weighted(self, Z: Complexes, slopes: Complexes) -> tuple[Complexes, Complexes]:
+        """Return the weighted residuals of a model Z, shape (N,), and d residual / d parameter, from d ln Z, (P, N)."""
+        if self.weighting == "log":
+            return log_ratio(Z, self.sweep.impedance) / self.sigma, slopes / self.sigma
+        scale = 2 * np.pi * self.sweep.frequency / float(np.sqrt(np.mean((self._lever * self.sigma) ** 2)))
+        return scale * (Z - self.sweep.impedance), slopes * scale * Z
 
 
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
@@ -56,20 +94,50 @@ def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
 class Objective:
     """Residuals and exact Jacobian over the moving coordinates of a fit."""
 
-    def __init__(self, recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior]) -> None:
+    def __init__(
+        self, recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior]
+    ) -> None:
         self.recordings = tuple(recordings)
         self.coordinates = coordinates
-        self.priors = tuple(prior for prior in priors if prior.parameter in coordinates.parameters)
+        known = [prior for prior in priors if isinstance(prior, Prior)]
+        self.priors = tuple(prior for prior in known if prior.parameter in coordinates.parameters)
+        self.posteriors = tuple(prior for prior in priors if isinstance(prior, Posterior))
         self.evaluations = 0
-        self._owned = [
-            [k for k, name in enumerate(coordinates.parameters) if name in recording.model.parameters()]
-            for recording in self.recordings
-        ]
-        self._losses = [k for k, name in enumerate(coordinates.free) if name.endswith(_LOSSES)]
-        self._rows = 2 * self.points + len(self.priors) + len(self._losses)
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
+        self._owned = [self._owned_by(recording) for recording in self.recordings]
+        told = {name for posterior in self.posteriors for name in posterior.names}
+        self._losses = [k for k, name in enumerate(coordinates.free) if name.endswith(_LOSSES) and name not in told]
+        self._told = [self._told_by(posterior) for posterior in self.posteriors]
+        self._rows = 2 * self.points + len(self.priors) + len(self._losses) + sum(len(root) for root, _ in self._told)
         self._moving = np.zeros(0)
         self._cache: tuple[Reals, Reals] = (np.zeros(0), np.zeros((0, 0)))
+
+    def _owned_by(self, recording: Recording) -> dict[int, str]:
+        """Return the rows of the fit's parameters that a recording's model has, and what the model calls each."""
+        there = {recording.renamed.get(name, name): name for name in recording.model.parameters()}
+        return {self._row[name]: there[name] for name in self.coordinates.parameters if name in there}
+
+    def _told_by(self, posterior: Posterior) -> tuple[Reals, Reals]:
+        """Return root and mean over the moving coordinates; a coordinate that is held now is where it was."""
+        free = self.coordinates.free
+        root, mean = np.zeros((len(posterior.root), len(free))), np.zeros(len(free))
+        for k, name in enumerate(posterior.names):
+            if name in free:
+                root[:, free.index(name)], mean[free.index(name)] = posterior.root[:, k], posterior.mean[k]
+        return root, mean
+
+    def straight(self, x: Reals) -> tuple[Reals, Reals]:
+        """Return what posteriors are straight in, shape (M,), and its derivatives by x: x itself, but loads in Rayl.
+
+        A load's coordinate bends where the load is next to nothing, and along that bend lies what an earlier step knows
+        to a part in a million.
+        """
+        values, chain = self.coordinates.forward(x)
+        y, slope = x.copy(), np.ones(x.size)
+        for k, name in enumerate(self.coordinates.free):
+            if name in LOADS:
+                y[k], slope[k] = values[name], chain[self._row[name], k]
+        return y, slope
 
     @property
     def points(self) -> int:
@@ -83,7 +151,7 @@ class Objective:
 
     def _with(self, k: int, values: Mapping[str, float]) -> Model:
         names = self.coordinates.parameters
-        return self.recordings[k].model.replace({names[i]: values[names[i]] for i in self._owned[k]})
+        return self.recordings[k].model.replace({own: values[names[i]] for i, own in self._owned[k].items()})
 
     def _evaluate(self, x: Reals) -> tuple[Reals, Reals]:
         if not np.array_equal(x, self._moving) or self._cache[0].size == 0:
@@ -105,11 +173,9 @@ class Objective:
         rows: list[Reals] = []
         for k, recording in enumerate(self.recordings):
             moved = [i for i in self._owned[k] if np.any(chain[i])]
-            names = [self.coordinates.parameters[i] for i in moved]
-            Z, dlnZ = self._with(k, values).jacobian(recording.sweep.frequency, names)
-            sigma = recording.sigma
-            r = log_ratio(Z, recording.sweep.impedance) / sigma
-            J = (dlnZ / sigma).T @ chain[moved]
+            names = [self._owned[k][i] for i in moved]
+            r, slopes = recording.weighted(*self._with(k, values).jacobian(recording.sweep.frequency, names))
+            J = slopes.T @ chain[moved]
             residuals += [r.real, r.imag]
             rows += [J.real, J.imag]
         for prior in self.priors:
@@ -119,7 +185,9 @@ class Objective:
         tether = np.zeros((len(self._losses), x.size))
         tether[range(len(self._losses)), self._losses] = 1 / _LOSS_WIDTH
         residuals.append((x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH)
-        return np.concatenate(residuals), np.concatenate([*rows, tether])
+        y, slope = self.straight(x)
+        residuals += [root @ (y - mean) for root, mean in self._told]
+        return np.concatenate(residuals), np.concatenate([*rows, tether, *(root * slope for root, _ in self._told)])
 
     def residual(self, x: Reals) -> Reals:
         """Return the weighted residuals, Re and Im of each recording in turn, then priors and losses."""
@@ -128,6 +196,11 @@ class Objective:
     def jacobian(self, x: Reals) -> Reals:
         """Return d residual / d moving coordinate."""
         return self._evaluate(x)[1]
+
+    @property
+    def spread(self) -> Reals:
+        """Standard deviation that the noise gives each weighted residual of the recordings, Re and Im in turn."""
+        return np.concatenate([np.tile(recording.spread, 2) for recording in self.recordings])
 
     def log_ratios(self, x: Reals) -> tuple[Complexes, ...]:
         """Return ln(Z_model/Z_measured) of each recording."""

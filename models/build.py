@@ -19,6 +19,10 @@ class Quantity:
     """Standard uncertainty of the imaginary part; 0 means "taken as exact"."""
     source: str = ""
     """Where the value comes from: `build.toml`, or the source the material library names."""
+    bounds: tuple[float, float] | None = None
+    """What the real part may not leave in a fit; None where physics alone bounds it."""
+    same_as: str | None = None
+    """Full name (`glue1.z`) of the constant that this one is tied to: the two are one in a fit."""
 
     @property
     def value(self) -> complex:
@@ -58,6 +62,8 @@ class Step:
 
     name: str
     layers: tuple[str, ...]
+    reground: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """Thickness (m) of the layers that were ground since the step before, by layer; it holds from this step on."""
 
 
 @dataclass(frozen=True)
@@ -85,3 +91,16 @@ class Build:
     def step(self, name: str) -> Step:
         """Return the step called `name`. Raises KeyError."""
         return {step.name: step for step in self.steps}[name]
+
+    def reground(self, name: str) -> dict[str, tuple[str, Quantity]]:
+        """Return the layers of step `name` that were ground so far: in which step last, and to what thickness (m).
+
+        Raises KeyError.
+        """
+        self.step(name)
+        found: dict[str, tuple[str, Quantity]] = {}
+        for step in self.steps:
+            found |= {layer: (step.name, thickness) for layer, thickness in step.reground.items()}
+            if step.name == name:
+                break
+        return found
