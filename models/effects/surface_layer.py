@@ -15,7 +15,10 @@ _MOST = 0.8
 
 
 class SurfaceLayer(Effect):
-    """h33 = 0 down to a depth: even overtones light up if one face is dead, the overtones' coupling falls if both."""
+    """h33 = 0 down to a depth: even overtones light up if one face is dead, the overtones' coupling falls if both.
+
+    It stands for graded piezoelectricity, too: h33 (1 - exp(-z/d)) is a dead layer of sqrt(2) d, to 1e-5 of Z.
+    """
 
     name = "surface-layer"
     says = "The ceramic of {where} is dead or depoled under a face (by grinding, soldering or heat)."
