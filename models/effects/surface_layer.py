@@ -17,7 +17,8 @@ _MOST = 0.8
 class SurfaceLayer(Effect):
     """h33 = 0 down to a depth: even overtones light up if one face is dead, the overtones' coupling falls if both.
 
-    It stands for graded piezoelectricity, too: h33 (1 - exp(-z/d)) is a dead layer of sqrt(2) d, to 2e-5 of Z (d = 10 um of 500).
+    It stands for graded piezoelectricity, too: h33 (1 - exp(-z/d)) is a dead layer of sqrt(2) d, to 2e-5 of Z for
+    d = 10 um in 0.5 mm.
     """
 
     name = "surface-layer"
