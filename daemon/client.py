@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -21,6 +22,7 @@ from ..models.sweep import Sweep
 from . import requests as ask
 from .awaiting import Answers, diagnosis_of, fit_of
 from .connection import Asker, DaemonError, Subscription
+from .keys import ClientKey, read_client_key
 from .location import locate
 from .reports import curve_columns, report_of
 from .uuid7 import uuid7
@@ -39,15 +41,17 @@ class Measurement:
     """One for each segment of the plan."""
 
 
-def connect(events: str | None = None, requests: str | None = None) -> "Client":
+def connect(events: str | None = None, requests: str | None = None, key: str | Path | None = None) -> "Client":
     """Return a client of the daemon at these endpoints, or of the one that runs here.
 
-    Raises DaemonError where none runs, or none answers.
+    `key` is the file that `pzctl keys client` made; a daemon on another machine asks for one. Raises DaemonError
+    where none runs, or none answers, KeyFileError where the key cannot be used.
     """
+    own = None if key is None else read_client_key(Path(key))
     if events is None or requests is None:
         place = locate()
-        events, requests = events or place.events, requests or place.requests
-    return Client(events, requests)
+        events, requests, own = events or place.events, requests or place.requests, own or place.key
+    return Client(events, requests, own)
 
 
 class Client:
@@ -56,9 +60,10 @@ class Client:
     Every method raises DaemonError where the daemon refuses, does not answer, or has gone.
     """
 
-    def __init__(self, events: str, requests: str) -> None:
+    def __init__(self, events: str, requests: str, key: ClientKey | None = None) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._asker = Asker(self._context, requests)
+        self._asker = Asker(self._context, requests, key)
+        self._key = key
         self._endpoint = events
         self._subscription: Subscription | None = None
         self._answers = Answers()
@@ -242,7 +247,7 @@ class Client:
 
     def _subscribed(self) -> Subscription:
         if self._subscription is None:
-            self._subscription = Subscription(self._context, self._endpoint, self._asker)
+            self._subscription = Subscription(self._context, self._endpoint, self._asker, self._key)
         return self._subscription
 
     def _follow(

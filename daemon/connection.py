@@ -10,8 +10,9 @@ import zmq
 
 from ..models.errors import PzctlError
 from .frames import WireError, from_json, to_json
+from .keys import ClientKey
 from .requests import Answer, EventsAnswer, Hello, HelloAnswer, Refusal, Replay, Request
-from .sockets import limit
+from .sockets import limit, unlock
 from .uuid7 import uuid7
 from .wire import WELCOME, Envelope, Heard, decode, envelope
 
@@ -35,10 +36,11 @@ class DaemonError(PzctlError):
 class Asker:
     """Asks the daemon one thing after the other. A request is sent again where no answer comes: ids make that safe."""
 
-    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str) -> None:
+    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, key: ClientKey | None = None) -> None:
         self.endpoint = endpoint
         self._socket = context.socket(zmq.DEALER)
         limit(self._socket)
+        unlock(self._socket, key)
         self._socket.connect(endpoint)
 
     def ask(self, request: Request, expected: type[A], raw: Sequence[bytes] = (), patience: float = PATIENCE) -> A:
@@ -85,12 +87,19 @@ class Subscription:
     topic cannot see its own holes.
     """
 
-    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, asker: Asker) -> None:
+    def __init__(
+        self,
+        context: "zmq.Context[zmq.Socket[bytes]]",
+        endpoint: str,
+        asker: Asker,
+        key: ClientKey | None = None,
+    ) -> None:
         self.endpoint = endpoint
         self._asker = asker
         self._waiting: deque[Heard] = deque()
         self._socket = context.socket(zmq.SUB)
         limit(self._socket)
+        unlock(self._socket, key)
         self._socket.subscribe(b"")
         self._socket.connect(endpoint)
         try:

@@ -15,6 +15,7 @@ from .children import end_with_parent
 from .client import Client
 from .guest import load_fitter, task_of
 from .limits import Limits, limit_memory
+from .tending import guest_client
 from .wire import Heard
 
 DIAGNOSIS = "diagnosis"
@@ -72,7 +73,7 @@ def main() -> None:
     end_with_parent()
     limit_memory(given.memory_MB)
     try:
-        with Client(given.events, given.requests) as client:
+        with guest_client(given.events, given.requests) as client:
             if given.fitter:
                 fit(client, given.measurement, given.fitter)
             else:

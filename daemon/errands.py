@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .archive import Measurement
 from .errand import DIAGNOSIS
+from .keys import ClientKey
 from .limits import Limits
 from .paths import log_file
 from .tending import tend
@@ -45,7 +46,9 @@ class Errands:
     """Carries errands out. An errand that ends without an answer is answered here, with the reason."""
 
     home: Path
-    endpoints: tuple[str, str]
+    events: str
+    requests: str
+    key: ClientKey | None
     limits: Limits
     publish: Callable[[FitEvent], None]
     running: dict[Errand, "asyncio.Task[None]"] = field(default_factory=dict[Errand, "asyncio.Task[None]"])
@@ -72,13 +75,13 @@ class Errands:
     async def _do(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> None:
         async with self._slots:
             began, most = time.monotonic(), self.limits.seconds
-            events, requests = self.endpoints
-            arguments = [*errand.arguments, "--events", events, "--requests", requests]
+            arguments = [*errand.arguments, "--events", self.events, "--requests", self.requests]
             log = log_file(self.home, f"errand-{errand.measurement}")
             end = await tend(
                 "pzctl.daemon.errand",
                 [*arguments, "--memory-MB", str(self.limits.memory_MB)],
                 log,
+                self.key,
                 lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
             )
         if end.code == 0:

@@ -17,6 +17,7 @@ from .children import end_with_parent
 from .client import Client
 from .connection import DaemonError
 from .limits import Limits, limit_memory
+from .tending import guest_client
 from .wire import Heard, SweepEvent
 
 log = logging.getLogger(__name__)
@@ -126,7 +127,7 @@ def main() -> None:
         print(error, file=sys.stderr)
         sys.exit(GIVEN_UP)
     try:
-        with Client(given.events, given.requests) as client:
+        with guest_client(given.events, given.requests) as client:
             Guest(given.name, fitter, client).serve()
     except PzctlError as error:
         print(error, file=sys.stderr)

@@ -29,7 +29,7 @@ def running() -> Location | None:
     if where is None:
         return None
     try:
-        with Client(where.events, where.requests) as client:
+        with Client(where.events, where.requests, where.key) as client:
             return where if client.hello().run == where.run else None
     except DaemonError:
         return None

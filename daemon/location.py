@@ -7,6 +7,7 @@ import msgspec
 from .connection import DaemonError
 from .frames import WireError, from_json, to_json
 from .journal import is_written
+from .keys import ClientKey, write_secret
 from .paths import daemon_file, home, journal_folder
 
 
@@ -21,13 +22,16 @@ class Location(msgspec.Struct, frozen=True):
     resource: str
     bench: str | None
     log: str
+    key: ClientKey | None = None
+    """What lets those in who can read this file, where the daemon asks for keys."""
 
 
 def announce(folder: Path, location: Location) -> None:
-    """Write the file, whole or not at all."""
+    """Write the file, whole or not at all, for its owner alone."""
     path = daemon_file(folder)
     part = path.with_suffix(".part")
-    part.write_bytes(to_json(location))
+    part.unlink(missing_ok=True)
+    write_secret(part, to_json(location))
     part.replace(path)
 
 

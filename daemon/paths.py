@@ -24,6 +24,11 @@ def daemon_file(home: Path) -> Path:
     return home / "daemon.json"
 
 
+def keys_folder(home: Path) -> Path:
+    """Return the folder of the keys: the daemon's, and those of the clients that may come in."""
+    return home / "keys"
+
+
 def log_file(home: Path, name: str) -> Path:
     """Return the log of a process (`daemon`, `sim`, `fitter-mason`), its folder made."""
     folder = home / "log"

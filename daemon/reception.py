@@ -13,6 +13,7 @@ from . import requests as ask
 from .archive import JournalError
 from .desk import Desk
 from .frames import MOST_FRAMES, WireError, from_json, to_json
+from .gate import Gate
 from .refusals import RequestError
 from .wire import WIRE
 
@@ -28,8 +29,9 @@ ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, as
 class Reception:
     """Answers requests for as long as `serve` runs."""
 
-    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk) -> None:
+    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk, gate: Gate | None) -> None:
         self._socket = socket
+        self._gate = gate
         self._desk = desk
         self._done: OrderedDict[str, asyncio.Future[list[bytes]]] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -37,22 +39,28 @@ class Reception:
     async def serve(self) -> None:
         """Answer for ever."""
         while True:
-            sender, *frames = await self._socket.recv_multipart()
+            received = await self._socket.recv_multipart(copy=False)
+            key = _key(received[-1]) if self._gate else None
+            sender, *frames = [frame.bytes for frame in received]
             envelope = [sender]
             if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
                 envelope.append(frames.pop(0))
-            task = asyncio.create_task(self._reply(envelope, frames))
+            task = asyncio.create_task(self._reply(envelope, frames, key))
             self._tasks.add(task)  # the loop itself keeps no hold of a task
             task.add_done_callback(self._tasks.discard)
 
-    async def _reply(self, envelope: list[bytes], frames: list[bytes]) -> None:
-        answer = await self._answer(frames)
+    async def _reply(self, envelope: list[bytes], frames: list[bytes], key: str | None) -> None:
+        answer = await self._answer(frames, key)
         await self._socket.send_multipart([*envelope, *answer])  # pyright: ignore[reportUnknownMemberType]
 
-    async def _answer(self, frames: list[bytes]) -> list[bytes]:
+    async def _answer(self, frames: list[bytes], key: str | None) -> list[bytes]:
         """Return the answer's frames: whatever came, somebody who asked hears why not."""
         try:
             request = _read(frames)
+            if self._gate:
+                self._gate.check(key, request)
+        except RequestError as error:
+            return _refusal(_id_of(frames), error.problem)
         except WireError as error:
             self._desk.garbage += 1
             return _refusal(_id_of(frames), ask.Problem("bad-request", str(error), "see docs/wire.md"))
@@ -125,6 +133,14 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
             f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
         )
     return request
+
+
+def _key(frame: zmq.Frame) -> str | None:
+    """Return the public key of who sent a frame, as the authenticator found it."""
+    try:
+        return str(frame.get("User-Id"))
+    except zmq.ZMQError:
+        return None
 
 
 def _id_of(frames: Sequence[bytes]) -> str | None:

@@ -23,15 +23,16 @@ from ..models.sweep import now_utc
 from .acquisition import Acquisition, AnalyzerThread
 from .desk import Desk
 from .errands import Errands
+from .gate import Gate
 from .journal import Journal
 from .ledger import Ledger
 from .limits import Limits
 from .location import Location, announce, withdraw
-from .paths import home, journal_folder, log_file
+from .paths import home, journal_folder, keys_folder, log_file
 from .reception import Reception
 from .requests import FitterState
 from .simulated import simulated_instrument
-from .sockets import bind_events, bind_requests
+from .sockets import bind_events, bind_requests, from_here, gate_for
 from .supervisor import Fate, Supervisor
 from .wire import BeatEvent, Event, FitEvent, Instrument, Payload, StateEvent, encode
 
@@ -85,24 +86,28 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
         stack.callback(withdraw, folder)
         context = zmq.asyncio.Context()
         stack.callback(context.term)
-        events, heard_at = bind_events(context, options.events)
+        gate = gate_for((options.events, options.requests), keys_folder(folder))
+        if gate is not None:
+            stack.callback(gate.start(context).stop)
+        events, heard_at = bind_events(context, options.events, gate)
         stack.callback(events.close)
-        requests, asked_at = bind_requests(context, options.requests)
+        requests, asked_at = bind_requests(context, options.requests, gate)
         stack.callback(requests.close)
         analyzer = AnalyzerThread(resource, open_analyzer)
         stack.push_async_callback(analyzer.close)
         identity = await analyzer.identify()
         instrument = Instrument(**asdict(identity), simulated=options.bench is not None)
-        daemon = Daemon(journal, events, requests, analyzer, instrument, options, folder, (heard_at, asked_at))
+        daemon = Daemon(journal, events, requests, analyzer, instrument, options, folder, (heard_at, asked_at), gate)
         where = Location(
             pid=os.getpid(),
             run=journal.run,
             version=version("pzctl"),
-            events=heard_at,
-            requests=asked_at,
+            events=from_here(heard_at),
+            requests=from_here(asked_at),
             resource=resource,
             bench=options.bench,
             log=str(log_file(folder, "daemon")),
+            key=gate.local if gate else None,
         )
         announce(folder, where)
         await daemon.serve()
@@ -121,6 +126,7 @@ class Daemon:
         options: Options,
         folder: Path,
         endpoints: tuple[str, str],
+        gate: Gate | None,
     ) -> None:
         self._journal = journal
         self._events = events
@@ -129,16 +135,16 @@ class Daemon:
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
         self._acquisition = Acquisition(analyzer, instrument, self.publish)
+        around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
         self._ledger = Ledger(options.fitters)
         self._supervisor = Supervisor(
-            folder,
-            *endpoints,
+            *around,
             limits=options.limits,
             ledger=self._ledger,
             changed=self._fitter_changed,
             died=self._fitter_died,
         )
-        self._errands = Errands(folder, endpoints, options.limits, lambda event: self.publish(event, ()))
+        self._errands = Errands(*around, options.limits, lambda event: self.publish(event, ()))
         desk = Desk(
             journal=journal,
             acquisition=self._acquisition,
@@ -151,7 +157,7 @@ class Daemon:
             publish=self.publish,
             shutdown=self._end,
         )
-        self._reception = Reception(requests, desk)
+        self._reception = Reception(requests, desk, gate)
 
     def publish(self, event: Event, payload: Payload) -> None:
         """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""

@@ -1,13 +1,17 @@
-"""The daemon's two sockets, and who may reach them: nobody from outside this machine."""
+"""The daemon's two sockets, and who may reach them: from outside this machine only those with a key."""
 
 import ipaddress
 import socket
+from collections.abc import Sequence
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import zmq
 import zmq.asyncio
 
 from ..models.errors import PzctlError
+from .gate import DOMAIN, Gate
+from .keys import ClientKey, KeyFileError
 from .wire import WELCOME
 
 LARGEST_FRAME = 8 << 20
@@ -15,6 +19,10 @@ LARGEST_FRAME = 8 << 20
 
 HIGH_WATER = 1000
 """Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
+
+
+ANSWERS_KEPT = 50
+"""Answers kept for who asks and does not read; one of them may carry 50 sweeps."""
 
 
 class EndpointError(PzctlError):
@@ -38,20 +46,42 @@ def is_loopback(endpoint: str) -> bool:
         return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
 
 
-def bind_events(context: zmq.asyncio.Context, endpoint: str) -> tuple[zmq.asyncio.Socket, str]:
+def gate_for(endpoints: Sequence[str], keys: Path) -> Gate | None:
+    """Return what guards these endpoints; None where they can be reached from this machine only.
+
+    Raises EndpointError where a guard is needed and there are no keys.
+    """
+    outside = [endpoint for endpoint in endpoints if not is_loopback(endpoint)]
+    if not outside:
+        return None
+    try:
+        return Gate(keys)
+    except KeyFileError as error:
+        raise EndpointError(
+            f"endpoint {outside[0]!r} can be reached from other machines; that needs keys (`pzctl keys server`, then "
+            f"`pzctl keys client NAME`): {error}"
+        ) from None
+
+
+def from_here(endpoint: str) -> str:
+    """Return a bound address as it is reached from this machine."""
+    return endpoint.replace("//0.0.0.0:", "//127.0.0.1:").replace("//[::]:", "//[::1]:")
+
+
+def bind_events(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that publishes; return it and the address it got. Raises EndpointError.
 
     It must be read from all the time, or its welcome is never sent.
     """
     events = context.socket(zmq.XPUB)
     events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
-    return events, _bind(events, endpoint)
+    return events, _bind(events, endpoint, gate)
 
 
-def bind_requests(context: zmq.asyncio.Context, endpoint: str) -> tuple[zmq.asyncio.Socket, str]:
+def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
-    return requests, _bind(requests, endpoint)
+    return requests, _bind(requests, endpoint, gate, ANSWERS_KEPT)
 
 
 def limit(any_socket: "zmq.Socket[bytes]") -> None:
@@ -65,16 +95,27 @@ def limit(any_socket: "zmq.Socket[bytes]") -> None:
     any_socket.set(zmq.TCP_KEEPALIVE, 1)
 
 
-def _bind(any_socket: zmq.asyncio.Socket, endpoint: str) -> str:
-    """Bind to a loopback address, or close the socket and say why not."""
+def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
+    """Set the key that lets a client's socket in, where the daemon asks for one."""
+    if key is not None:
+        any_socket.set(zmq.CURVE_SERVERKEY, key.server.encode())
+        any_socket.set(zmq.CURVE_PUBLICKEY, key.public.encode())
+        any_socket.set(zmq.CURVE_SECRETKEY, key.secret.encode())
+
+
+def _bind(any_socket: zmq.asyncio.Socket, endpoint: str, gate: Gate | None, kept: int = HIGH_WATER) -> str:
+    """Bind, to a loopback address where there is no gate, or close the socket and say why not."""
     limit(any_socket)  # pyright: ignore[reportArgumentType]
+    any_socket.set(zmq.SNDHWM, kept)
+    if gate is not None:
+        any_socket.set(zmq.CURVE_SERVER, 1)
+        any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())
+        any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())
+        any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)
     any_socket.set(zmq.LINGER, 500)  # the last words of a daemon that ends are still sent
     try:
-        if not is_loopback(endpoint):
-            raise EndpointError(
-                f"endpoint {endpoint!r} can be reached from other machines; that needs keys (CURVE), which are not "
-                "available yet: allowed are loopback addresses such as tcp://127.0.0.1:5470"
-            )
+        if gate is None and not is_loopback(endpoint):
+            raise EndpointError(f"endpoint {endpoint!r} can be reached from other machines; that needs keys")
         any_socket.bind(endpoint)
     except zmq.ZMQError as error:
         any_socket.close()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .guest import GIVEN_UP
+from .keys import ClientKey
 from .ledger import Ledger
 from .limits import Limits
 from .paths import log_file
@@ -33,6 +34,8 @@ class Supervisor:
     home: Path
     events: str
     requests: str
+    key: ClientKey | None
+    """What lets a fitter in, where keys are asked for."""
     limits: Limits
     ledger: Ledger
     """Who owes which answer since when."""
@@ -70,7 +73,7 @@ class Supervisor:
         arguments = [name, "--events", self.events, "--requests", self.requests, "--with-parent"]
         arguments += ["--memory-MB", str(self.limits.memory_MB)]
         began = time.monotonic()
-        end = await tend("pzctl.daemon.guest", arguments, path, lambda: self._hung(name, began))
+        end = await tend("pzctl.daemon.guest", arguments, path, self.key, lambda: self._hung(name, began))
         return Fate(name, end.code, end.says)
 
     def _hung(self, name: str, began: float) -> str:

@@ -1,0 +1,61 @@
+"""`pzctl keys`: who may reach the daemon from other machines, and what for."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, help="Keys of those who may reach the daemon from other machines.")
+
+
+@app.command("server")
+def server() -> None:
+    """Make the daemon's own key, once."""
+    from ..keys import make_server
+    from ..paths import home, keys_folder
+
+    print(f"the daemon's public key: {make_server(keys_folder(home())).public}")
+
+
+@app.command("client")
+def client(
+    name: Annotated[str, typer.Argument(help="Whose key it is.")],
+    right: Annotated[str, typer.Option(help="watch, measure, bench or admin; each includes those before.")] = "watch",
+    out: Annotated[Path | None, typer.Option(help="File for the client to keep; NAME.key unless given.")] = None,
+) -> None:
+    """Let a client in, and write the key that it needs.
+
+    Example: pzctl keys client ana --right measure, and then in her script connect(..., key="ana.key")
+    """
+    from ..frames import to_json
+    from ..keys import RIGHTS, make_client, write_secret
+    from ..paths import home, keys_folder
+    from .fit import UsageError
+
+    found = {str(one): one for one in RIGHTS}.get(right)
+    if found is None:
+        raise UsageError(f"--right {right}: allowed are {', '.join(RIGHTS)}")
+    path = out or Path(f"{name}.key")
+    if path.exists():
+        raise UsageError(f"--out {path}: this file is there already")
+    write_secret(path, to_json(make_client(keys_folder(home()), name, found)))
+    print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
+
+
+@app.command("list")
+def show() -> None:
+    """List who may come in."""
+    from ..keys import clients
+    from ..paths import home, keys_folder
+
+    for one in clients(keys_folder(home())):
+        print(f"{one.name}\t{one.right}\t{one.public}")
+
+
+@app.command("revoke")
+def revoke(name: Annotated[str, typer.Argument(help="Whose key no longer counts.")]) -> None:
+    """Bar a client, at once; a running daemon need not be told."""
+    from ..keys import revoke as bar
+    from ..paths import home, keys_folder
+
+    bar(keys_folder(home()), name)
