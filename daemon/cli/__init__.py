@@ -6,7 +6,21 @@ import sys
 import typer
 
 from ...models.errors import PzctlError
-from . import diagnose, doctor, effects, export, fit, fitters, materials, measure, samples, service, show, simulator
+from . import (
+    diagnose,
+    doctor,
+    effects,
+    export,
+    fit,
+    fitters,
+    keys,
+    materials,
+    measure,
+    samples,
+    service,
+    show,
+    simulator,
+)
 
 app = typer.Typer(
     name="pzctl",
@@ -17,6 +31,7 @@ app = typer.Typer(
 app.command("measure")(measure.measure)
 app.command("fit")(fit.fit)
 app.command("diagnose")(diagnose.diagnose)
+app.add_typer(keys.app, name="keys")
 app.command("samples")(samples.samples)
 app.command("daemon")(service.daemon)
 app.command("sim")(simulator.sim)
