@@ -1,0 +1,90 @@
+"""Capacitance over frequency of a reduced disk, with the derivative by every constant and size."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ..arrays import Complexes, Frequencies, Reals
+from .band import Band, band_shapes, modes_of
+from .full import Shape
+from .matrices import CONSTANTS, OF_TERM, POWERS
+from .reduced import ReducedDisk
+
+_OCTAVES = 1.0
+_EPS33S = CONSTANTS.index("eps33S")
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Capacitance in F and its derivatives."""
+
+    capacitance: Complexes
+    """Y/(jw), shape (N,)."""
+    by_constant: Complexes
+    """By the value that each of CONSTANTS has at each frequency, shape (N, 10); F per SI unit."""
+    by_log_radius: Complexes
+    """F, shape (N,)."""
+    by_log_thickness: Complexes
+    """F, shape (N,)."""
+    by_log_density: Complexes
+    """F, shape (N,)."""
+
+
+def _bands(frequency: Frequencies) -> list[slice]:
+    """Return slices of rising frequencies, none wider than an octave."""
+    octaves: Reals = np.log2(frequency / frequency[0])
+    width = float(octaves[-1])
+    count = max(1, int(np.ceil(width / _OCTAVES)))
+    inner = [int(np.searchsorted(octaves, width * k / count)) for k in range(1, count)]
+    ends = [0, *inner, frequency.size]
+    return [slice(low, high) for low, high in pairwise(ends) if high > low]
+
+
+def _solved(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> list[tuple[slice, Band]]:
+    weights = shape.weights(constants)
+    middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
+    modes = modes_of(disk, shape, weights[min(middle, frequency.size - 1)])
+    made: list[tuple[slice, Band]] = []
+    for part in _bands(frequency):
+        f = frequency[part]
+        shapes = band_shapes(modes, float(f[0]), float(f[-1]))
+        made.append((part, Band.of(disk, shapes, shape, f, weights[part])))
+    return made
+
+
+def capacitance(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> Complexes:
+    """Return Y/(jw) in F, shape (N,), at rising frequencies in Hz; constants at each of them, shape (N, 10), SI."""
+    made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
+    for part, band in _solved(disk, shape, constants, frequency):
+        made[part] -= 4 * np.pi * band.solve()[1]
+    return made
+
+
+def slopes(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> Slopes:
+    """Return the same with its derivatives, which cost no further solution: the form is stationary."""
+    weights, lengths = shape.weights(constants), shape.lengths
+    empty = np.pi * shape.radius**2 / shape.thickness
+    still = constants[:, _EPS33S] * empty
+    whole = still.copy()
+    by_term = np.zeros(weights.shape, np.complex128)
+    by_mass = np.zeros(frequency.size, np.complex128)
+    for part, band in _solved(disk, shape, constants, frequency):
+        y, form = band.solve()
+        whole[part] -= 4 * np.pi * form
+        by_term[part], by_mass[part] = band.slopes(y)
+    by_term *= -4 * np.pi
+    by_density = 4 * np.pi * (2 * np.pi * frequency) ** 2 * by_mass
+    by_constant = np.zeros(constants.shape, np.complex128)
+    for k, constant in enumerate(OF_TERM.tolist()):
+        by_constant[:, constant] += by_term[:, k] * lengths[k]
+    by_constant[:, _EPS33S] += empty
+    scaled = by_term * weights
+    return Slopes(
+        whole,
+        by_constant,
+        scaled @ POWERS + 2 * by_density + 2 * still,
+        scaled @ (1 - POWERS) + by_density - still,
+        by_density,
+    )

@@ -1,0 +1,137 @@
+"""The matrices of a disk in r and z, one for each constant: assembled once per mesh, weighed by constants and sizes.
+
+Linear piezoelectricity with axial symmetry. On the way of integration the stationary form is
+    H = 1/2 S:cE:S + S:e:grad(phi) - 1/2 grad(phi):epsS:grad(phi) - 1/2 w^2 density u^2,
+and with r = a x, z = b y (radius a, half thickness b) each of its terms is a constant times a^k b^(1-k) times a matrix
+that depends on neither. So one set of matrices serves every ceramic and every size of a disk. The faces z = +-b
+carry the electrodes and nothing else; by symmetry u_r is even in z, u_z and phi are odd, and half a disk is enough.
+Basis functions are products of functions of x and of y, the matrices Kronecker products of line integrals.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from .line import Line, Matrix, Numbers
+
+CONSTANTS = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
+"""The ten constants in the order that everything here keeps."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of H: `constant` x a^power x b^(1 - power)."""
+
+    constant: str
+    power: int
+
+
+TERMS = (
+    Term("c11E", 0),
+    Term("c12E", 0),
+    Term("c13E", 1),
+    Term("c33E", 2),
+    Term("c44E", 2),
+    Term("c44E", 1),
+    Term("c44E", 0),
+    Term("e31", 1),
+    Term("e33", 2),
+    Term("e15", 1),
+    Term("e15", 0),
+    Term("eps11S", 0),
+    Term("eps33S", 2),
+)
+"""One for each matrix; the mass matrix, density x a^2 b, comes last and is not among them."""
+OF_TERM = np.array([CONSTANTS.index(term.constant) for term in TERMS])
+"""Which of CONSTANTS belongs to each of TERMS."""
+POWERS = np.array([term.power for term in TERMS])
+"""Power of the radius in each of TERMS."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """The terms of H over (u_r, u_z, phi within, electrode), real symmetric, each of shape (n + 1, n + 1).
+
+    The last row and column are the voltage between the electrodes, for the uniform field; `phi within` is what the
+    potential departs from that, zero on the electrodes.
+    """
+
+    terms: tuple[Matrix, ...]
+    mass: Matrix
+    moving: int
+    """How many of the unknowns are displacements."""
+
+    @property
+    def size(self) -> int:
+        """Number n of unknowns, the voltage not counted."""
+        return self.mass.shape[0] - 1
+
+
+def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True) -> Matrices:
+    """Return the matrices on a mesh of x and y. Without `move_in_plane` u_r is zero: the laterally clamped plate."""
+    nr, nz = along_r.size, along_z.size
+    places = np.arange(nr * nz).reshape(nr, nz)
+    kept = (places[1:] if move_in_plane else places[:0], places[:, 1:], places[:, 1:-1])
+    columns: list[Matrix] = []
+    for field, free in enumerate(kept):
+        columns.append(_unit(free.ravel() + field * nr * nz, 3 * nr * nz))
+    volt = np.zeros((3 * nr * nz, 1))
+    volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
+    keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
+    blocks = _blocks(along_r, along_z)
+
+    def built(parts: Mapping[tuple[int, int], Matrix]) -> Matrix:
+        grid = [[parts.get((i, k), sp.csr_array((nr * nz, nr * nz))) for k in range(3)] for i in range(3)]
+        whole = sp.csr_array(sp.block_array(grid))
+        return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if _is_coupling(parts) else whole) @ keep)
+
+    *terms, mass = (built(parts) for parts in blocks)
+    return Matrices(tuple(terms), mass, kept[0].size + kept[1].size)
+
+
+def _is_coupling(parts: Mapping[tuple[int, int], Matrix]) -> bool:
+    return all(i != k for i, k in parts)
+
+
+def _unit(rows: Numbers, size: int) -> Matrix:
+    """Return the columns of the unit matrix of `size` at `rows`."""
+    return sp.csr_array(sp.coo_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(size, rows.size)))
+
+
+_kron: Callable[[Matrix, Matrix], Matrix] = sp.kron
+
+
+def _blocks(along_r: Line, along_z: Line) -> list[dict[tuple[int, int], Matrix]]:
+    """Return the blocks, on and above the diagonal, of each of TERMS and the mass; fields 0 u_r, 1 u_z, 2 phi."""
+
+    def over_r(first: int, second: int, power: int) -> Matrix:
+        return along_r.integral(first, second, lambda x: x**power)
+
+    A, D, B = over_r(0, 0, 1), over_r(1, 1, 1), over_r(0, 0, -1)  # u u, u' u', u u/r^2, all with weight r
+    F = over_r(1, 0, 0)  # u' u/r with weight r
+    spread = over_r(1, 0, 1) + over_r(0, 0, 0)  # (u' + u/r) w
+    G = over_r(0, 1, 1)  # u w'
+    Zm, Zd = along_z.integral(0, 0), along_z.integral(1, 1)
+    Zs, Zt = along_z.integral(0, 1), along_z.integral(1, 0)
+
+    def product(r: Matrix, z: Matrix) -> Matrix:
+        return _kron(r, z)
+
+    return [
+        {(0, 0): product(D + B, Zm)},
+        {(0, 0): product(F + F.T, Zm)},
+        {(0, 1): product(spread, Zs)},
+        {(1, 1): product(A, Zd)},
+        {(0, 0): product(A, Zd)},
+        {(0, 1): product(G, Zt)},
+        {(1, 1): product(D, Zm)},
+        {(0, 2): product(spread, Zs)},
+        {(1, 2): product(A, Zd)},
+        {(0, 2): product(G, Zt)},
+        {(1, 2): product(D, Zm)},
+        {(2, 2): -product(D, Zm)},
+        {(2, 2): -product(A, Zd)},
+        {(0, 0): product(A, Zm), (1, 1): product(A, Zm)},
+    ]

@@ -1,0 +1,89 @@
+"""The reduced disk: small dense matrices, one for each term of H, that serve every ceramic and every size nearby."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+from scipy.linalg import eigh
+
+from ..arrays import Complexes, Reals
+from .full import FullDisk, Shape
+from .line import Numbers
+from .matrices import TERMS
+
+ELASTIC = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("c")])
+"""Which of TERMS are elastic: seven."""
+PIEZO = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("e") and term.constant[1] != "p"])
+"""Which of TERMS are piezoelectric: four."""
+EPS11, EPS33 = len(TERMS) - 2, len(TERMS) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedDisk:
+    """Galerkin projection of a disk on nu displacement and np potential shapes.
+
+    The mass matrix is the unit matrix; the permittivities are diagonal, that of eps33S the unit matrix.
+    """
+
+    stiffness: Reals
+    """Of the elastic terms, shape (7, nu, nu)."""
+    coupling: Reals
+    """Of the piezoelectric terms, shape (4, nu, np)."""
+    drive: Reals
+    """Force of the uniform field, for the piezoelectric terms, shape (4, nu)."""
+    kappa: Reals
+    """Diagonal of the matrix of eps11S, shape (np,)."""
+    u: Reals
+    """Displacement shapes over the unknowns of the mesh, shape (n, nu)."""
+    p: Reals
+    """Potential shapes over the unknowns of the mesh, shape (n, np)."""
+
+    @classmethod
+    def of(cls, disk: FullDisk, u: Reals, p: Reals) -> Self:
+        """Project the disk on displacements `u`, orthonormal by mass, and potentials `p`."""
+        n, terms = disk.size, disk.matrices.terms
+        inner = [term[:n, :n] for term in terms]
+        kappa, turn = _eigh(-(p.T @ (inner[EPS11] @ p)), -(p.T @ (inner[EPS33] @ p)))
+        p = np.asarray(p @ turn)
+        return cls(
+            np.array([u.T @ (inner[k] @ u) for k in ELASTIC.tolist()]),
+            np.array([u.T @ (inner[k] @ p) for k in PIEZO.tolist()]),
+            np.array([u.T @ terms[k][:n, [n]].toarray().ravel() for k in PIEZO.tolist()]),
+            np.asarray(kappa),
+            u,
+            p,
+        )
+
+    def arrays(self) -> dict[str, Reals]:
+        """Return everything by name, to be kept."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Reals]) -> Self:
+        """Return what `arrays` gave."""
+        return cls(**{field.name: arrays[field.name] for field in fields(cls)})
+
+    def permittivity(self, weights: Numbers) -> Numbers:
+        """Return the diagonal of the permittivity matrix for weights of TERMS, shape (..., 13), shape (..., np)."""
+        return weights[..., EPS11, None] * self.kappa + weights[..., EPS33, None]
+
+    def condensed(self, weights: Numbers) -> Numbers:
+        """Return the stiffness with the potential eliminated, over J/m2-like units of the mass matrix, (nu, nu)."""
+        stiffness = np.tensordot(weights[ELASTIC], self.stiffness, 1)
+        coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
+        return stiffness + (coupling / self.permittivity(weights)) @ coupling.T
+
+    def solution(self, shape: Shape, weights: Complexes, frequency: float) -> Complexes:
+        """Return what `FullDisk.solution` returns, as the reduced disk has it, shape (n + 1,)."""
+        squared = (2 * np.pi * frequency) ** 2 * shape.mass
+        force = weights[PIEZO] @ self.drive
+        y = -np.linalg.solve(self.condensed(weights) - squared * np.eye(force.size), force)
+        coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
+        return np.concatenate([self.u @ y + self.p @ ((coupling.T @ y) / self.permittivity(weights)), [1.0]])
+
+
+def _eigh(a: Reals, b: Reals) -> tuple[Reals, Reals]:
+    """Return the eigenvalues and vectors of the real symmetric pencil a - lambda b."""
+    made: Any = eigh(a, b)
+    return made

@@ -1,0 +1,100 @@
+"""Making a reduced disk for a geometry, once for every PZT; and enriching it where it falls short."""
+
+from collections.abc import Callable, Sequence
+from math import ceil
+
+import numpy as np
+
+from ..arrays import Complexes, Reals
+from ..errors import PzctlError
+from .basis import krylov, split
+from .error import estimate
+from .full import FullDisk, Shape
+from .reduced import ReducedDisk
+
+HIGHEST = 3400.0
+"""Frequency times thickness up to which a reduced disk serves, Hz m: 1.5 times the thickness resonance of PZT."""
+SMALLEST, LARGEST = 2.0, 60.0
+"""Diameter over thickness that is allowed."""
+DENSITY = 7800.0
+_CENTRE = np.array([125e9, 80e9, 80e9, 117e9, 22.5e9, -5.0, 16.0, 11.5, 8.5e-9, 7.5e-9])
+_SPREAD = np.array([0.16, 0.2, 0.16, 0.12, 0.18, 0.5, 0.16, 0.25, 0.3, 0.3])
+# Centre and half width of the box of constants; it holds every complete set of the material library.
+_SAMPLES = 20
+_JITTER = 0.02  # of the aspect ratio
+_ENOUGH = 1e-4
+_ADDED = 12
+_ROUNDS = 6
+
+
+class DiskError(PzctlError):
+    """A disk that the two-dimensional model does not reach."""
+
+
+def sampled(rng: np.random.Generator) -> Reals:
+    """Return real constants in the box, shape (10,), of a stable material of usual coupling."""
+    while True:
+        c = _CENTRE * (1 + _SPREAD * rng.uniform(-1, 1, _CENTRE.size))
+        plane = (c[0] + c[1]) * c[3] - 2 * c[2] ** 2  # of the axial block
+        if plane > 0.25 * (c[0] + c[1]) * c[3] and c[0] - c[1] > 0.2 * c[0]:
+            return c
+
+
+def trained(diameter_to_thickness: float, progress: Callable[[int, int], None] = lambda _i, _n: None) -> ReducedDisk:
+    """Return a reduced disk for this D/t, good to 1e-4 of the capacitance for the constants of its box.
+
+    `progress` is told how many of how many samples are done. Raises DiskError for a D/t beyond 2 to 60.
+    """
+    if not SMALLEST <= diameter_to_thickness <= LARGEST:
+        raise DiskError(
+            f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model serves for "
+            f"{SMALLEST:g} to {LARGEST:g}"
+        )
+    full, rng = FullDisk.of(diameter_to_thickness), np.random.default_rng(0)
+    count = 3 * ceil(max(1.0, np.sqrt(diameter_to_thickness / 20)))
+    shifts = (HIGHEST * (np.arange(count) + 0.5) / count).tolist()
+    snapshots: list[Reals] = []
+    for k in range(_SAMPLES):
+        shape = Shape(diameter_to_thickness / 2 * (1 + _JITTER * rng.uniform(-1, 1)), 1.0, DENSITY)
+        constants = sampled(rng)
+        snapshots += [krylov(full, shape, constants, shift, 22) for shift in shifts]
+        progress(k + 1, _SAMPLES)
+    return ReducedDisk.of(full, *split(full, snapshots))
+
+
+def enriched(full: FullDisk, reduced: ReducedDisk, shape: Shape, snapshots: Sequence[Reals]) -> ReducedDisk:
+    """Return the reduced disk with what `snapshots`, scaled and each of shape (n, k), add to its shapes."""
+    u, p = split(full, snapshots, 1e-6)
+    mass = full.matrices.mass[: full.size, : full.size]
+    u = u - reduced.u @ (reduced.u.T @ (mass @ u))
+    u = u - reduced.u @ (reduced.u.T @ (mass @ u))
+    values, vectors = np.linalg.eigh(u.T @ (mass @ u))
+    good = values > 1e-10
+    u = u @ (vectors[:, good] / np.sqrt(values[good]))
+    scaled = np.linalg.qr(reduced.p / full.scale[:, None])[0]
+    rest = p / full.scale[:, None]
+    rest = rest / np.linalg.norm(rest, axis=0)
+    rest = rest - scaled @ (scaled.T @ rest)
+    vectors, values, _ = np.linalg.svd(rest - scaled @ (scaled.T @ rest), full_matrices=False)
+    p = np.hstack([scaled, vectors[:, values > 1e-5]]) * full.scale[:, None]
+    return ReducedDisk.of(full, np.hstack([reduced.u, u]), p)
+
+
+def ensured(
+    full: FullDisk, reduced: ReducedDisk, shape: Shape, constants: Complexes, frequency: Reals
+) -> tuple[ReducedDisk, float]:
+    """Return a reduced disk that serves for these constants, shape (N, 10), at each frequency, and its estimated error.
+
+    Where the estimate is above 1e-4 of the capacitance the basis is enriched by the Krylov space of the worst place.
+    """
+    errors = estimate(full, reduced, shape, constants, frequency)
+    for _ in range(_ROUNDS):
+        worst = int(np.argmax(errors))
+        if errors[worst] < _ENOUGH:
+            break
+        there, f = constants[worst], float(frequency[worst])
+        x = full.solution(shape, there, f)[:-1] / full.scale
+        snapshots = [krylov(full, shape, there.real, f, _ADDED), np.column_stack([x.real, x.imag]) / np.linalg.norm(x)]
+        reduced = enriched(full, reduced, shape, snapshots)
+        errors = estimate(full, reduced, shape, constants, frequency)
+    return reduced, float(errors.max())
