@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from ..fitters.interface import Constant, Curve, FitResult, Noise
+from ..fitters.interface import Budget, Constant, Curve, FitResult, Noise
 from .frames import Array, Column, WireError, pack
 
 CURVE_PARTS = ("frequency", "measured", "start", "fitted")
@@ -39,6 +39,8 @@ class FitReport(msgspec.Struct, frozen=True):
     evaluations: int
     seconds: float
     says: tuple[str, ...] = ()
+    budget: Budget | None = None
+    """What makes up the uncertainties; None where the fitter does not tell."""
 
 
 def report_of(result: FitResult) -> FitReport:

@@ -16,6 +16,7 @@ from . import (
     keys,
     materials,
     measure,
+    report,
     samples,
     service,
     show,
@@ -41,6 +42,7 @@ app.command("materials")(materials.materials)
 app.command("doctor")(doctor.doctor)
 app.command("show")(show.show)
 app.command("export")(export.export)
+app.command("report")(report.report)
 
 
 def main() -> None:

@@ -1,0 +1,195 @@
+"""The sections of a report, each as HTML. Every name and sentence from outside is escaped."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.metadata import version
+from typing import Any
+
+from ..fitters.interface import FitResult
+from ..models.build import Build, Quantity
+from . import report_pictures as draw
+from .frames import to_json
+from .numbers import complex_with_uncertainty, with_uncertainty
+from .reported import SampleRecord, StepRecord
+
+DERIVED_SHOWN = ("kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay")
+"""What is derived from the constants and asked for."""
+
+_BAD, _GOOD = 2.0, 1.2
+"""Misfits per degree of freedom: above the first the model lacks something, below the second it lacks nothing."""
+
+
+def measured(record: SampleRecord) -> str:
+    """Return what was measured: a row for each sweep."""
+    rows = [
+        (
+            one.measurement.sample.step,
+            sweep.time[:19].replace("T", " "),
+            f"{sweep.frequency[0] / 1e6:.4g} - {sweep.frequency[-1] / 1e6:.4g} MHz",
+            str(sweep.frequency.size),
+            _drive(sweep.settings),
+            str(sweep.settings.get("bandwidth", "")),
+            "; ".join(sweep.notes),
+        )
+        for one in record.steps
+        for sweep in one.sweeps
+    ]
+    return _table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
+
+
+def _drive(settings: Any) -> str:
+    for key, unit in (("oscillator_A", "A"), ("oscillator_V", "V")):
+        if isinstance(settings.get(key), int | float):
+            return f"{settings[key]:g} {unit}"
+    return ""
+
+
+def constants(fit: FitResult, build: Build) -> str:
+    """Return the constants beside the data sheet; how far they are off in standard uncertainties of the two."""
+    sheet = {
+        f"{layer.name}.{name}": quantity
+        for layer in build.layers
+        for name, quantity in {**layer.values, **layer.nominal}.items()
+    }
+    rows: list[Sequence[str]] = []
+    classes: list[str] = []
+    for name, c in fit.constants.items():
+        nominal = sheet.get(name)
+        value = complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im)
+        said = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
+        percent, classed = _deviation(c.re, c.u_re, nominal, c.free)
+        rows.append((name, value, c.unit, said, percent, nominal.source if nominal else ""))
+        classes.append(classed)
+    for name, c in fit.derived.items():
+        if name.split(".")[-1] not in DERIVED_SHOWN:
+            continue
+        rows.append((name, complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
+        classes.append("held")
+    return _table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
+
+
+def _deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) -> tuple[str, str]:
+    """Return the deviation in words, and the class of its row: within, beyond 1 or beyond 2 uncertainties."""
+    if not free:
+        return "held", "held"
+    if nominal is None or not nominal.re:
+        return "", ""
+    percent = f"{100 * (re / nominal.re - 1):+.1f} %"
+    both = ((u or 0.0) ** 2 + nominal.u**2) ** 0.5
+    if not both:
+        return percent, ""
+    far = abs(re - nominal.re) / both
+    return f"{percent} ({far:.1f} u)", "far" if far > 2 else "off" if far > 1 else "near"
+
+
+def budget(fit: FitResult) -> str:
+    """Return what makes up each uncertainty, or say that this fitter does not tell."""
+    if fit.budget is None:
+        return f"<p>The fit that is kept of {escape(fit.fitter)} holds no budget of its uncertainties.</p>"
+    rows = [
+        (f"{name}{suffix}", *(f"{part:.2g}" for part in (s.noise, s.dimensions, s.knowledge, s.assumptions)), _most(s))
+        for suffix, shares in (("", fit.budget.re), (" (imaginary)", fit.budget.im))
+        for name, s in shares.items()
+    ]
+    heads = ("constant", "noise", "dimensions", "data sheets", "held values, if off by their tolerance", "largest")
+    note = (
+        "<p>Standard uncertainties in the constant's own unit. The first three, squared, make up the square of u.</p>"
+    )
+    return note + _table(heads, rows)
+
+
+def _most(share: Any) -> str:
+    return f"{share.largest[0]}: {share.largest[1]:.2g}"
+
+
+def correlations(fit: FitResult) -> str:
+    """Return which constants the recording hardly separates."""
+    if not fit.correlation:
+        return "<p>No two constants are strongly correlated, or the fitter does not tell.</p>"
+    a, b, r = fit.correlation[0]
+    words = (
+        f"<p>A correlation near ±1 means that the recording fixes only a combination of the two. The strongest is "
+        f"{escape(a)} with {escape(b)}, {r:+.5f}: a better value of one from elsewhere (a micrometer, a balance) "
+        "makes the other better too.</p>"
+    )
+    return words + draw.correlation_svg(fit.correlation)
+
+
+def mismatch(one: StepRecord, fit: FitResult) -> str:
+    """Return how well the model describes the recording, and what that means."""
+    chi2 = fit.chi2_per_dof
+    if chi2 > _BAD:
+        meaning = "Well above 1: the recording shows something that the model does not have, and constants may be off."
+    elif chi2 > _GOOD:
+        meaning = "Somewhat above 1: a small effect is left over; uncertainties are a little too small."
+    else:
+        meaning = "Near 1: the model describes all that the noise lets one see."
+    words = [
+        f"Misfit per degree of freedom {chi2:.3g}; typical relative misfit {fit.rms_log_error:.2g}, noise per point "
+        f"{fit.noise.relative:.1e} (from {fit.noise.source}). {meaning}",
+        *([] if fit.converged else ["The fit did not converge: take its numbers for a beginning only."]),
+        *fit.says,
+        *one.refusals,
+    ]
+    html = "".join(f"<p>{escape(word)}</p>" for word in words)
+    if one.diagnosis is None:
+        return html + "<p>No diagnosis of this measurement is in the journal.</p>"
+    return html + _diagnosis(one.diagnosis.diagnosis)
+
+
+def guilty(one: StepRecord) -> tuple[str, ...]:
+    """Return the places that the diagnosis found guilty."""
+    findings: list[dict[str, Any]] = one.diagnosis.diagnosis.get("findings", []) if one.diagnosis else []
+    return tuple(str(finding.get("where")) for finding in findings)
+
+
+def _diagnosis(found: dict[str, Any]) -> str:
+    html = f"<p class='verdict'>Diagnosis: {escape(str(found.get('verdict', '')))}</p>"
+    findings: list[dict[str, Any]] = found.get("findings", [])
+    rows = [
+        (
+            str(f.get("effect")),
+            str(f.get("where")),
+            f"{f.get('probability') or 0:.2f}",
+            "; ".join(_size(name, size) for name, size in f.get("parameters", {}).items()),
+            str(f.get("says", "")),
+        )
+        for f in findings
+    ]
+    if rows:
+        html += _table(("effect", "where", "probability", "size", "what it means"), rows)
+    hidden: list[dict[str, Any]] = found.get("not_decidable", [])
+    if hidden:
+        rows = [(str(n.get("effect")), str(n.get("where")), str(n.get("would_decide", ""))) for n in hidden]
+        html += "<p>May be there unseen:</p>" + _table(("effect", "where", "would decide"), rows)
+    return html
+
+
+def _size(name: str, size: dict[str, Any]) -> str:
+    return f"{name} {with_uncertainty(float(size['value']), size.get('u'))} {size.get('unit', '')}"
+
+
+def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
+    """Return what is needed to do all of it again: versions, instrument, hashes, settings."""
+    build = hashlib.sha256(to_json(record.build)).hexdigest()
+    rows: list[Sequence[str]] = [("pzctl", version("pzctl")), ("build file, SHA-256 of its content", build)]
+    rows += [(f"fitter at {fit.steps[-1]}", f"{fit.fitter} {fit.version}") for fit in fits]
+    for one in record.steps:
+        rows.append((f"instrument at {one.measurement.sample.step}", one.idn))
+        rows.append((f"measurement of {one.measurement.sample.step}", one.measurement.id))
+        for sweep in one.sweeps:
+            digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
+            rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
+            rows.append(("settings as read back", json.dumps(dict(sweep.settings), default=str)))
+    return _table(("what", "value"), rows)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[str] = ()) -> str:
+    head = "".join(f"<th scope='col'>{escape(one)}</th>" for one in heads)
+    body = "".join(
+        f"<tr class='{classes[k] if classes else ''}'>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        for k, row in enumerate(rows)
+    )
+    return f"<div class='wide'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
