@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
-from ..fitters.interface import Constant, FitResult
+from ..fitters.interface import Budget, Constant, FitResult, Share
 
 
 def number(value: float | None) -> float | None:
@@ -22,9 +23,23 @@ def constants_json(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any
             "u_im": number(constant.u_im),
             "unit": constant.unit,
             "free": constant.free,
+            **_intervals(constant),
         }
         for name, constant in constants.items()
     }
+
+
+def _intervals(constant: Constant) -> dict[str, Any]:
+    """Return the intervals of a constant that has some: `interval` of its real, `interval_im` of its imaginary part."""
+    parts = {"interval": constant.interval_re, "interval_im": constant.interval_im}
+    return {name: {"68": list(i.p68), "95": list(i.p95)} for name, i in parts.items() if i is not None}
+
+
+def _budget(budget: Budget) -> dict[str, Any]:
+    def shares(part: Mapping[str, Share]) -> dict[str, Any]:
+        return {name: {**asdict(share), "largest": list(share.largest)} for name, share in part.items()}
+
+    return {"re": shares(budget.re), "im": shares(budget.im), "tolerances": dict(budget.tolerances)}
 
 
 def fit_json(result: FitResult) -> dict[str, Any]:
@@ -44,4 +59,5 @@ def fit_json(result: FitResult) -> dict[str, Any]:
         "evaluations": result.evaluations,
         "seconds": result.seconds,
         "says": list(result.says),
+        **({"budget": _budget(result.budget)} if result.budget is not None else {}),
     }

@@ -12,6 +12,8 @@ from .interface import Constant
 
 _TOGETHER = 0.95
 _NEARLY_ONE = 0.99
+_TIED = 1 - 1e-10
+# What is tied is one constant under two names.
 _BETTER = 0.3
 # A combination is worth a sentence where its relative uncertainty is below this part of the better known constant's.
 _THIN = 0.05
@@ -115,7 +117,7 @@ def _across(relative: _Relative) -> list[str]:
         for a, b in combinations(relative.names, 2)
         if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
     ]
-    close = sorted((pair for pair in pairs if abs(pair.correlation) > _NEARLY_ONE), key=lambda p: -abs(p.correlation))
+    close = sorted((pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED), key=lambda p: -abs(p.correlation))
     says: list[str] = []
     told: set[str] = set()
     for pair in close:

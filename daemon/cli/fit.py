@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...models.errors import PzctlError
+from .wishes import UsageError, Wanted, Words, check_options, free_names
 
 if TYPE_CHECKING:
+    from ...fitters.interface import FitResult
+    from ...models.build import Build
     from ...models.sweep import Sweep
 
 
 _MEMORY = "@memory"
-
-
-class UsageError(PzctlError):
-    """A command line that does not say what is wanted."""
 
 
 def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
@@ -60,6 +58,19 @@ def fit(
     build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` does without.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter, see `pzctl fitters`; may be repeated.")] = None,
     free: Annotated[str | None, typer.Option(help="Constants to free, as disk.c33D,glue1.thickness.")] = None,
+    hold: Annotated[str | None, typer.Option(help="Constants to hold, as glue1.z,area.")] = None,
+    tie: Annotated[
+        list[str] | None, typer.Option(help="Two that are one, as glue2.z=glue1.z; may be repeated.")
+    ] = None,
+    prior: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE:UNCERTAINTY in SI units, as ml1.z=10.3e6:0.5e6.")
+    ] = None,
+    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOWEST:HIGHEST in SI units.")] = None,
+    objective: Annotated[str, typer.Option(help="log (noise-weighted ln Z), thesis (sum |w dZ|^2) or kt2.")] = "log",
+    uncertainty: Annotated[str, typer.Option(help="covariance, profile or bootstrap.")] = "covariance",
+    sequential: Annotated[bool, typer.Option(help="Step by step, each with all the one before has told.")] = False,
+    freeze: Annotated[bool, typer.Option(help="Step by step, earlier constants frozen (the thesis's way).")] = False,
+    budget: Annotated[bool, typer.Option(help="Show what the uncertainties are made of.")] = False,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png or .svg.")] = None,
     every: Annotated[
         bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
@@ -71,28 +82,61 @@ def fit(
 
     Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
     """
+    words = Words(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
+    frees = free_names(free)
+    wanted = Wanted(frees, words.amendments(frees), words.options())
     if every or dask or not recordings:
-        if not every:
-            raise UsageError("--dask needs --all" if dask else "no recording is given; STEP=FILE is needed, or --all")
-        if build or picture:
-            raise UsageError(f"--{'build' if build else 'picture'} does not go with --all: each sample has its own")
+        _check_all(every, dask, {"build": build, "picture": picture, "budget": budget or None})
         from .fitall import fit_all
 
-        fit_all(recordings or [], fitter or [], tuple(free.split(",")) if free else None, dask, as_json=as_json)
+        fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json)
         return
-    from ...fitters.interface import FitTask
-    from ...fitters.plugins import DEFAULT, load_fitter
-    from ..answers import fit_json
-    from ..buildfile import read_build
-
-    known = read_build(build) if build is not None else None
-    task = FitTask(known, read_steps(recordings), tuple(free.split(",")) if free else None)
-    results = [load_fitter(name).fit(task) for name in fitter or [DEFAULT]]
+    results, known = _fitted(recordings, build, fitter or [], wanted)
     if as_json:
+        from ..answers import fit_json
+
         objects = [fit_json(result) for result in results]
         print(json.dumps(objects[0] if len(objects) == 1 else {"fits": objects}))
         if picture is None:
             return
+    _show(results, known, picture, as_json=as_json, budget=budget)
+
+
+def _check_all(every: bool, dask: str | None, others: "dict[str, object]") -> None:
+    """Refuse what does not go with --all, and what goes only with it. Raises UsageError."""
+    if not every:
+        raise UsageError("--dask needs --all" if dask else "no recording is given; STEP=FILE is needed, or --all")
+    for name, value in others.items():
+        if value is not None:
+            raise UsageError(f"--{name} does not go with --all: each sample has its own")
+
+
+def _fitted(
+    recordings: list[str], build: Path | None, names: list[str], wanted: Wanted
+) -> "tuple[list[FitResult], Build | None]":
+    """Return what each fitter answers, and the build as it was fitted. Raises PzctlError."""
+    from ...fitters.amend import Amendments, amended
+    from ...fitters.interface import FitTask
+    from ...fitters.plugins import DEFAULT, load_fitter
+    from ..buildfile import read_build
+
+    fitters = [load_fitter(name) for name in names or [DEFAULT]]
+    for one in fitters:
+        check_options(one, wanted.options)
+    known = read_build(build) if build is not None else None
+    if known is not None:
+        known = amended(known, wanted.amendments)
+    elif wanted.amendments != Amendments():
+        raise UsageError("--hold, --tie, --prior and --bound are about constants of a build; give --build as well")
+    task = FitTask(known, read_steps(recordings), wanted.free, wanted.options)
+    return [one.fit(task) for one in fitters], known
+
+
+def _show(
+    results: "list[FitResult]", known: "Build | None", picture: Path | None, *, as_json: bool, budget: bool
+) -> None:
+    """Print tables and budgets, and draw the pictures; with `as_json` only those."""
+    from ..budgets import print_budget
     from ..pictures import fit_picture
     from ..tables import print_fit
     from ..terminal import console
@@ -101,6 +145,8 @@ def fit(
     for result in results:
         if not as_json:
             print_fit(screen, result, known)
+            if budget:
+                print_budget(screen, result)
         target = picture or Path(f"{result.build}-{'-'.join(result.steps)}-{result.fitter}.png")
         if len(results) > 1 and picture is not None:
             target = picture.with_stem(f"{picture.stem}-{result.fitter}")

@@ -3,11 +3,12 @@
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...models.errors import CannotError, PzctlError
-from .fit import UsageError
+from .wishes import UsageError, Wanted, check_options
 
 if TYPE_CHECKING:
     from ...fitters.batch import Outcome
@@ -19,28 +20,43 @@ class BatchFailure(CannotError):
     """Some samples could not be fitted."""
 
 
-def fit_all(
-    words: Sequence[str], fitters: Sequence[str], free: tuple[str, ...] | None, dask: str | None, *, as_json: bool
-) -> None:
+def _amended(sample: "Sample", wanted: Wanted) -> "Sample":
+    """Return the sample with its build and task as wanted; where its build has no such constant, it is not fitted."""
+    from ...fitters.amend import amended
+
+    job = sample.job
+    if job is None or job.task.build is None:
+        return sample
+    try:
+        task = replace(job.task, build=amended(job.task.build, wanted.amendments), options=wanted.options)
+    except PzctlError as error:
+        return replace(sample, job=None, error=str(error))
+    return replace(sample, job=replace(job, task=task))
+
+
+def fit_all(words: Sequence[str], fitters: Sequence[str], wanted: Wanted, dask: str | None, *, as_json: bool) -> None:
     """Fit all samples with each of `fitters` (none: mason) and print the populations; `words`: nothing, or one folder.
 
     Results of the journal's samples are kept in the journal. What goes wrong with a sample is said on standard error
     and stops no other. Raises BatchFailure at the end where any failed; UsageError, NoSamplesError, JournalError,
     PluginError, BatchError where nothing can be done.
     """
-    from ...fitters.plugins import DEFAULT
+    from ...fitters.plugins import DEFAULT, load_fitter
     from ..samples import folder_samples, journal_samples, open_journal
 
     if len(words) > 1 or any("=" in word for word in words):
         raise UsageError(f"--all takes one folder, or nothing for the journal; found {' '.join(words)}")
     if words:
-        found = folder_samples(Path(words[0]), free)
+        found = folder_samples(Path(words[0]), wanted.free)
     else:
         journal = open_journal()
         try:
-            found = journal_samples(journal, free)
+            found = journal_samples(journal, wanted.free)
         finally:
             journal.close()
+    for fitter in fitters or [DEFAULT]:
+        check_options(load_fitter(fitter), wanted.options)
+    found = [_amended(sample, wanted) for sample in found]
     for sample in found:
         for note in sample.notes:
             print(f"note: {sample.name}: {note}", file=sys.stderr)
