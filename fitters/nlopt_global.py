@@ -17,7 +17,7 @@ from ..models.arrays import Complexes, Reals
 from ..models.errors import PzctlError
 from ..models.sweep import Sweep
 from .answer import least_squares_answer
-from .assembly import coordinates_of, nominal_parameters, priors_of, stack_of
+from .assembly import coordinates_of, nominal_parameters, priors_of, recordings_of
 from .coordinates import Coordinates
 from .descent import Descent, chi2_per_point, descend, settle
 from .interface import FitError, FitResult, FitTask, Noise
@@ -127,9 +127,9 @@ class NloptGlobal:
         found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
         noises: Mapping[str, Noise] = {step: noise for step, (noise, _) in found.items()}
         recordings = [
-            Recording(step, sweep, stack_of(build, build.step(step)), sigma)
+            recording
             for step, of_step in sweeps.items()
-            for sweep, sigma in zip(of_step, found[step][1], strict=True)
+            for recording in recordings_of(build, step, of_step, found[step][1])
         ]
         begun = nominal_parameters(build)
         coordinates, priors = coordinates_of(build, sweeps, begun, task.free), priors_of(build, sweeps)
@@ -179,7 +179,7 @@ def _coarse(recording: Recording) -> Recording:
     sweep = recording.sweep
     every = slice(None, None, max(1, sweep.frequency.size // _COARSE_POINTS))
     few = Sweep(sweep.frequency[every], sweep.impedance[every])
-    return Recording(recording.step, few, recording.model, np.zeros(few.frequency.size), misfit=_BLUNT)
+    return replace(recording, sweep=few, noise=np.zeros(few.frequency.size), misfit=_BLUNT)
 
 
 def _costs(objective: Objective) -> tuple[Callable[[Reals], float], Callable[[Reals], tuple[float, Reals]]]:
