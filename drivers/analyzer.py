@@ -58,7 +58,7 @@ class Analyzer(Protocol):
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Carry out the plan: one Sweep for each segment, in order.
+        """Carry out the plan: one Sweep for each segment, in order; a single one where the plan joins them.
 
         Raises PlanError before anything is sent, Cancelled, or InstrumentError. On every way out the bias is off
         and the instrument is left as found.

@@ -39,7 +39,7 @@ class Playback:
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Answer `plan` by recorded points: one Sweep for each segment.
+        """Answer `plan` by recorded points: one Sweep for each segment, or one for all that are joined.
 
         Raises InstrumentError where nothing was recorded within a segment, or all recordings have been played;
         Cancelled; and what reading the file raises.
@@ -48,7 +48,10 @@ class Playback:
             raise Cancelled(f"recording:{self._path}: cancelled before it was played")
         file = self._take()
         recording = read_recording(file)
-        sweeps = tuple(_within(recording, segment, file) for segment in plan.segments)
+        segments = plan.segments
+        if plan.joined:
+            segments = (Segment(segments[0].start_Hz, segments[-1].stop_Hz),)
+        sweeps = tuple(_within(recording, segment, file) for segment in segments)
         progress(Progress(1.0, 0.0, f"played {file.name}"))
         return sweeps
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from .errors import PzctlError
@@ -50,7 +51,15 @@ class SweepPlan:
     """Waited at each point before it is measured."""
     sweep_delay_s: float = 0.0
     """Waited before each sweep."""
+    joined: bool = False
+    """Whether the segments make one recording together; they are then in rising order and do not overlap."""
 
     def __post_init__(self) -> None:
         if not self.segments:
             raise PlanError("sweep plan: no segment; at least one is needed")
+        for k, (one, following) in enumerate(pairwise(self.segments), start=2):
+            if self.joined and following.start_Hz <= one.stop_Hz:
+                raise PlanError(
+                    f"sweep plan: segment {k} starts at {following.start_Hz:.12g} Hz and the one before stops at "
+                    f"{one.stop_Hz:.12g} Hz; segments that are joined must rise and not overlap"
+                )

@@ -12,6 +12,7 @@ from ..analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..link import ConnectionLost, Link
 from . import compensation, files, grid, limits, state
 from .compensation import Compensation, Standard
+from .joined import joined
 from .record import record
 from .sweeping import expected_seconds, sweep
 
@@ -52,17 +53,18 @@ class Agilent4294A:
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Carry out `plan`: one Sweep for each segment, in order; see `Analyzer.measure`.
+        """Carry out `plan`: one Sweep for each segment, or one for all that are joined; see `Analyzer.measure`.
 
-        A segment of more than 801 points is swept in overlapping parts. Where the instrument could not be set back
-        after a sweep that is sound, the Sweep says so in its notes; where its bias could not be switched off, that is
-        an InstrumentError all the same.
+        Each segment is swept by itself, one of more than 801 points in overlapping parts. Where the instrument could
+        not be set back after a sweep that is sound, the Sweep says so in its notes; where its bias could not be
+        switched off, that is an InstrumentError all the same.
         """
         count = sum(len(_sweeps_of(segment)) for segment in plan.segments)
         course = _Course(self.estimated_seconds(plan), count, progress, cancelled)
 
         def sweep_all(identity: Identity) -> tuple[Sweep, ...]:
-            return tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
+            sweeps = tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
+            return (joined(sweeps),) if plan.joined else sweeps
 
         sweeps, left = self._as_found(sweep_all)
         return sweeps if not left else tuple(dataclasses.replace(s, notes=(*s.notes, left)) for s in sweeps)

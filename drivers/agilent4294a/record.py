@@ -18,6 +18,12 @@ from .sweeping import RawSweep
 ADAPTERS = {"OFF": "none", "M1": "4TP 1 m", "M2": "4TP 2 m", "APC7": "7 mm", "PROBE": "probe"}
 """What the tokens of `E4TP?` mean."""
 
+INDUCTIVE = (
+    "The reactance is inductive at every point, and a piezoelectric device is a capacitor off its resonances: "
+    "is it connected, and the polarity right?"
+)
+"""The note of such a recording."""
+
 
 def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity: Identity) -> Sweep:
     """Return the recording of `segment`, swept in one or several `raws`. Settings are those read back."""
@@ -104,10 +110,7 @@ def _notes(parts: int, impedance: Impedances) -> tuple[str, ...]:
     if parts > 1:
         notes.append(f"Measured as {parts} sweeps that overlap, since a 4294A sweeps at most 801 points at once.")
     if np.all(impedance.imag > 0):
-        notes.append(
-            "The reactance is inductive at every point, and a piezoelectric device is a capacitor off its resonances: "
-            "is it connected, and the polarity right?"
-        )
+        notes.append(INDUCTIVE)
     return tuple(notes)
 
 

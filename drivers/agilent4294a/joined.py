@@ -1,0 +1,41 @@
+"""Several segments as one recording: points where they are needed, in one column.
+
+The instrument has a list sweep for this. It is not used: no public source gives the commands that edit its table, so
+nobody could say what a wrong guess sets on a real one. What it would save is the set-up of each segment.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...models.sweep import Sweep
+from .record import INDUCTIVE
+
+PER_POINT = ("noise_relative", "accuracy_relative")
+_OF_ONE = ("spacing", "sweeps", "overlap_noise_relative", "overlap_drift")
+"""Settings that hold for one segment and not for the whole."""
+
+
+def joined(sweeps: Sequence[Sweep]) -> Sweep:
+    """Return the sweeps of a joined plan as one. Raises SweepError where their frequencies do not rise throughout."""
+    first, last = sweeps[0], sweeps[-1]
+    frequency = np.concatenate([sweep.frequency for sweep in sweeps])
+    settings: dict[str, Any] = {name: value for name, value in first.settings.items() if name not in _OF_ONE}
+    settings |= {name: [one for sweep in sweeps for one in sweep.settings[name]] for name in PER_POINT}
+    settings |= {
+        "stop_Hz": last.settings["stop_Hz"],
+        "points": int(frequency.size),
+        "ended": last.settings["ended"],
+        "sweep_seconds": round(sum(sweep.settings["sweep_seconds"] for sweep in sweeps), 3),
+        "segments": [
+            {name: sweep.settings[name] for name in ("start_Hz", "stop_Hz", "points", "spacing", "started", "ended")}
+            for sweep in sweeps
+        ],
+    }
+    notes = dict.fromkeys(note for sweep in sweeps for note in sweep.notes)
+    if not all(INDUCTIVE in sweep.notes for sweep in sweeps):  # some lie between a resonance and its antiresonance
+        notes.pop(INDUCTIVE, None)
+    impedance = np.concatenate([sweep.impedance for sweep in sweeps])
+    says = f"One recording of {len(sweeps)} segments, each swept by itself."
+    return Sweep(frequency, impedance, settings, first.time, notes=(*notes, says))
