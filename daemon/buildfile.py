@@ -201,14 +201,16 @@ def _reground(table: Table) -> dict[str, Quantity]:
 
 def _plan(table: Table) -> SweepPlan:
     """Return the section [sweep]. What an instrument cannot do is for its driver to say."""
-    floats = ("oscillator_V", "bias_V")
+    floats = ("oscillator_V", "bias_V", "point_delay_s", "sweep_delay_s")
     integers = ("bandwidth", "point_average", "sweep_average")
-    table.only(("segments", *floats, *integers, "direction"))
+    table.only(("segments", *floats, "oscillator_mA", *integers, "direction"))
     segments = tuple(_segment(segment) for segment in table.tables("segments", "segment"))
     settings: dict[str, Any] = {key: table.number(key) for key in floats if key in table.data}
     settings |= {key: table.integer(key) for key in integers if key in table.data}
-    if "oscillator_V" in settings and settings["oscillator_V"] <= 0:
-        raise table.error("oscillator_V", f"is {settings['oscillator_V']:g}; a positive number is needed")
+    settings |= _level(table)
+    for key in ("point_delay_s", "sweep_delay_s"):
+        if settings.get(key, 0.0) < 0:
+            raise table.error(key, f"is {settings[key]:g}; 0 s (none) or more is needed")
     if not 1 <= settings.get("bandwidth", 1) <= 5:
         raise table.error("bandwidth", f"is {settings['bandwidth']}; 1 (fast) to 5 (precise) is allowed")
     for key in ("point_average", "sweep_average"):
@@ -219,6 +221,17 @@ def _plan(table: Table) -> SweepPlan:
         if settings["direction"] not in ("up", "down"):
             raise table.error("direction", f'is {settings["direction"]!r}; "up" or "down" is needed')
     return SweepPlan(segments, **settings)
+
+
+def _level(table: Table) -> dict[str, float]:
+    """Return what drives the device: a current where `oscillator_mA` is given, else nothing beside `oscillator_V`."""
+    given = [key for key in ("oscillator_V", "oscillator_mA") if key in table.data]
+    if len(given) == 2:
+        raise table.error("oscillator_mA", "is given beside oscillator_V; the device is driven by one of the two")
+    for key in given:
+        if table.number(key) <= 0:
+            raise table.error(key, f"is {table.number(key):g}; a positive number is needed")
+    return {"oscillator_A": table.number("oscillator_mA") / 1e3} if "oscillator_mA" in given else {}
 
 
 def _segment(table: Table) -> Segment:
