@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .daemon.aio import connect_async as connect_async
     from .daemon.client import connect as connect
     from .models.build import Build as Build
     from .models.plan import Segment as Segment
@@ -19,8 +20,9 @@ _HOME = {
     "Sweep": ".models.sweep",
     "SweepPlan": ".models.plan",
     "connect": ".daemon.client",
+    "connect_async": ".daemon.aio",
 }
-__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect"]
+__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect", "connect_async"]
 
 
 def __getattr__(name: str) -> Any:

@@ -4,7 +4,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..fitters.interface import FitError, FitResult
+from .connection import DaemonError
 from .reports import curves_of, result_of
+from .requests import FitterState
 from .wire import DiagnosisEvent, FitEvent, Heard
 
 
@@ -32,6 +34,17 @@ class Answers:
             one = self._found.get(key)
             if one is not None and is_given_up(one):
                 del self._found[key]
+
+
+def require(fitter: str, states: Iterable[FitterState]) -> None:
+    """Raise DaemonError where waiting for a fitter that the daemon keeps is of no use."""
+    known = {state.name: state for state in states}
+    if fitter not in known:
+        raise DaemonError(
+            f"fitter {fitter!r}: this daemon does not run it; it runs {', '.join(known) or 'none'}", "no-such-fitter"
+        )
+    if known[fitter].state == "broken":
+        raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")
 
 
 def is_given_up(heard: Heard) -> bool:

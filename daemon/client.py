@@ -20,7 +20,7 @@ from ..models.build import Build
 from ..models.plan import SweepPlan
 from ..models.sweep import Sweep
 from . import requests as ask
-from .awaiting import Answers, diagnosis_of, fit_of
+from .awaiting import Answers, diagnosis_of, fit_of, require
 from .connection import Asker, DaemonError, Subscription
 from .keys import ClientKey, read_client_key
 from .location import locate
@@ -286,19 +286,8 @@ class Client:
             if found is not None:
                 return found
             if kept:
-                self._require(fitter)
+                require(fitter, self.status().fitters)
             heard = subscription.receive(min(1.0, max(0.0, deadline - time.monotonic())))
             self._answers.note([heard] if heard else [])
             if heard is None and time.monotonic() > deadline:
                 raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer")
-
-    def _require(self, fitter: str) -> None:
-        """Raise DaemonError where waiting for this fitter is of no use."""
-        known = {state.name: state for state in self.status().fitters}
-        if fitter not in known:
-            raise DaemonError(
-                f"fitter {fitter!r}: this daemon does not run it; it runs {', '.join(known) or 'none'}",
-                "no-such-fitter",
-            )
-        if known[fitter].state == "broken":
-            raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")

@@ -55,17 +55,13 @@ class Asker:
             self._socket.send_multipart([to_json(request), *raw])
             frames = self._await(request.id, time.monotonic() + patience)
             if frames:
-                return _read(frames[0], expected), frames[1:]
+                return read_answer(frames[0], expected), frames[1:]
         raise DaemonError(f"daemon at {self.endpoint}: no answer in {TRIES} tries of {patience:g} s; is it running?")
 
     def events(self, request: Request) -> tuple[list[Heard], bool]:
         """Return the events of an answer that carries some, and whether there are more. Raises DaemonError."""
         answer, frames = self.ask_frames(request, EventsAnswer)
-        heard: list[Heard] = []
-        for count in answer.frames:
-            event, frames = frames[:count], frames[count:]
-            heard.append(decode(event))
-        return heard, answer.more
+        return read_events(answer, frames), answer.more
 
     def close(self) -> None:
         """Close the socket."""
@@ -175,9 +171,18 @@ _answer = msgspec.json.Decoder(Answer)
 _refusal = msgspec.json.Decoder(Refusal)
 
 
-def _read(header: bytes, expected: type[A]) -> A:
+def read_answer(header: bytes, expected: type[A]) -> A:
     """Return an answer's header. Raises DaemonError where it is a refusal."""
     if not from_json(header, _answer).ok:
         problem = from_json(header, _refusal).error
         raise DaemonError(f"{problem.message}{'; ' + problem.hint if problem.hint else ''}", problem.code)
     return from_json(header, msgspec.json.Decoder(expected))
+
+
+def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[Heard]:
+    """Return the events whose frames stand behind an answer. Raises WireError."""
+    heard: list[Heard] = []
+    for count in answer.frames:
+        event, frames = frames[:count], frames[count:]
+        heard.append(decode(event))
+    return heard

@@ -1,0 +1,226 @@
+"""The client for asyncio programs: the same questions as `client.Client`, each awaited, many at a time.
+
+async with connect_async() as lab:
+    measurement = await lab.measure(build, "disk")
+    result = await lab.wait_fit("mason", measurement.id)
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import zmq.asyncio
+
+from ..fitters.interface import FitResult
+from ..models.build import Build
+from ..models.plan import SweepPlan
+from ..models.sweep import Sweep
+from . import requests as ask
+from .aiowire import AsyncAsker, AsyncSubscription
+from .awaiting import Answers, diagnosis_of, fit_of, require
+from .client import BENCH_PATIENCE, Measurement
+from .connection import DaemonError
+from .keys import ClientKey, read_client_key
+from .location import locate
+from .uuid7 import uuid7
+from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
+
+
+@asynccontextmanager
+async def connect_async(
+    events: str | None = None, requests: str | None = None, key: str | Path | None = None
+) -> "AsyncGenerator[AsyncClient]":
+    """Give a client of the daemon at these endpoints, or of the one that runs here; as `client.connect`.
+
+    Raises DaemonError where none runs, KeyFileError where the key cannot be used.
+    """
+    own = None if key is None else read_client_key(Path(key))
+    if events is None or requests is None:
+        place = locate()
+        events, requests, own = events or place.events, requests or place.requests, own or place.key
+    context = zmq.asyncio.Context()
+    asker = AsyncAsker(context, requests, own)
+    try:
+        yield AsyncClient(context, events, asker, own)
+    finally:
+        await asker.close()
+        context.term()
+
+
+class AsyncClient:
+    """A connection to a daemon, for one event loop.
+
+    Every method raises DaemonError where the daemon refuses, does not answer, or has gone.
+    """
+
+    def __init__(self, context: zmq.asyncio.Context, events: str, asker: AsyncAsker, key: ClientKey | None) -> None:
+        self._context = context
+        self._endpoint = events
+        self._asker = asker
+        self._key = key
+
+    async def hello(self) -> ask.HelloAnswer:
+        """Ask who is there."""
+        return await self._asker.ask(ask.Hello(id=uuid7()), ask.HelloAnswer)
+
+    async def status(self) -> ask.StatusAnswer:
+        """Ask what is going on."""
+        return await self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
+
+    async def samples(self, name: str | None = None) -> tuple[ask.SampleHistory, ...]:
+        """Return what was measured, by sample; only of sample `name` where one is given."""
+        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), ask.SamplesAnswer)).samples
+
+    async def sweeps(self, measurement: str) -> tuple[Heard, ...]:
+        """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
+        return tuple((await self._asker.events(ask.Sweeps(id=uuid7(), measurement=measurement)))[0])
+
+    async def fits(self, measurement: str) -> tuple[Heard, ...]:
+        """Return what the fitters answered to a measurement: fit and diagnosis events."""
+        return tuple((await self._asker.events(ask.Fits(id=uuid7(), measurement=measurement)))[0])
+
+    async def bench(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Give the simulator's bench a command; return what it answers."""
+        request = ask.Bench(id=uuid7(), command=command)
+        return (await self._asker.ask(request, ask.BenchAnswer, BENCH_PATIENCE)).answer
+
+    async def begin(self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0) -> str:
+        """Ask for a measurement and do not wait for it; return its id."""
+        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority)
+        return (await self._asker.ask(request, ask.MeasureAnswer)).measurement
+
+    async def cancel(self, measurement: str | None = None) -> None:
+        """Cancel a measurement; the running one where none is named."""
+        await self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), ask.Answer)
+
+    async def shutdown(self) -> None:
+        """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
+        await self._asker.ask(ask.Shutdown(id=uuid7()), ask.Answer)
+
+    async def listen(self) -> AsyncGenerator[Heard]:
+        """Yield every event from the first step on, in order, none lost; each listener has a socket of its own."""
+        async with self._subscribed() as subscription:
+            while True:
+                yield await subscription.receive()
+
+    async def replay(self, since: int, until: int | None = None) -> AsyncGenerator[Heard]:
+        """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
+        more = True
+        while more:
+            heard, more = await self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
+            for one in heard:
+                yield one
+            since += len(heard)
+
+    async def measure(
+        self,
+        build: Build,
+        step: str,
+        plan: SweepPlan | None = None,
+        progress: Callable[[ProgressEvent], None] = lambda _: None,
+        *,
+        priority: int = 0,
+    ) -> Measurement:
+        """Measure a step of a build and wait for it; where the waiting is cancelled, so is the measurement.
+
+        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first. Raises DaemonError
+        with the daemon's sentence where the measurement failed or was cancelled.
+        """
+        async with self._subscribed() as subscription:
+            measurement = await self.begin(build, step, plan, priority=priority)
+            try:
+                return await _followed(subscription, measurement, progress)
+            except asyncio.CancelledError:
+                with suppress(DaemonError):  # it may have ended by itself in the meantime
+                    await self.cancel(measurement)
+                raise
+
+    async def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
+        """Return what a fitter that the daemon keeps answered to a measurement, waiting for it.
+
+        Raises FitError where the fitter refused, DaemonError where it does not run or does not answer in time.
+        """
+        async with self._subscribed() as subscription:
+            answers = await self._answers(measurement)
+            if answers.find(measurement, fitter) is None:
+                require(fitter, (await self.status()).fitters)
+            return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
+
+    async def fit(self, measurement: str, fitter: str, patience: float = 600.0) -> FitResult:
+        """Have a measurement fitted by any fitter that is installed beside the daemon, unless it was already.
+
+        Raises FitError where the fitter refused, DaemonError where it is not installed or does not answer in time.
+        """
+        async with self._subscribed() as subscription:
+            answers = await self._answers(measurement)
+            answers.forget_given_up(measurement, fitter)
+            if answers.find(measurement, fitter) is None:
+                await self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), ask.ErrandAnswer)
+            return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
+
+    async def diagnose(
+        self, measurement: str, effects: Sequence[str] | None = None, patience: float = 1200.0
+    ) -> dict[str, Any]:
+        """Have a measurement diagnosed; return the object that `pzctl diagnose --json` prints.
+
+        Raises FitError where it cannot be, DaemonError where an effect is not known or no answer comes in time.
+        """
+        request = ask.Diagnose(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
+        async with self._subscribed() as subscription:
+            wanted = await self._asker.ask(request, ask.ErrandAnswer)
+            answers = await self._answers(measurement)
+            answers.forget_given_up(measurement, wanted.fitter)
+            key = (measurement, wanted.fitter, wanted.version)
+            return diagnosis_of(await _answer(subscription, answers, key, patience))
+
+    async def _answers(self, measurement: str) -> Answers:
+        answers = Answers()
+        answers.note(await self.fits(measurement))
+        return answers
+
+    @asynccontextmanager
+    async def _subscribed(self) -> AsyncGenerator[AsyncSubscription]:
+        subscription = AsyncSubscription(self._context, self._endpoint, self._asker, self._key)
+        try:
+            await subscription.open()
+            yield subscription
+        finally:
+            subscription.close()
+
+
+async def _followed(
+    subscription: AsyncSubscription, measurement: str, progress: Callable[[ProgressEvent], None]
+) -> Measurement:
+    """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
+    sweeps: list[Sweep] = []
+    while True:
+        heard = await subscription.receive()
+        match heard.event:
+            case ProgressEvent(measurement=m) as event if m == measurement:
+                progress(event)
+            case SweepEvent(measurement=m) if m == measurement:
+                sweeps.append(heard.sweep())
+            case StateEvent(measurement=m, state="measured") if m == measurement:
+                return Measurement(measurement, tuple(sweeps))
+            case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
+                m == measurement
+            ):
+                raise DaemonError(says or f"the measurement was {state}", state)
+            case _:
+                pass
+
+
+async def _answer(
+    subscription: AsyncSubscription, answers: Answers, key: tuple[str, str, str | None], patience: float
+) -> Heard:
+    """Listen until there is an answer under this key, or one in the fitter's place. Raises DaemonError."""
+    measurement, fitter, _ = key
+    try:
+        async with asyncio.timeout(patience):
+            while (found := answers.find(*key) or answers.find(measurement, fitter, "")) is None:
+                answers.note([await subscription.receive()])
+            return found
+    except TimeoutError:
+        raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer") from None

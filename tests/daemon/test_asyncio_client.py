@@ -1,0 +1,76 @@
+"""The asyncio client: many questions at a time, listeners that lose nothing, cancelling that counts."""
+
+import asyncio
+from contextlib import aclosing
+
+import pytest
+
+from pzctl import connect_async
+from pzctl.daemon.connection import DaemonError
+from pzctl.daemon.wire import StateEvent, SweepEvent
+from pzctl.fitters.interface import FitError
+from pzctl.models.build import Build
+
+ECHO = "guest_examples:Echo"
+
+
+def test_measured_fitted_and_listened_to_side_by_side(start_daemon, build: Build) -> None:
+    start_daemon("Echo", "Refuses")
+
+    async def listen(lab, ready: asyncio.Event) -> list[int]:
+        seqs: list[int] = []
+        async with aclosing(lab.listen()) as events:
+            ready.set()
+            async for heard in events:
+                seqs.append(heard.event.seq)
+                if isinstance(heard.event, SweepEvent) and len(seqs) > 25:
+                    return seqs
+        return seqs
+
+    async def story() -> None:
+        async with connect_async() as lab:
+            ready = asyncio.Event()
+            listener = asyncio.create_task(listen(lab, ready))
+            await ready.wait()
+            measured = await asyncio.gather(*(lab.measure(build, "disk") for _ in range(5)))
+            assert all([sweep.frequency.size for sweep in one.sweeps] == [51, 41] for one in measured)
+            results = await asyncio.gather(*(lab.wait_fit(ECHO, one.id) for one in measured))
+            assert {result.constants["disk.Z"].re for result in results} == {
+                abs(one.sweeps[-1].impedance[0]) for one in measured
+            }
+            with pytest.raises(FitError, match="sweep wider"):
+                await lab.wait_fit("guest_examples:Refuses", measured[0].id)
+            with pytest.raises(DaemonError, match="does not run it"):
+                await lab.wait_fit("mason", measured[0].id)
+            while not listener.done():
+                await lab.measure(build, "ml1")
+            seqs = await listener
+            assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
+            assert [h.event.seq async for h in lab.replay(2, 4)] == [2, 3, 4]
+
+    asyncio.run(story())
+
+
+def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -> None:
+    start_daemon(time_scale=1.0)
+
+    async def story() -> list[str]:
+        async with connect_async() as lab:
+            events = lab.listen()
+            heard = asyncio.create_task(anext(events))
+            with pytest.raises(TimeoutError):
+                async with asyncio.timeout(1.0):
+                    await lab.measure(build, "disk")
+            states: list[str] = []
+            event = (await heard).event
+            while True:
+                assert not isinstance(event, SweepEvent)
+                if isinstance(event, StateEvent) and event.measurement:
+                    states.append(event.state)
+                if states[-1:] == ["cancelled"]:
+                    break
+                event = (await anext(events)).event
+            await events.aclose()
+            return states
+
+    assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelled"]
