@@ -120,7 +120,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         seconds=solution.seconds,
         says=says,
         curves=curves_of(objective, coordinates.inverse(solution.begun), result.x),
-        budget=budget_of(solution) if options.procedure != "frozen" else None,
+        budget=budget_of(solution) if options.procedure != "frozen" and options.objective != "kt2" else None,
     )
 
 

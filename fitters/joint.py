@@ -20,7 +20,6 @@ from .objective import Objective, Posterior, Prior, Recording
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS = 3
-_WEIGHTING: Mapping[str, Literal["log", "thesis"]] = {"log": "log", "thesis": "thesis", "kt2": "log"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +68,11 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     noises = {step: noise for step, (noise, _) in found.items()}
     way = _Way(build, task)
+    weighting: Literal["log", "thesis"] = "thesis" if task.options.objective == "thesis" else "log"
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
         here = recordings_of(build, step, of_step, found[step][1])
-        way.go(step, [replace(recording, weighting=_WEIGHTING[task.options.objective]) for recording in here])
+        way.go(step, [replace(recording, weighting=weighting) for recording in here])
     if way.descent is None:
         raise FitError(f"no recording of any step of build {build.name!r} was given")
     whole = () if task.options.procedure == "joint" else tuple(way.recordings)

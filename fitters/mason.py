@@ -3,11 +3,19 @@
 W. P. Mason, Electromechanical Transducers and Wave Filters (1942); the closed form is in `models/stack`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from .answer import least_squares_answer
-from .interface import FitResult, FitTask
-from .joint import solve
+from .coupling import solve_coupling
+from .interface import Constant, FitResult, FitTask
+from .joint import check_task, solve
+from .recognise import doubts, refuse_degenerate
+
+_COUPLED = (
+    "The objective kt2 takes c33D and kt from the critical frequencies; h33 and eps33S one by one, and what else "
+    "is free, rest on what was known before."
+)
 
 
 class Mason:
@@ -21,6 +29,17 @@ class Mason:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the constants of all layers to all steps at once.
 
-        Raises FitError where the recordings show no resonance pair or do not belong to the build.
+        Raises FitError where the recordings show no resonance pair, are degenerate, or do not belong to the build.
         """
-        return least_squares_answer(self.name, self.version, solve(task, progress), task.options)
+        build, sweeps = check_task(task)
+        refuse_degenerate(build, sweeps)
+        coupled = task.options.objective == "kt2"
+        solution = solve_coupling(task, progress) if coupled else solve(task, progress)
+        answer = least_squares_answer(self.name, self.version, solution, task.options)
+        doubted = doubts(build, sweeps, answer.constants, thickness_mode(answer.derived))
+        return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))
+
+
+def thickness_mode(derived: Mapping[str, Constant]) -> float:
+    """Return the frequency of the bare piezo layer's antiresonance, Hz."""
+    return next(constant.re for name, constant in derived.items() if name.endswith(".fp"))
