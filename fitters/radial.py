@@ -148,5 +148,5 @@ def _descend(disk: BareDisk, start: Radial, reference: float, free: tuple[str, .
     held = coordinates.without(*plate)
     first = settle(recordings, held, priors, held.x)
     begin = coordinates.inverse(held.forward(first.x)[0])
-    last = settle(first.objective.recordings, coordinates, priors, begin)
+    last = settle(recordings, coordinates, priors, begin)
     return replace(last, start=coordinates.x, evaluations=first.evaluations + last.evaluations)
