@@ -162,24 +162,30 @@ def adaptive_plan(
             "sweep with fixed points, or over another range"
         )
     kept = sorted(seen, key=lambda one: -one.strength)
-    while _plan_seconds(shortest := _with_density(base, kept, 1.0)) > seconds:
+    while plan_seconds(shortest := _with_density(base, kept, 1.0)) > seconds:
         if len(kept) == 1:
             raise AdaptiveError(
                 f"adaptive sweep: {seconds:.3g} s are left, and one resonance alone with {POINTS_PER_LINEWIDTH} points "
-                f"per linewidth takes {_plan_seconds(shortest):.3g} s; allow more points or a wider bandwidth"
+                f"per linewidth takes {plan_seconds(shortest):.3g} s; allow more points or a wider bandwidth"
             )
         kept.pop()
     return _fill(base, kept, seconds), tuple(sorted(kept, key=lambda one: one.frequency))
 
 
+def plan_seconds(plan: SweepPlan) -> float:
+    """Return the seconds that the points of `plan` take."""
+    frequency = np.concatenate([np.linspace(s.start_Hz, s.stop_Hz, s.points) for s in plan.segments])
+    return _seconds(frequency, plan)
+
+
 def _fill(base: SweepPlan, kept: Sequence[Resonance], seconds: float) -> SweepPlan:
     """Return the densest plan that still takes at most `seconds`."""
     low, high = 1.0, 2.0
-    while _plan_seconds(_with_density(base, kept, high)) <= seconds:
+    while plan_seconds(_with_density(base, kept, high)) <= seconds:
         low, high = high, 2 * high
     for _ in range(20):
         middle = (low + high) / 2
-        if _plan_seconds(_with_density(base, kept, middle)) <= seconds:
+        if plan_seconds(_with_density(base, kept, middle)) <= seconds:
             low = middle
         else:
             high = middle
@@ -259,11 +265,6 @@ def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         else:
             made.append((a, b))
     return made
-
-
-def _plan_seconds(plan: SweepPlan) -> float:
-    frequency = np.concatenate([np.linspace(s.start_Hz, s.stop_Hz, s.points) for s in plan.segments])
-    return _seconds(frequency, plan)
 
 
 def _seconds(frequency: Reals, plan: SweepPlan) -> float:

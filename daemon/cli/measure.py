@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from ...fitters.interface import FitResult
     from ...models.build import Build
+    from ...models.plan import SweepPlan
     from ..client import Client, Measurement
 
 _STORY_TIME_SCALE = 0.02
@@ -42,6 +43,9 @@ def measure(
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
     time_scale: Annotated[float, typer.Option(help="Speed of a simulated 4294A started here.")] = _STORY_TIME_SCALE,
+    adaptive: Annotated[
+        bool, typer.Option("--adaptive", help="Look first, then measure where the resonances are, in the same time.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
@@ -63,7 +67,7 @@ def measure(
     with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)
-            _one_step(lab, known, name, wanted, screen, report)
+            _one_step(lab, known, name, wanted, screen, report, adaptive)
         if simulated:
             report.truth = lab.bench({"command": "truth"})["constants"]
         if report.truth and report.fits:
@@ -107,9 +111,18 @@ def _daemon(
 
 
 def _one_step(
-    lab: "Client", build: "Build", step: str, fitters: tuple[str, ...], console: "Console", report: Report
+    lab: "Client",
+    build: "Build",
+    step: str,
+    fitters: tuple[str, ...],
+    console: "Console",
+    report: Report,
+    adaptive: bool,
 ) -> None:
-    measurement = _sweep(lab, build, step, console)
+    from .adaptive import adapted_plan
+
+    plan = adapted_plan(lab, build, step, console) if adaptive else None
+    measurement = _sweep(lab, build, step, plan, console)
     ended = time.perf_counter()
     report.measurements.append(
         {"id": measurement.id, "step": step, "sweeps": [sweep.id for sweep in measurement.sweeps]}
@@ -133,7 +146,7 @@ def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> N
         typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
 
 
-def _sweep(lab: "Client", build: "Build", step: str, console: "Console") -> "Measurement":
+def _sweep(lab: "Client", build: "Build", step: str, plan: "SweepPlan | None", console: "Console") -> "Measurement":
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     from ..wire import ProgressEvent
@@ -145,7 +158,7 @@ def _sweep(lab: "Client", build: "Build", step: str, console: "Console") -> "Mea
         def show(event: ProgressEvent) -> None:
             progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
 
-        return lab.measure(build, step, progress=show)
+        return lab.measure(build, step, plan, progress=show)
 
 
 def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:
