@@ -16,6 +16,7 @@ from . import (
     keys,
     materials,
     measure,
+    prove,
     report,
     samples,
     service,
@@ -39,6 +40,7 @@ app.command("sim")(simulator.sim)
 app.command("fitters")(fitters.fitters)
 app.command("effects")(effects.effects)
 app.command("materials")(materials.materials)
+app.command("prove")(prove.prove)
 app.command("doctor")(doctor.doctor)
 app.command("show")(show.show)
 app.command("export")(export.export)

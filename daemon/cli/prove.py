@@ -1,0 +1,98 @@
+"""`pzctl prove`: concealed cases made, diagnosed without knowing their truth, and scored."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...models.errors import PzctlError
+
+_SEALED_SEED = 628_318_530
+"""The seed of the part that was never used while the diagnosis was developed; only `--sealed` runs it."""
+
+
+class ProveError(PzctlError):
+    """A proof that cannot be made as asked."""
+
+
+def prove(
+    count: Annotated[int, typer.Option(min=1, help="How many cases.")] = 300,
+    seed: Annotated[int, typer.Option(min=0, help="Which cases; the same seed makes the same ones.")] = 0,
+    sealed: Annotated[bool, typer.Option("--sealed", help="The part never used while developing.")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
+    out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
+) -> None:
+    """Prove the diagnosis on concealed cases: make them, publish the hash of their truth, diagnose, score.
+
+    Example: pzctl prove --count 60 --out proof
+    """
+    from ..terminal import console
+
+    if sealed and seed:
+        raise ProveError("--seed does not go with --sealed: the sealed part has a seed of its own")
+    if (out / "truth.json").exists():
+        raise ProveError(f"{out}: there is a proof already; --out names another folder")
+    screen = console()
+    seed = _SEALED_SEED if sealed else seed
+    # Another process makes them and a third one scores: what diagnoses has never seen a truth.
+    published = _child("pzctl.sim.concealed", out, seed, count, jobs).strip()
+    screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)
+    began = time.perf_counter()
+    answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs)
+    (out / "answers.json").write_text(json.dumps(answers))
+    title = f"{'Sealed part' if sealed else f'Development cases of seed {seed}'}."
+    page = Path(json.loads(_child("pzctl.daemon.proofpage", out, published, title))["page"])
+    screen.print(page.read_text(), markup=False, highlight=False, soft_wrap=True)
+    screen.print(f"{len(answers)} cases in {time.perf_counter() - began:.0f} s; page: {page}", highlight=False)
+
+
+def _child(module: str, *words: object) -> str:
+    """Run a module of ours in a process of its own and return what it prints. Raises ProveError."""
+    done = subprocess.run(  # noqa: S603 (our own module, no shell)
+        [sys.executable, "-m", module, *map(str, words)], stdout=subprocess.PIPE, text=True, check=False
+    )
+    if done.returncode:
+        raise ProveError(f"{module} ended with status {done.returncode}; what it said stands above")
+    return done.stdout
+
+
+def _diagnose_all(folders: list[Path], jobs: int) -> dict[str, Any]:
+    """Diagnose every case; what one answers is said on standard error as it comes."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    answers: dict[str, Any] = {}
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(diagnose_case, folder): folder.name for folder in folders}
+        for done in as_completed(waiting):
+            name = waiting[done]
+            answers[name] = done.result()
+            found = [one["effect"] for one in answers[name].get("findings", [])]
+            print(f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}", file=sys.stderr)
+    return dict(sorted(answers.items()))
+
+
+def diagnose_case(folder: Path) -> dict[str, Any]:
+    """Diagnose the build and the recordings in a folder as `pzctl diagnose --json` does; `seconds` beside it."""
+    from ...drivers.recordings import read_recording
+    from ...fitters.diagnosis.diagnose import diagnose
+    from ...fitters.interface import FitTask
+    from ...models.sweep import Sweep
+    from ..buildfile import read_build
+    from ..diagnoses import diagnosis_json
+
+    began = time.perf_counter()
+    try:
+        sweeps: dict[str, tuple[Sweep, ...]] = {}
+        for file in sorted(folder.glob("*.csv"), key=lambda path: path.stem):
+            step = file.stem.split("-")[0]
+            sweeps[step] = (*sweeps.get(step, ()), read_recording(file))
+        found = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps)))
+    except PzctlError as error:
+        return {"error": str(error), "seconds": time.perf_counter() - began}
+    return {**found, "seconds": time.perf_counter() - began}

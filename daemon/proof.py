@@ -1,0 +1,196 @@
+"""Scoring of diagnoses against sealed truths: what was right, what was not, and how honest the probabilities are."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from ..models.errors import CannotError
+
+THRESHOLD = 30.0
+"""Gain in chi2 from which the diagnosis names an effect; detectable counts what is above twice of it."""
+UNKNOWN = "unknown"
+
+
+class ProofError(CannotError):
+    """A proof that is none."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One case: what was hidden, what was answered."""
+
+    name: str
+    truth: Mapping[str, Any]
+    answer: Mapping[str, Any]
+    """As of `pzctl diagnose --json`, with `seconds`; or with `error` alone."""
+
+    @property
+    def kind(self) -> str:
+        """`none`, `one`, `two`, `outside`, `absorbed`, or `faint`: an effect that is not detectable."""
+        gains = [planted["gain"] for planted in self.truth["findings"]]
+        return "faint" if gains and min(gains) < 2 * THRESHOLD else self.truth["kind"]
+
+    @property
+    def findings(self) -> Sequence[Mapping[str, Any]]:
+        """What was found."""
+        return self.answer.get("findings", [])
+
+    @property
+    def right(self) -> bool:
+        """Whether the answer is what the kind of case asks for."""
+        planted = self.truth["findings"]
+        if "error" in self.answer:
+            return False
+        if self.kind in ("none", "absorbed"):
+            return not self.findings
+        if self.kind == "one":
+            return bool(self.findings) and is_right(self.findings[0], planted[0])
+        if self.kind == "two":
+            return all(any(is_right(found, one) for found in self.findings) for one in planted)
+        if self.kind == "outside":
+            return bool(self.findings) and all(is_right(found, planted[0]) for found in self.findings)
+        return all(any(is_right(found, one) for one in planted) for found in self.findings)
+
+    @property
+    def right_in_group(self) -> bool:
+        """Whether the first finding or one of those it is not told apart from is right."""
+        if self.right or not self.findings or not self.truth["findings"]:
+            return self.right
+        first, planted = self.findings[0], self.truth["findings"][0]
+        return any(is_right(one, planted) for one in (first, *first["alternatives"]))
+
+    @property
+    def listed(self) -> bool:
+        """Whether every absorbed effect of the catalogue is listed as not decidable."""
+        said = {entry["effect"] for entry in self.answer.get("not_decidable", [])}
+        return set(self.truth["not_decidable"]) <= said
+
+    def error_of_constants(self, side: str) -> float | None:
+        """Return the relative error of the constants of the `baseline` or `final` fit, root of the mean square."""
+        found = self.answer.get(side, {}).get("constants", {})
+        errors: list[float] = []
+        for name, true in self.truth["constants"].items():
+            if name in found and name.split(".")[1] in ("c33D", "h33", "eps33S", "z", "c"):
+                wanted = complex(*true)
+                got = complex(found[name]["re"], found[name]["im"] or 0.0)
+                errors.append(abs(got / wanted - 1) ** 2)
+        return (sum(errors) / len(errors)) ** 0.5 if errors else None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of the proof beside its target."""
+
+    what: str
+    cases: int
+    value: float
+    target: str
+    percent: bool
+
+
+def is_right(found: Mapping[str, Any], planted: Mapping[str, Any]) -> bool:
+    """Return whether a finding names what was planted, at a place that counts as right."""
+    if found["effect"] not in (planted["effect"], *planted["accept"]):
+        return False
+    where: str = found["where"]
+    return found["effect"] in planted["accept"] or any(
+        place in ("any", where) or (place.endswith("|") and where.startswith(place)) for place in planted["where"]
+    )
+
+
+def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
+    """Read truth and answers of a proof. Raises ProofError where the truth is not the one whose hash was published."""
+    data = (folder / "truth.json").read_bytes()
+    found = hashlib.sha256(data).hexdigest()
+    if found != published:
+        raise ProofError(f"{folder / 'truth.json'}: its SHA-256 is {found}, published was {published}; it was changed")
+    answers = json.loads((folder / "answers.json").read_text())
+    return tuple(Judged(name, truth, answers[name]) for name, truth in json.loads(data).items() if name in answers)
+
+
+def figures(cases: Sequence[Judged]) -> list[Figure]:
+    """Return the figures of the proof in the order of their targets."""
+    of = {kind: [case for case in cases if case.kind == kind] for kind in ("none", "one", "two", "outside", "absorbed")}
+    with_effect = [*of["one"], *of["two"]]
+    absorbed = [case for case in of["absorbed"] if case.truth["not_decidable"]]
+    ratios = [
+        after / before
+        for case in with_effect
+        if (after := case.error_of_constants("final")) is not None and (before := case.error_of_constants("baseline"))
+    ]
+    return [
+        _share("nothing left out: no finding", (case.right for case in of["none"]), ">= 99 %"),
+        _share("one effect, detectable: right effect and place first", (case.right for case in of["one"]), ">= 95 %"),
+        _share("the same within the merged group", (case.right_in_group for case in of["one"]), ">= 99 %"),
+        _share("two effects: both", (case.right for case in of["two"]), ">= 85 %"),
+        _share("outside the catalogue: unknown, not a wrong name", (case.right for case in of["outside"]), ">= 90 %"),
+        _share("absorbed effects: none named", (case.right for case in of["absorbed"]), "100 %"),
+        _share("absorbed effects: listed in not_decidable", (case.listed for case in absorbed), "100 %"),
+        Figure("error of the constants after / before, median", len(ratios), _median(ratios), "<= 0.1", False),
+        Figure("held-out misfit after / before, median", *_held_out(with_effect), "<= 0.1", False),
+        Figure("chi2 per degree of freedom after, median", *_chi2(with_effect), "< 1.2", False),
+        Figure("seconds for a case, median", len(cases), _median([_seconds(case) for case in cases]), "", False),
+    ]
+
+
+def said(cases: Sequence[Judged]) -> list[tuple[float, bool]]:
+    """Return the probability of every finding said, and whether it was right."""
+    found: list[tuple[float, bool]] = []
+    for case in cases:
+        for finding in case.findings:
+            right = any(is_right(finding, planted) for planted in case.truth["findings"])
+            found.append((float(finding["probability"] or 0.0), right))
+    return found
+
+
+def bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[int, float, float]]:
+    """Return, for each bin of probability that is not empty: how many, mean probability said, part that was right."""
+    edges = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.01)
+    found: list[tuple[int, float, float]] = []
+    for low, high in pairwise(edges):
+        inside = [(p, right) for p, right in pairs if low <= p < high]
+        if inside:
+            n = len(inside)
+            found.append((n, sum(p for p, _ in inside) / n, sum(right for _, right in inside) / n))
+    return found
+
+
+def confusion(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
+    """Return how often each planted effect (detectable ones, and `nothing`) was answered by which effects."""
+    table: dict[str, dict[str, int]] = {}
+    for case in cases:
+        planted = " + ".join(sorted(one["effect"] for one in case.truth["findings"])) or "nothing"
+        row = table.setdefault(f"{planted} ({case.kind})" if case.kind in ("faint", "absorbed") else planted, {})
+        answer = " + ".join(sorted(one["effect"] for one in case.findings)) or "nothing"
+        answer = "error" if "error" in case.answer else answer
+        row[answer] = row.get(answer, 0) + 1
+    return dict(sorted(table.items()))
+
+
+def _share(what: str, right: Iterable[bool], target: str) -> Figure:
+    all_of = list(right)
+    return Figure(what, len(all_of), sum(all_of) / len(all_of) if all_of else float("nan"), target, True)
+
+
+def _median(values: Sequence[float]) -> float:
+    return median(values) if values else float("nan")
+
+
+def _held_out(cases: Sequence[Judged]) -> tuple[int, float]:
+    pairs = [(c.answer["final"]["held_out"], c.answer["baseline"]["held_out"]) for c in cases if "final" in c.answer]
+    ratios = [after / before for after, before in pairs if after is not None and before]
+    return len(ratios), _median(ratios)
+
+
+def _chi2(cases: Sequence[Judged]) -> tuple[int, float]:
+    found = [case.answer["final"]["chi2_per_dof"] for case in cases if "final" in case.answer]
+    return len(found), _median([one for one in found if one is not None])
+
+
+def _seconds(case: Judged) -> float:
+    return float(case.answer.get("seconds", 0.0))

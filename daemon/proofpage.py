@@ -1,0 +1,127 @@
+"""The page that a proof becomes: figures beside their targets, reliability, confusions, everything that went wrong."""
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .proof import Figure, Judged, bins, confusion, figures, read_judged, said
+
+PAGE = "proof.md"
+
+
+def write_page(folder: Path, published: str, title: str) -> Path:
+    """Score the proof in `folder` and write its page and its reliability diagram. Raises ProofError."""
+    cases = read_judged(folder, published)
+    pairs = said(cases)
+    _draw(bins(pairs), folder / "proof-reliability.svg")
+    text = "\n\n".join(
+        [
+            "# The proof of the diagnosis",
+            f"Written by `pzctl prove`, not by hand. {title} "
+            f"{len(cases)} cases; SHA-256 of their truth, printed before the first was diagnosed: `{published}`.",
+            "Recordings come from `sim/concealed`, a world that shares no formula with the models of the fitters. "
+            "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
+            "free, is above twice the threshold of the diagnosis; it is computed by that world alone.",
+            _figures_table(figures(cases)),
+            "## Probabilities",
+            "![part that was right over probability said](proof-reliability.svg)",
+            _bins_table(bins(pairs)),
+            "## What was planted, what was answered",
+            _confusion_table(cases),
+            "## Every case that is not right",
+            _failures(cases),
+        ]
+    )
+    page = folder / PAGE
+    page.write_text(text + "\n")
+    return page
+
+
+def number(value: float, percent: bool = False) -> str:
+    """Return a figure for the page."""
+    if math.isnan(value):
+        return "-"
+    return f"{100 * value:.1f} %" if percent else f"{value:.3g}"
+
+
+def _figures_table(rows: Sequence[Figure]) -> str:
+    lines = [f"| {row.what} | {row.target} | {number(row.value, row.percent)} | {row.cases} |" for row in rows]
+    return "\n".join(["| figure | target | reached | cases |", "|---|---|---|---|", *lines])
+
+
+def _bins_table(rows: Sequence[tuple[int, float, float]]) -> str:
+    total = sum(n for n, _, _ in rows)
+    gap = sum(n * abs(p - part) for n, p, part in rows) / total if total else math.nan
+    lines = [f"| {n} | {p:.3f} | {part:.3f} |" for n, p, part in rows]
+    table = "\n".join(["| findings | said with | right |", "|---|---|---|", *lines])
+    return f"{table}\n\nMean distance between what was said and what was right: {number(gap, percent=True)}."
+
+
+def _confusion_table(cases: Sequence[Judged]) -> str:
+    lines = ["| planted | cases | answered |", "|---|---|---|"]
+    for planted, answers in confusion(cases).items():
+        ranked = sorted(answers.items(), key=lambda pair: -pair[1])
+        lines.append(f"| {planted} | {sum(answers.values())} | {', '.join(f'{name} {n}' for name, n in ranked)} |")
+    return "\n".join(lines)
+
+
+def _failures(cases: Sequence[Judged]) -> str:
+    lines = ["| case | kind | planted | answered | chi2 before, after |", "|---|---|---|---|---|"]
+    for case in cases:
+        if not case.right or (case.kind == "absorbed" and not case.listed):
+            planted = [*case.truth["findings"], *case.truth["hidden"]]
+            lines.append(
+                f"| {case.name} | {case.kind} | {'; '.join(map(_planted, planted)) or 'nothing'} "
+                f"| {_answered(case)} | {_chi2(case.answer)} |"
+            )
+    return "\n".join(lines).replace("interface:", "").replace("||", "¦")
+
+
+def _planted(one: dict[str, Any]) -> str:
+    base = ", ".join(f"{name} {value * one['scale']:.2g}" for name, value in one["base"].items())
+    return f"{one['effect']} @ {_cell(one['where'][0])} in {one['step']}, {base}, gain {one['gain']:.3g}"
+
+
+def _answered(case: Judged) -> str:
+    if "error" in case.answer:
+        return _cell(str(case.answer["error"]))
+    found = [
+        f"{one['effect']} @ {_cell(one['where'])} ({one['probability'] or 0:.2f}"
+        + "".join(f"; or {rival['effect']} {rival['probability']:.2f}" for rival in one["alternatives"][:2])
+        + ")"
+        for one in case.findings
+    ]
+    return f"{case.answer['verdict']}: {', '.join(found) or 'nothing'}"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "/").replace("\n", " ")
+
+
+def _chi2(answer: Any) -> str:
+    return " → ".join(f"{answer[side]['chi2_per_dof'] or 0:.3g}" for side in ("baseline", "final") if side in answer)
+
+
+def _draw(rows: Sequence[tuple[int, float, float]], path: Path) -> None:
+    """Draw the reliability diagram: the diagonal is honest; bars are two standard errors."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure as Drawing
+
+    drawing: Any = Drawing(figsize=(5, 5), layout="constrained")
+    FigureCanvasSVG(drawing)
+    axes = drawing.subplots()
+    axes.plot([0, 1], [0, 1], color="0.6", linewidth=1)
+    for n, p, part in rows:
+        spread = 2 * math.sqrt(max(part * (1 - part), 1 / (4 * n)) / n)
+        axes.errorbar(p, part, yerr=spread, fmt="o", color="tab:blue", capsize=3)
+        axes.annotate(str(n), (p, part), textcoords="offset points", xytext=(6, -10), fontsize="small")
+    axes.set(xlabel="probability said", ylabel="part that was right", xlim=(0, 1.03), ylim=(-0.05, 1.1))
+    drawing.savefig(path, metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    where, expected, *words = sys.argv[1:]
+    print(json.dumps({"page": str(write_page(Path(where), expected, " ".join(words)))}))

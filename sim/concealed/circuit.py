@@ -1,0 +1,80 @@
+"""What lies between the analyzer and the device: a circuit solved for its node voltages."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .waves import Complexes, Reals
+
+_SECTIONS = 24
+_WIRE = 1e-4
+"""ohm: a wire that has no impedance has no admittance; what it adds is taken off again."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """What is on the way, and not told. Everything zero: nothing is."""
+
+    inductance: float = 0.0
+    """H, in series."""
+    resistance: float = 0.0
+    """ohm, in series."""
+    capacitance: float = 0.0
+    """F, across the device."""
+    conductance: float = 0.0
+    """S, across the device."""
+    delay: float = 0.0
+    """s, one way through a cable of 50 ohm."""
+    branch: tuple[float, float, float] | None = None
+    """One resonance more: Hz, Q, and its static capacitance in F."""
+    coupled: tuple[float, float, float] | None = None
+    """A loop beside the lead, coupled to it: its Hz, Q, and the mutual inductance over its own in H."""
+
+
+def measured_impedance(omega: Reals, device: Complexes, path: Path) -> Complexes:
+    """Return the impedance in ohm at the analyzer of a device with this admittance (S); shape (N,)."""
+    nodes = 2 + (_SECTIONS if path.delay > 0 else 0)
+    Y = np.zeros((omega.size, nodes, nodes), np.complex128)
+    last = nodes - 1
+    series = 1j * omega * path.inductance + path.resistance + _induced(omega, path)
+    _branch(Y, 0, 1, 1.0 / (series + _WIRE))
+    if path.delay > 0:
+        _ladder(Y, omega, path.delay)
+    Y[:, last, last] += device + 1j * omega * path.capacitance + path.conductance + _resonator(omega, path)
+    current = np.zeros((omega.size, nodes, 1), np.complex128)
+    current[:, 0, 0] = 1.0
+    return np.linalg.solve(Y, current)[:, 0, 0] - _WIRE
+
+
+def _ladder(Y: Complexes, omega: Reals, delay: float) -> None:
+    """Add a line as many small sections, half of each capacitance at either end."""
+    L, C = 50.0 * delay / _SECTIONS, delay / 50.0 / _SECTIONS
+    for k in range(1, _SECTIONS + 1):
+        _branch(Y, k, k + 1, 1 / (1j * omega * L))
+        Y[:, k, k] += 0.5j * omega * C
+        Y[:, k + 1, k + 1] += 0.5j * omega * C
+
+
+def _branch(Y: Complexes, a: int, b: int, value: Complexes) -> None:
+    Y[:, a, a] += value
+    Y[:, b, b] += value
+    Y[:, a, b] -= value
+    Y[:, b, a] -= value
+
+
+def _resonator(omega: Reals, path: Path) -> Complexes:
+    """Return the admittance of a series circuit of L, R, C."""
+    if path.branch is None:
+        return np.zeros_like(omega, np.complex128)
+    f, Q, C = path.branch
+    w = 2 * np.pi * f
+    return 1 / (1j * omega / (w**2 * C) + 1 / (w * Q * C) + 1 / (1j * omega * C))
+
+
+def _induced(omega: Reals, path: Path) -> Complexes:
+    """Return what a loop beside the lead adds to it: (w M)^2 over the loop's own impedance, M^2/L as one number."""
+    if path.coupled is None:
+        return np.zeros_like(omega, np.complex128)
+    f, Q, M2_L = path.coupled
+    w = 2 * np.pi * f
+    return omega**2 * M2_L / (1j * omega + w / Q + w**2 / (1j * omega))
