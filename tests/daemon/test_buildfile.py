@@ -160,6 +160,13 @@ def test_all_open_cases_are_read(cases: Path) -> None:
         ("stop_MHz = 6", "stop_MHz = 6, stop_kHz = 6000", "sweep.segments[0] has no single stop"),
         ("points = 401", "points = 1.5", "sweep.segments[1].points is 1.5; a whole number"),
         ("bandwidth = 3", "bandwidth = 6", "sweep.bandwidth is 6; 1 (fast) to 5"),
+        (
+            "bandwidth = 3",
+            "oscillator_mA = 5",
+            "sweep.oscillator_mA is given beside oscillator_V; the device is driven",
+        ),
+        ("oscillator_V = 0.5", "oscillator_mA = 0", "sweep.oscillator_mA is 0; a positive number is needed"),
+        ("bandwidth = 3", "point_delay_s = -1", "sweep.point_delay_s is -1; 0 s (none) or more is needed"),
     ],
 )
 def test_anything_wrong_is_one_sentence_that_names_the_place(old: str, new: str, says: str) -> None:
@@ -170,6 +177,14 @@ def test_anything_wrong_is_one_sentence_that_names_the_place(old: str, new: str,
     assert sentence.startswith("my/build.toml: ")
     assert says in sentence
     assert "\n" not in sentence
+
+
+def test_a_device_is_driven_by_current_and_waited_for() -> None:
+    plan = parse_build(
+        S4.replace("oscillator_V = 0.5", "oscillator_mA = 5\npoint_delay_s = 0.01\nsweep_delay_s = 2")
+    ).plan
+    assert plan is not None
+    assert (plan.oscillator_A, plan.point_delay_s, plan.sweep_delay_s) == (0.005, 0.01, 2.0)
 
 
 def test_two_disks_or_none_are_refused() -> None:

@@ -1,0 +1,34 @@
+"""Commands that speak with the instrument themselves: nobody else may do so in the meantime."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from .fit import UsageError
+
+if TYPE_CHECKING:
+    from ...drivers.agilent4294a import Agilent4294A
+
+
+@contextmanager
+def own_4294a(resource: str) -> "Generator[Agilent4294A]":
+    """Give the 4294A at `resource`, asked who it is, and let go of it afterwards.
+
+    Raises DaemonError where a daemon of this user owns it, UsageError where it is a recording, InstrumentError.
+    """
+    from ...drivers import open_analyzer
+    from ...drivers.agilent4294a import Agilent4294A
+    from ..connection import DaemonError
+    from ..launch import running
+
+    place = running()
+    if place is not None and place.resource == resource:
+        raise DaemonError(f"the daemon that runs owns {resource}; end it with `pzctl daemon --stop`", "owner")
+    analyzer = open_analyzer(resource)
+    try:
+        if not isinstance(analyzer, Agilent4294A):
+            raise UsageError(f"--resource {resource}: a recording has no fixture and no screen; name an instrument")
+        analyzer.identify()
+        yield analyzer
+    finally:
+        analyzer.close()
