@@ -7,6 +7,7 @@ import typer
 
 from ...models.errors import PzctlError
 from . import (
+    compensate,
     diagnose,
     doctor,
     effects,
@@ -19,6 +20,7 @@ from . import (
     prove,
     report,
     samples,
+    screenshot,
     service,
     show,
     simulator,
@@ -45,6 +47,8 @@ app.command("doctor")(doctor.doctor)
 app.command("show")(show.show)
 app.command("export")(export.export)
 app.command("report")(report.report)
+app.command("compensate")(compensate.compensate)
+app.command("screenshot")(screenshot.screenshot)
 
 
 def main() -> None:
