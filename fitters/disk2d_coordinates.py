@@ -24,6 +24,10 @@ COORDINATES = tuple(
     for k in range(part.count)
 )
 """Names of the coordinates, to be preceded by the layer's."""
+LOSSES = ("tensor.minus1", *(f"tensor.shear{k}" for k in (3, 4)), *(f"tensor.axial{k}" for k in (6, 7, 8)))
+"""Those that are logarithms of the diagonal of A: half the logarithm of a loss tangent."""
+TURNS = ("tensor.shear5", *(f"tensor.axial{k}" for k in (9, 10, 11)))
+"""Those that are A off its diagonal: how losses of different constants go together."""
 
 
 def tensor_block(layer: str) -> Block:

@@ -19,7 +19,12 @@ from .interface import Constant, FitResult
 from .objective import Prior
 
 RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
-_ALL_UNITS = {**UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
+_TENSOR_UNITS = {
+    **dict.fromkeys(("c11E", "c12E", "c13E", "c33E", "c44E"), "Pa"),
+    **dict.fromkeys(("e31", "e33", "e15"), "C/m2"),
+    "eps11S": "F/m",
+}
+_ALL_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
 _DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
 _ALPHA, _U_ALPHA = 0.75, 0.09
 _D33F, _U_D33F = 1.3e-10, 0.2e-10

@@ -1,0 +1,230 @@
+"""Fitter `disk2d`: all ten complex constants of a round disk from its own recording, in two dimensions.
+
+Radial overtones and the edge mode that run through the thickness resonance of a real disk are part of the model
+(`models/disk2d`), so the constants need not stand in for them. Losses are causal, constants passive by construction.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ..models.arrays import Frequencies, Reals
+from ..models.disk2d.full import FullDisk
+from ..models.disk2d.matrices import CONSTANTS
+from ..models.disk2d.model import Disk2D
+from ..models.disk2d.reduced import ReducedDisk
+from ..models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
+from ..models.passivity import passivity_margin
+from ..models.stack import CausalConstantQ
+from ..models.tensor import Tensor6mm
+from .bare_disk import BareDisk, bare_disk
+from .coordinates import Coordinates, positive
+from .covariance import estimate
+from .descent import Descent, descend, softened
+from .disk2d_cache import reduced_disk
+from .disk2d_coordinates import COORDINATES, tensor_block
+from .disk2d_start import starts, tensor_priors
+from .interface import FitError, FitResult, FitTask
+from .objective import Objective, Posterior, Prior, Recording
+from .planar_answer import Named, planar_answer, radial_named
+
+Known: TypeAlias = Prior | Posterior
+_COARSE = 160
+# Points of each sweep that the search for the right valley uses.
+_BLURS = (0.6, 0.2, 0.06)
+# Misfits that the search takes for granted one after the other; after each the better half of the places goes on.
+_ROUGH, _TOLERANCE, _SEARCH = 1e-3, 1e-6, 40
+_ROUNDS, _STILL, _MOST = 6, 0.05, 60
+# At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 5 %.
+_CHECKED = 12
+# Frequencies at which the reduced model is checked against its full equations.
+_TOLD = 0.5
+# A constant counts as determined where the recording halves the uncertainty there was before it.
+
+
+class Disk2DFitter:
+    """All ten complex constants of a free round disk, in two dimensions."""
+
+    name = "disk2d"
+    version = "1"
+    summary = "all ten complex constants of a round disk in two dimensions: radial, edge and thickness modes together"
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit the ten constants to all recordings of the bare disk.
+
+        Raises FitError where none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5
+        times its thickness resonance.
+        """
+        began = time.perf_counter()
+        disk = _within_reach(bare_disk(task, self.name, round_one=True, frees=True))
+        full, reduced = reduced_disk(_ratio(disk), progress)
+        progress(f"fitting {disk.step}")
+        model = _model(disk, reduced)
+        descent, error = _descend(disk, full, model, task.free)
+        layer = disk.layer.name
+
+        def make(values: Mapping[str, float]) -> dict[str, complex]:
+            return _named(layer, _tensor_of(values, layer))
+
+        found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+        says = (
+            f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
+            f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
+            f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
+            *_undetermined(descent, layer),
+        )
+        return planar_answer(Named(self.name, self.version), disk, descent, make, says, time.perf_counter() - began)
+
+
+def _ratio(disk: BareDisk) -> float:
+    return 2 * disk.radius / disk.sizes["thickness"].re
+
+
+def _within_reach(disk: BareDisk) -> BareDisk:
+    """Return the recordings up to the model's highest frequency. Raises FitError."""
+    ratio = _ratio(disk)
+    if not SMALLEST <= ratio <= LARGEST:
+        raise FitError(f"`disk2d` serves for diameter/thickness {SMALLEST:g} to {LARGEST:g}; this disk has {ratio:.3g}")
+    highest = HIGHEST / disk.sizes["thickness"].re
+    kept = disk.between(0.0, highest)
+    if not kept.sweeps:
+        raise FitError(
+            f"`disk2d` reaches up to {highest / 1e3:.4g} kHz for this thickness; the recordings are of {disk.bands}"
+        )
+    return kept
+
+
+def _reference(disk: BareDisk) -> float:
+    """Return the frequency in Hz at which the constants stand: the middle of the band of all recordings."""
+    low = min(float(sweep.frequency[0]) for sweep in disk.sweeps)
+    return math.sqrt(low * max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
+
+
+def _tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
+    return Tensor6mm(*(complex(values[f"{layer}.{c}.re"], values[f"{layer}.{c}.im"]) for c in CONSTANTS))
+
+
+def _named(layer: str, tensor: Tensor6mm) -> dict[str, complex]:
+    """Return the ten constants and all that follows of them by full name, SI."""
+    plate = tensor.thickness
+    own = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
+    own |= {"c33D": plate.c33D, "h33": plate.h33, "kt": plate.kt}
+    return {f"{layer}.{name}": value for name, value in own.items()} | radial_named(layer, tensor.radial)
+
+
+def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Coordinates, list[Recording]]:
+    """Return the coordinates and the recordings of a fit. Raises FitError for a name that cannot be freed."""
+    at = disk.layer.name
+    sizes = [disk.size_name(name) for name in disk.sizes]
+    uncertain = {disk.size_name(name) for name, q in disk.sizes.items() if q.u > 0}
+    whole = {f"{at}.{name}" for name in CONSTANTS}
+    moving = whole | uncertain if free is None else set(free)
+    if not moving <= whole | set(sizes):
+        unknown = min(moving - whole - set(sizes))
+        raise FitError(f"cannot free {unknown!r}: `disk2d` has {', '.join(sorted(whole | set(sizes)))}")
+    if not whole <= moving:
+        raise FitError(f"`disk2d` frees all ten constants together; {min(whole - moving)!r} is not among those to free")
+    blocks = (tensor_block(at), *(positive(name) for name in sizes))
+    names = (*(f"{at}.{name}" for name in COORDINATES), *moving)
+    recordings = [
+        Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
+    ]
+    return Coordinates(blocks, model.parameters(), names), recordings
+
+
+def _descend(disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Descent, float]:
+    """Return the deepest minimum found, and the estimated error of the reduced model there."""
+    coordinates, recordings = _parts(disk, model, free)
+    priors = tensor_priors(disk)
+    coarse = [_thinned(recording) for recording in recordings]
+    places = [coordinates.inverse(start) for start in starts(disk)]
+    evaluations = 0
+    for misfit in _BLURS:
+        tried = [_searched(coarse, misfit, coordinates, priors, x) for x in places]
+        evaluations += sum(descent.evaluations for descent in tried)
+        tried.sort(key=lambda descent: descent.cost)
+        places = [descent.x for descent in tried[: max(2, len(tried) // 2)]]
+    x, error, before, settled = places[0], math.inf, math.inf, False
+    for _ in range(_ROUNDS):
+        model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
+        recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
+        last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
+        evaluations, x = evaluations + last.evaluations, last.x
+        left = _left(recordings, coordinates, x)
+        settled, before = left > (1 - _STILL) * before, left
+        if settled:
+            break
+    judged = list(map(softened, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
+    objective = Objective(judged, coordinates, priors)
+    cost = float(np.sum(objective.residual(x) ** 2)) / 2
+    return Descent(objective, coordinates.x, x, cost, settled, evaluations), error
+
+
+def _left(recordings: Sequence[Recording], coordinates: Coordinates, x: Reals) -> float:
+    """Return the root mean square of what noise and misfit at their last level leave unexplained."""
+    ratios = Objective(recordings, coordinates, ()).log_ratios(x)
+    return math.sqrt(sum(float(np.sum(np.abs(ratio) ** 2)) for ratio in ratios))
+
+
+def _searched(
+    recordings: Sequence[Recording], misfit: float, coordinates: Coordinates, priors: Sequence[Known], x: Reals
+) -> Descent:
+    """Go downhill with this misfit taken as noise: the larger, the wider the valleys."""
+    blurred = [replace(recording, misfit=misfit) for recording in recordings]
+    return descend(Objective(blurred, coordinates, priors), x, _ROUGH, _SEARCH)
+
+
+def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recording:
+    """Return the recording with its own misfit as noise, points counted as if independent.
+
+    The minimum is where the model comes closest to the recording; how much of that the correlated misfit leaves
+    uncertain is for the covariance (`softened`).
+    """
+    (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
+    return replace(softened(recording, ratio), correlation=1.0)
+
+
+def _thinned(recording: Recording) -> Recording:
+    """Return the recording with some of its points."""
+    every = max(1, recording.sweep.frequency.size // _COARSE)
+    sweep = recording.sweep
+    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
+    return replace(recording, sweep=few, noise=recording.noise[::every])
+
+
+def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:
+    """Return the model on a reduced disk that serves for its constants, and that one's estimated error."""
+    ends = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
+    f: Frequencies = np.concatenate([np.linspace(low, high, _CHECKED) for low, high in ends])
+    reduced, error = ensured(full, model.reduced, model.shape, model.over(f), f)
+    return (model if reduced is model.reduced else replace(model, reduced=reduced)), error
+
+
+def _model(disk: BareDisk, reduced: ReducedDisk) -> Disk2D:
+    """Return the causal disk with constants of the library and the sizes of the build."""
+    layer, sizes = disk.layer.name, {name: q.re for name, q in disk.sizes.items()}
+    tensor = _tensor_of(starts(disk)[0], layer)
+    law = CausalConstantQ(_reference(disk))
+    return Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced, law)
+
+
+def _undetermined(descent: Descent, layer: str) -> Sequence[str]:
+    """Return what the recording does not tell: constants whose uncertainty is still what it was before."""
+    result = estimate(descent)
+    objective = descent.objective
+    before = {prior.parameter: prior for prior in objective.priors}
+    values, _ = objective.coordinates.forward(descent.x)
+    spread = np.sqrt(np.maximum(np.diag(result.covariance), 0.0)).tolist()
+    u = dict(zip(objective.coordinates.parameters, spread, strict=True))
+    held = [f"{name}'" for name in CONSTANTS if u[f"{layer}.{name}.re"] > _TOLD * before[f"{layer}.{name}.re"].u]
+    held += [f"{name}''" for name in CONSTANTS if u[f"{layer}.{name}.im"] > _TOLD * abs(values[f"{layer}.{name}.im"])]
+    if not held:
+        return ()
+    return (
+        f"This recording does not determine {', '.join(held)}: what stands there is what PZT in general lets expect, "
+        "with that uncertainty.",
+    )
