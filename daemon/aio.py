@@ -112,7 +112,7 @@ class AsyncClient:
             heard, more = await self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
             for one in heard:
                 yield one
-            since += len(heard)
+            since = heard[-1].event.seq + 1 if heard else since
 
     async def measure(
         self,

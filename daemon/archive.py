@@ -12,10 +12,8 @@ import msgspec
 
 from ..models.build import Build
 from ..models.errors import PzctlError
+from .migrations import VERSION
 from .wire import Sample
-
-VERSION = 1
-"""Of the tables; kept in `PRAGMA user_version`."""
 
 
 class JournalError(PzctlError):
@@ -47,7 +45,10 @@ class Archive:
             found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
             if found != VERSION:
                 self._db.close()
-                raise JournalError(f"{folder}: a journal of version {found}; version {VERSION} is read here")
+                raise JournalError(
+                    f"{folder}: a journal of version {found}; version {VERSION} is read here"
+                    + ("; start the daemon once, which brings it up to date" if found < VERSION else "")
+                )
 
     def close(self) -> None:
         """Let go of the files."""
@@ -55,8 +56,8 @@ class Archive:
 
     @property
     def newest(self) -> int:
-        """The `seq` of the last event; 0 where there is none."""
-        row = self._one("SELECT max(seq) FROM events")
+        """The `seq` of the last event, be it still there or not; 0 where there was none."""
+        row = self._one("SELECT max(seq) FROM (SELECT seq FROM events UNION ALL SELECT seq FROM prunings)")
         return row[0] or 0 if row else 0
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
@@ -121,10 +122,27 @@ class Archive:
         row = self._one("SELECT count(*) FROM fits WHERE measurement = ? AND fitter = ?", measurement, fitter)
         return row[0] if row else 0
 
+    @property
+    def database(self) -> sqlite3.Connection:
+        """The open database, to be copied."""
+        return self._db
+
+    @property
+    def size(self) -> int:
+        """The number of events that are there."""
+        row = self._one("SELECT count(*) FROM events")
+        return row[0] if row else 0
+
+    def with_arrays(self) -> list[str]:
+        """Return the ids of the events that have an array."""
+        return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
+
     def verify(self) -> list[str]:
         """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
         wrong: list[str] = []
-        for k, (seq, event, digest) in enumerate(self._all("SELECT seq, id, hash FROM events ORDER BY seq"), start=1):
+        pruned = (self._one("SELECT max(seq) FROM prunings") or (None,))[0] or 0
+        rows = self._all("SELECT seq, id, hash FROM events ORDER BY seq")
+        for k, (seq, event, digest) in enumerate(rows, start=pruned + 1):
             if seq != k:
                 return [*wrong, f"event {k} is missing: the next one is {seq}"]
             path = self.arrays / f"{event}.bin"

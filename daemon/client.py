@@ -91,6 +91,10 @@ class Client:
         """Ask what is going on."""
         return self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
 
+    def metrics(self) -> ask.MetricsAnswer:
+        """Ask what was counted and timed since the daemon began."""
+        return self._asker.ask(ask.Metrics(id=uuid7()), ask.MetricsAnswer)
+
     def settings(self) -> dict[str, Any]:
         """Ask how the daemon was started."""
         return self._asker.ask(ask.Settings(id=uuid7()), ask.SettingsAnswer).settings
@@ -130,7 +134,7 @@ class Client:
         while more:
             heard, more = self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
             yield from heard
-            since += len(heard)
+            since = heard[-1].event.seq + 1 if heard else since
 
     def listen(self, patience: float) -> Iterator[Heard]:
         """Return every event from now on, in order, none lost; they end when none comes within `patience` seconds."""

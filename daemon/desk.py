@@ -1,6 +1,7 @@
 """Answers every request but `bench`: looks things up, changes the queue, keeps what fitters hand in."""
 
 import os
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import singledispatchmethod
@@ -15,6 +16,7 @@ from .errands import Errand, Errands
 from .guest import GROUP
 from .journal import Journal
 from .lease import Lease
+from .metrics import Metrics
 from .refusals import RequestError
 from .submissions import checked
 from .supervisor import Supervisor
@@ -41,7 +43,7 @@ class Desk:
     settings: dict[str, Any]
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
-    garbage: int = 0
+    metrics: Metrics
     lease: Lease = field(default_factory=Lease)
 
     @singledispatchmethod
@@ -85,8 +87,23 @@ class Desk:
                 sample=job.sample if job else None,
                 queue=tuple(waiting.measurement for waiting in self.acquisition.waiting),
                 fitters=tuple(self.supervisor.states.values()),
-                garbage=self.garbage,
+                garbage=self.metrics.counts["garbage"],
                 lease=self.lease.holder,
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Metrics, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+        found = self.metrics
+        return (
+            ask.MetricsAnswer(
+                id=request.id,
+                uptime=time.monotonic() - found.began,
+                counts=dict(found.counts),
+                queue=len(self.acquisition.waiting),
+                errands=len(self.errands.running),
+                seconds=found.spreads(),
             ),
             [],
         )
@@ -141,7 +158,8 @@ class Desk:
     def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
-        return _events(request.id, events, more=request.since + len(events) <= until)
+        self.metrics.counts["replayed"] += len(events)
+        return _events(request.id, events, more=len(events) == request.max)
 
     @answer.register
     def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:

@@ -16,27 +16,11 @@ import msgspec
 
 from ..models.build import Build
 from ..models.sweep import now_utc
-from .archive import VERSION, Archive, JournalError, Measurement, told
+from .archive import Archive, JournalError, Measurement, told
 from .frames import to_json
+from .migrations import migrate
 from .uuid7 import uuid7
 from .wire import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
-
-TABLES = """
-CREATE TABLE runs (id TEXT PRIMARY KEY, time TEXT NOT NULL);
-CREATE TABLE builds (hash TEXT PRIMARY KEY, json BLOB NOT NULL);
-CREATE TABLE measurements (
-    number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, request TEXT NOT NULL UNIQUE, run TEXT NOT NULL,
-    sample TEXT NOT NULL, step TEXT NOT NULL, build TEXT NOT NULL REFERENCES builds, state TEXT NOT NULL,
-    time TEXT NOT NULL);
-CREATE TABLE events (
-    seq INTEGER PRIMARY KEY, kind TEXT NOT NULL, id TEXT NOT NULL UNIQUE, measurement TEXT, topic BLOB NOT NULL,
-    header BLOB NOT NULL, lengths TEXT NOT NULL, hash TEXT);
-CREATE INDEX events_by_measurement ON events (measurement, kind);
-CREATE TABLE fits (
-    kind TEXT NOT NULL, sweeps TEXT NOT NULL, fitter TEXT NOT NULL, version TEXT NOT NULL, measurement TEXT NOT NULL,
-    ok INTEGER NOT NULL, seq INTEGER NOT NULL REFERENCES events, PRIMARY KEY (kind, sweeps, fitter, version));
-CREATE INDEX fits_by_measurement ON fits (measurement);
-"""
 
 LOCK = "writer.lock"
 """Held by the process that writes."""
@@ -122,8 +106,7 @@ class Journal(Archive):
         """Open the database, its tables made where it is new."""
         db = sqlite3.connect(self.folder / "journal.sqlite", isolation_level=None)
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON")
-        if db.execute("PRAGMA user_version").fetchone()[0] == 0:
-            db.executescript(f"BEGIN; {TABLES} PRAGMA user_version={VERSION}; COMMIT")
+        migrate(db, self.folder)
         return db
 
     def _begin_run(self) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections import OrderedDict
 from collections.abc import Sequence
 
@@ -50,7 +51,10 @@ class Reception:
             task.add_done_callback(self._tasks.discard)
 
     async def _reply(self, envelope: list[bytes], frames: list[bytes], key: str | None) -> None:
+        began = time.monotonic()
         answer = await self._answer(frames, key)
+        self._desk.metrics.counts["requests"] += 1
+        self._desk.metrics.lasted("request", time.monotonic() - began)
         await self._socket.send_multipart([*envelope, *answer])  # pyright: ignore[reportUnknownMemberType]
 
     async def _answer(self, frames: list[bytes], key: str | None) -> list[bytes]:
@@ -60,9 +64,10 @@ class Reception:
             if self._gate:
                 self._gate.check(key, request)
         except RequestError as error:
+            self._desk.metrics.counts["refused"] += 1
             return _refusal(_id_of(frames), error.problem)
         except WireError as error:
-            self._desk.garbage += 1
+            self._desk.metrics.counts["garbage"] += 1
             return _refusal(_id_of(frames), ask.Problem("bad-request", str(error), "see docs/wire.md"))
         if not isinstance(request, ONCE):
             return await self._carry_out(request, frames[1:])
@@ -81,11 +86,12 @@ class Reception:
                 if isinstance(request, ask.Lease):
                     await self._desk.acquisition.let_go()
         except RequestError as error:
+            self._desk.metrics.counts["refused"] += 1
             return _refusal(request.id, error.problem)
         except JournalError as error:
             return _refusal(request.id, ask.Problem("journal", str(error)))
         except WireError as error:
-            self._desk.garbage += 1
+            self._desk.metrics.counts["garbage"] += 1
             return _refusal(request.id, ask.Problem("bad-request", str(error), "see docs/wire.md"))
         except Exception as error:
             log.exception("request %s", request.id)

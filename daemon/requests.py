@@ -10,6 +10,7 @@ import msgspec
 from ..models.build import Build
 from ..models.plan import SweepPlan
 from .frames import Column
+from .metrics import Spread
 from .reports import FitReport
 from .wire import WIRE, Instrument, Sample
 
@@ -35,6 +36,10 @@ class Hello(Request, frozen=True, kw_only=True, tag="hello"):
 
 class Status(Request, frozen=True, kw_only=True, tag="status"):
     """Ask what is going on."""
+
+
+class Metrics(Request, frozen=True, kw_only=True, tag="metrics"):
+    """Ask what was counted and timed since the daemon began."""
 
 
 class Settings(Request, frozen=True, kw_only=True, tag="settings"):
@@ -160,6 +165,7 @@ class Shutdown(Request, frozen=True, kw_only=True, tag="shutdown"):
 AnyRequest: TypeAlias = (
     Hello
     | Status
+    | Metrics
     | Settings
     | Measure
     | Cancel
@@ -246,6 +252,19 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     """Messages that were no request."""
     lease: LeaseState | None = None
     """None where nobody has the instrument to themselves."""
+
+
+class MetricsAnswer(Answer, frozen=True, kw_only=True):
+    """What was counted and timed since the daemon began."""
+
+    uptime: float
+    """Seconds."""
+    counts: dict[str, int]
+    """Events by kind (`sweep`, `fit`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events."""
+    queue: int
+    errands: int
+    seconds: dict[str, Spread]
+    """Lately: `publish` (an event kept and said), `request` (until its answer), `fit` (after its sweep)."""
 
 
 class SettingsAnswer(Answer, frozen=True, kw_only=True):

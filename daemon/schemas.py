@@ -32,6 +32,7 @@ ANSWERS: dict[str, type[ask.Answer]] = {
     "refused": ask.Refusal,
     "hello": ask.HelloAnswer,
     "status": ask.StatusAnswer,
+    "metrics": ask.MetricsAnswer,
     "settings": ask.SettingsAnswer,
     "measure": ask.MeasureAnswer,
     "errand": ask.ErrandAnswer,

@@ -8,6 +8,7 @@ import logging
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Mapping
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import asdict, dataclass, field, replace
@@ -28,6 +29,7 @@ from .journal import Journal
 from .ledger import Ledger
 from .limits import Limits
 from .location import Location, announce, withdraw
+from .metrics import Metrics
 from .paths import home, journal_folder, keys_folder, log_file
 from .reception import Reception
 from .requests import FitterState
@@ -136,6 +138,7 @@ class Daemon:
         self._deaths: dict[tuple[str, str], int] = {}
         self._acquisition = Acquisition(analyzer, instrument, self.publish)
         around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
+        self._metrics = Metrics()
         self._ledger = Ledger(options.fitters)
         self._supervisor = Supervisor(
             *around,
@@ -156,13 +159,17 @@ class Daemon:
             settings=asdict(options),
             publish=self.publish,
             shutdown=self._end,
+            metrics=self._metrics,
         )
         self._reception = Reception(requests, desk, gate)
 
     def publish(self, event: Event, payload: Payload) -> None:
         """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""
+        began = time.monotonic()
         _, frames = self._journal.append(event, payload)
         self._say(frames)
+        self._metrics.lasted("publish", time.monotonic() - began)
+        self._metrics.note(event)
         self._ledger.note(event)
         if isinstance(event, StateEvent):
             log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)

@@ -131,6 +131,7 @@ REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
     "request-diagnose": (ask.Diagnose(id="15", measurement="m", effects=("bond-layer", "cable")), ()),
     "request-lease": (ask.Lease(id="16", owner="scan", seconds=60.0), ()),
     "request-release": (ask.Release(id="17", lease="l"), ()),
+    "request-metrics": (ask.Metrics(id="18"), ()),
     "request-shutdown": (ask.Shutdown(id="13"), ()),
 }
 

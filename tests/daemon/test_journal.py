@@ -127,7 +127,7 @@ def test_a_later_journal_is_not_touched(journal: Journal, tmp_path: Path) -> Non
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
     db.close()
-    with pytest.raises(JournalError, match="a journal of version 9; version 1 is read here"):
+    with pytest.raises(JournalError, match="a journal of version 9; version 2 is read here"):
         Journal(tmp_path / "journal")
 
 

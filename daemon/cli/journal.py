@@ -1,0 +1,71 @@
+"""`pzctl journal`: check, copy and prune the record of everything that was measured."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, help="Check, copy and prune the journal.")
+
+
+@app.command("verify")
+def verify() -> None:
+    """Compare every recording with its hash, and look for gaps. Needs no daemon, and disturbs none.
+
+    Exit status 1 where something is wrong.
+    """
+    from ..samples import open_journal
+
+    journal = open_journal()
+    try:
+        wrong = journal.verify()
+        print("\n".join(wrong) if wrong else f"{journal.size} events, {len(journal.with_arrays())} arrays: all whole")
+    finally:
+        journal.close()
+    if wrong:
+        sys.exit(1)
+
+
+@app.command("backup")
+def backup(folder: Annotated[Path, typer.Argument(help="A new folder.")]) -> None:
+    """Copy the journal to a new folder and verify the copy; a daemon may go on measuring meanwhile.
+
+    The copy is a journal: `PZCTL_HOME` may name the folder above one that is called `journal`.
+
+    Example: pzctl journal backup /mnt/archive/2026-11/journal
+    """
+    from ..retention import copy_journal
+    from ..samples import open_journal
+
+    journal = open_journal()
+    try:
+        print(f"{copy_journal(journal, folder)} events copied to {folder} and verified")
+    finally:
+        journal.close()
+
+
+@app.command("prune")
+def prune(
+    before: Annotated[str, typer.Option(help="Measurements before this day go: 2026-01-01 (UTC).")],
+    backup_to: Annotated[Path, typer.Option("--backup", help="A new folder that all of it is copied to first.")],
+) -> None:
+    """Copy the journal, then remove its oldest measurements. No daemon may run meanwhile.
+
+    Example: pzctl journal prune --before 2026-01-01 --backup /mnt/archive/until-2026/journal
+    """
+    from datetime import date
+
+    from ..paths import home, journal_folder
+    from ..retention import Keeper
+    from .fit import UsageError
+
+    try:
+        day = date.fromisoformat(before)
+    except ValueError:
+        raise UsageError(f"--before {before}: a day is needed, such as 2026-01-01") from None
+    keeper = Keeper(journal_folder(home()))
+    try:
+        print(f"{keeper.prune(day.isoformat(), backup_to)} events removed; all that was is in {backup_to}")
+    finally:
+        keeper.close()
