@@ -14,6 +14,7 @@ from . import (
     export,
     fit,
     fitters,
+    journal,
     keys,
     materials,
     measure,
@@ -24,6 +25,7 @@ from . import (
     service,
     show,
     simulator,
+    status,
 )
 
 app = typer.Typer(
@@ -35,6 +37,8 @@ app = typer.Typer(
 app.command("measure")(measure.measure)
 app.command("fit")(fit.fit)
 app.command("diagnose")(diagnose.diagnose)
+app.command("status")(status.status)
+app.add_typer(journal.app, name="journal")
 app.add_typer(keys.app, name="keys")
 app.command("samples")(samples.samples)
 app.command("daemon")(service.daemon)
