@@ -1,0 +1,226 @@
+"""How far an estimate can be trusted: starts, bounds, coverage, time; over seeds, against what others do.
+
+Sizes by environment: PZCTL_STARTS (5), PZCTL_DRAWS (20), PZCTL_SLOW (2: for what takes seconds each). The figures of
+docs/estimation.md were made with the sizes given there.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from scipy.optimize import least_squares
+
+from pzctl.daemon.tables import print_fit
+from pzctl.fitters.assembly import coordinates_of, nominal_parameters, priors_of, recordings_of
+from pzctl.fitters.covariance import curvature
+from pzctl.fitters.interface import FitResult, FitTask, Options
+from pzctl.fitters.mason import Mason
+from pzctl.fitters.nelder_mead import MasonNelderMead
+from pzctl.fitters.nlopt_global import NloptGlobal
+from pzctl.fitters.objective import Objective
+from pzctl.models.errors import PzctlError
+from pzctl.sim.sample import STEPS
+
+from .estimation_world import NOISE, World, far_start, task
+
+Reals = NDArray[np.float64]
+STARTS, DRAWS, SLOW = (
+    int(os.environ.get(f"PZCTL_{name}", n)) for name, n in (("STARTS", 5), ("DRAWS", 20), ("SLOW", 2))
+)
+
+
+def parts(result: FitResult, one: World) -> dict[str, tuple[float, float, float]]:
+    """Found, true, standard uncertainty of each free real number."""
+    found: dict[str, tuple[float, float, float]] = {}
+    for name, true in one.truth().items():
+        constant = result.constants.get(name)
+        if constant is None or not constant.free:
+            continue
+        found[name] = (constant.re, true.real, constant.u_re or 0.0)
+        if true.imag:
+            found[f"{name} im"] = (constant.im, true.imag, constant.u_im or 0.0)
+    return found
+
+
+def worst(result: FitResult, one: World) -> float:
+    """Largest error of any constant in its own standard uncertainty."""
+    return max(abs(value - true) / u for value, true, u in parts(result, one).values() if u > 0)
+
+
+def right(result: FitResult, one: World, u: dict[str, float]) -> bool:
+    """All constants within 3 of the standard uncertainties `u`."""
+    return all(abs(value - true) < 3 * u[name] for name, (value, true, _) in parts(result, one).items() if name in u)
+
+
+def by_scipy(given: FitTask) -> FitResult:
+    """`scipy.optimize.least_squares` as one would write it: numeric Jacobian, constants over their starts."""
+    assert given.build is not None
+    build = given.build
+    recordings = [
+        recording
+        for step, of_step in given.sweeps.items()
+        for recording in recordings_of(build, step, of_step, [np.full(s.frequency.size, NOISE) for s in of_step])
+    ]
+    start = nominal_parameters(build)
+    coordinates = coordinates_of(build, given.sweeps, start, None)
+    _, chain = coordinates.forward(coordinates.x)
+    names = [name for name, row in zip(coordinates.parameters, chain, strict=True) if np.any(row)]
+
+    def residual(x: Reals) -> Reals:
+        values = {name: start[name] * float(part) for name, part in zip(names, x, strict=True)}
+        rows: list[Reals] = []
+        for recording in recordings:
+            own = recording.model.parameters()
+            try:
+                model = recording.model.replace({k: v for k, v in (start | values).items() if k in own})
+                r = np.log(model.impedance(recording.sweep.frequency) / recording.sweep.impedance) / NOISE
+            except PzctlError:
+                r = np.full(recording.sweep.frequency.size, 1e6 + 0j)
+            rows += [np.nan_to_num(r.real, nan=1e6), np.nan_to_num(r.imag, nan=1e6)]
+        return np.concatenate(rows)
+
+    with np.errstate(all="ignore"):
+        end = least_squares(residual, np.ones(len(names)), max_nfev=200)
+    final = {name: start[name] * float(part) for name, part in zip(names, end.x, strict=True)}
+    return _as_result(final, Mason().fit(given))
+
+
+def _as_result(values: dict[str, float], like: FitResult) -> FitResult:
+    constants = {
+        name: replace(c, re=values.get(f"{name}.re", values.get(name, c.re)), im=values.get(f"{name}.im", c.im))
+        for name, c in like.constants.items()
+    }
+    return replace(like, constants=constants)
+
+
+def share(fit: Callable[[FitTask], FitResult], one: World, given: FitTask, u: dict[str, float], count: int) -> str:
+    """How many of `count` far starts end within 3 sigma of the truth."""
+    hits = 0
+    for seed in range(count):
+        try:
+            hits += right(fit(far_start(one, given, seed)), one, u)
+        except PzctlError:
+            continue
+    return f"{hits}/{count}"
+
+
+def test_starts_at_thirty_per_cent() -> None:
+    for steps, seed in ((1, 3), (3, 3)):
+        one, given = task(seed, steps)
+        best = Mason().fit(far_start(one, given, 0, 0.0))
+        u = {name: sigma for name, (_, _, sigma) in parts(best, one).items()}
+        print(f"\nstarts +-30 %, {' + '.join(STEPS[:steps])}: within 3 sigma (from the truth: {worst(best, one):.2f})")
+        print(f"  mason                   {share(Mason().fit, one, given, u, STARTS)}")
+        print(f"  nlopt-global            {share(NloptGlobal(30.0).fit, one, given, u, SLOW)}")
+        print(f"  mason-nelder-mead       {share(MasonNelderMead().fit, one, given, u, SLOW)}")
+        print(f"  scipy, numeric Jacobian {share(by_scipy, one, given, u, SLOW)}")
+
+
+def bound(one: World, given: FitTask) -> dict[str, float]:
+    """Cramer-Rao bound of every constant with what is known beforehand: from derivatives at the truth."""
+    assert given.build is not None
+    build = given.build
+    values = nominal_parameters(build) | one.parameters()
+    coordinates = coordinates_of(build, given.sweeps, values, None)
+    recordings = [
+        recording
+        for step, of_step in given.sweeps.items()
+        for recording in recordings_of(build, step, of_step, [np.full(s.frequency.size, NOISE) for s in of_step])
+    ]
+    objective = Objective(recordings, coordinates, priors_of(build, given.sweeps))
+    _, chain = coordinates.forward(coordinates.x)
+    covariance = curvature(objective, coordinates.x).covariance(chain)
+    u = dict(zip(coordinates.parameters, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    return {name.removesuffix(".re").replace(".im", " im"): sigma for name, sigma in u.items()}
+
+
+def test_bound_and_coverage() -> None:
+    errors: dict[str, list[float]] = {}
+    inside: dict[str, list[bool]] = {}
+    silent, flagged, failed = 0, 0, 0
+    for seed in range(DRAWS):
+        one, given = task(seed, 3)
+        try:
+            result = Mason().fit(given)
+        except PzctlError as error:
+            failed += 1
+            print(f"seed {seed}: {error}")
+            continue
+        least = bound(one, given)
+        for name, (value, true, u) in parts(result, one).items():
+            errors.setdefault(name, []).append((value - true) / least[name])
+            inside.setdefault(name, []).append(abs(value - true) < 1.959964 * u)
+        if worst(result, one) > 5:
+            warned = not result.converged or result.chi2_per_dof > 1.5
+            silent, flagged = silent + (not warned), flagged + warned
+    print(f"\n{DRAWS} transducers of three steps: RMSE / Cramer-Rao bound, 95 % intervals that hold the truth")
+    for name, found in errors.items():
+        print(f"  {name:18s} {np.sqrt(np.mean(np.square(found))):5.3f}   {100 * np.mean(inside[name]):5.1f} %")
+    pooled = 100 * np.mean(np.concatenate([np.array(rows) for rows in inside.values()]))
+    whole = np.sqrt(np.mean(np.square(np.concatenate(list(errors.values())))))
+    print(f"  {'all':18s} {whole:5.3f}   {pooled:5.1f} %")
+    print(f"  wrong by more than 5 sigma: {silent} silent, {flagged} flagged; not fitted: {failed}")
+
+
+def test_time_and_misfit_beside_nelder_mead() -> None:
+    one, given = task(3, 1)
+    assert one.layers
+    mason, simplex = Mason(), MasonNelderMead()
+    seconds: dict[str, float] = {}
+    found: dict[str, FitResult] = {}
+    for fitter in (mason, simplex):
+        began = time.perf_counter()
+        found[fitter.name] = fitter.fit(given)
+        seconds[fitter.name] = time.perf_counter() - began
+    ratio = seconds[mason.name] / seconds[simplex.name]
+    print(f"\ndisk: time of mason / Nelder-Mead 1/{1 / ratio:.0f}; RMS log error ", end="")
+    print(", ".join(f"{name} {result.rms_log_error:.3g}" for name, result in found.items()))
+
+
+def test_joint_beside_frozen() -> None:
+    errors: dict[str, dict[str, list[float]]] = {"joint": {}, "sequential": {}, "frozen": {}, "thesis": {}}
+    for seed in range(DRAWS):
+        one, given = task(seed, 3)
+        fits: dict[str, Callable[[], FitResult]] = {
+            "joint": lambda given=given: Mason().fit(given),
+            "sequential": lambda given=given: Mason().fit(_with(given, Options(procedure="sequential"))),
+            "frozen": lambda given=given: Mason().fit(_with(given, Options(procedure="frozen"))),
+        }
+        if seed < SLOW:
+            fits["thesis"] = lambda given=given: MasonNelderMead().fit(given)
+        for way, fit in fits.items():
+            for name, constant in fit().constants.items():
+                true = one.truth().get(name)
+                if (
+                    true is not None
+                    and not name.startswith("disk")
+                    and (name.endswith((".z", ".c", ".q", ".thickness")))
+                ):
+                    errors[way].setdefault(name, []).append(constant.re / true.real - 1)
+    print(f"\nRMSE of layers, relative: {DRAWS} transducers (thesis's procedure: {min(SLOW, DRAWS)})")
+    for name in errors["joint"]:
+        rms = {way: float(np.sqrt(np.mean(np.square(errors[way][name])))) for way in errors if name in errors[way]}
+        if rms["joint"] > 1e-9:
+            print(f"  {name:16s} " + "   ".join(f"{way} {100 * value:.3g} %" for way, value in rms.items()))
+
+
+def _with(given: FitTask, options: Options) -> FitTask:
+    return FitTask(given.build, given.sweeps, given.free, options)
+
+
+def test_from_the_end_of_a_sweep_to_the_screen() -> None:
+    _, given = task(5, 3)
+    last = {step: of_step[:1] for step, of_step in given.sweeps.items()}
+    spent: list[float] = []
+    for _ in range(3):
+        began = time.perf_counter()
+        result = Mason().fit(FitTask(given.build, last))
+        with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+            print_fit(Console(file=nowhere, width=120), result, given.build)
+        spent.append(time.perf_counter() - began)
+    print(f"\nend of sweep to constants on screen, 801 points, full stack: {min(spent):.2f} s")
