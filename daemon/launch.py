@@ -1,6 +1,5 @@
 """Start a daemon in the background, and wait until it answers."""
 
-import logging
 import subprocess
 import sys
 import threading
@@ -16,6 +15,7 @@ from .connection import DaemonError
 from .frames import to_json
 from .journal import is_written
 from .location import Location, find
+from .logs import begin_log
 from .paths import home, journal_folder, log_file
 from .service import Options, run
 
@@ -78,7 +78,7 @@ def start(options: Options | None = None) -> Location:
 
 def main() -> None:
     """Run a daemon with the options given as JSON; used by `start`."""
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    begin_log()
     try:
         run(msgspec.json.decode(sys.argv[1], type=Options))
     except PzctlError as error:

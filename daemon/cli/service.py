@@ -1,7 +1,6 @@
 """`pzctl daemon`: the lab service in the foreground."""
 
-import logging
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -10,15 +9,20 @@ def daemon(
     resource: Annotated[
         str | None, typer.Option(help="VISA resource of the analyzer, or recording:FILE; none: a simulated 4294A.")
     ] = None,
-    events: Annotated[str, typer.Option(help="ZeroMQ endpoint that events are published on.")] = "tcp://127.0.0.1:*",
-    requests: Annotated[str, typer.Option(help="ZeroMQ endpoint that requests are taken on.")] = "tcp://127.0.0.1:*",
+    events: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that events are published on.")] = None,
+    requests: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that requests are taken on.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to keep running; may be repeated.")] = None,
     bench: Annotated[str | None, typer.Option(help="host:port of the bench of a simulated instrument.")] = None,
-    time_scale: Annotated[float, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = 1.0,
-    seed: Annotated[int, typer.Option(help="Which sample lies on the simulated bench.")] = 0,
+    time_scale: Annotated[float | None, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
+    fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
+    fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
+    log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
     stop: Annotated[bool, typer.Option("--stop", help="End the daemon that runs, and exit.")] = False,
 ) -> None:
     """Own the analyzer: measure on request, keep every sweep, publish it, and let fitters answer. Until Ctrl-C.
+
+    What no flag says is taken from the environment (PZCTL_RESOURCE ...), then from config.toml: see docs/service.md.
 
     Example: pzctl daemon --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
@@ -28,9 +32,12 @@ def daemon(
         with connect() as lab:
             lab.shutdown()
         return
-    from ..service import Options, run
+    from ..config import options, settings
+    from ..logs import begin_log
+    from ..service import run
 
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    simulator: dict[str, Any] = {"time_scale": time_scale, "seed": seed}
-    kept = tuple(fitter) if fitter else Options.fitters
-    run(Options(resource, events, requests, fitters=kept, bench=bench, simulator=simulator))
+    flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
+    flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
+    found = settings(flags | {"log": log})
+    begin_log(found.get("log", "text"))
+    run(options(found))
