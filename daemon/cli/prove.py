@@ -45,8 +45,7 @@ def prove(
     published = _child("pzctl.sim.concealed", out, seed, count, jobs).strip()
     screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)
     began = time.perf_counter()
-    answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs)
-    (out / "answers.json").write_text(json.dumps(answers))
+    answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs, out / "answers.json")
     title = f"{'Sealed part' if sealed else f'Development cases of seed {seed}'}."
     page = Path(json.loads(_child("pzctl.daemon.proofpage", out, published, title))["page"])
     screen.print(page.read_text(), markup=False, highlight=False, soft_wrap=True)
@@ -63,8 +62,8 @@ def _child(module: str, *words: object) -> str:
     return done.stdout
 
 
-def _diagnose_all(folders: list[Path], jobs: int) -> dict[str, Any]:
-    """Diagnose every case; what one answers is said on standard error as it comes."""
+def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
+    """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     answers: dict[str, Any] = {}
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
@@ -73,8 +72,9 @@ def _diagnose_all(folders: list[Path], jobs: int) -> dict[str, Any]:
             name = waiting[done]
             answers[name] = done.result()
             found = [one["effect"] for one in answers[name].get("findings", [])]
+            kept.write_text(json.dumps(dict(sorted(answers.items()))))
             print(f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}", file=sys.stderr)
-    return dict(sorted(answers.items()))
+    return answers
 
 
 def diagnose_case(folder: Path) -> dict[str, Any]:

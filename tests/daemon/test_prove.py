@@ -1,0 +1,110 @@
+"""What counts as right, and that a truth cannot be changed once its hash was published."""
+
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pzctl.daemon.cli.prove import diagnose_case
+from pzctl.daemon.proof import Judged, ProofError, bins, figures, is_right, read_judged, said
+from pzctl.daemon.proofpage import write_page
+from pzctl.sim.concealed.files import make_cases
+
+
+def planted(effect: str, *where: str, gain: float = 1e4) -> dict[str, Any]:
+    return {"effect": effect, "accept": [], "where": where, "gain": gain, "step": "disk", "base": {}, "scale": 1.0}
+
+
+def truth(kind: str, *findings: dict[str, Any], absorbed: tuple[str, ...] = ()) -> dict[str, Any]:
+    constants = {"disk.c33D": [1e11, 1e9]}
+    return {"kind": kind, "findings": findings, "hidden": [], "not_decidable": absorbed, "constants": constants}
+
+
+def found(effect: str, where: str, p: float = 0.97, *others: tuple[str, str]) -> dict[str, Any]:
+    rivals = [{"effect": name, "where": place, "probability": 0.02} for name, place in others]
+    return {"effect": effect, "where": where, "probability": p, "alternatives": rivals}
+
+
+def answer(*findings: dict[str, Any], listed: tuple[str, ...] = ()) -> dict[str, Any]:
+    def side(c: float, chi2: float) -> dict[str, Any]:
+        return {"chi2_per_dof": chi2, "held_out": chi2, "constants": {"disk.c33D": {"re": c, "im": 1e9}}}
+
+    return {
+        "verdict": "explained",
+        "findings": findings,
+        "baseline": side(1.1e11, 50.0),
+        "final": side(1.001e11, 1.0),
+        "not_decidable": [{"effect": name} for name in listed],
+        "seconds": 2.0,
+    }
+
+
+LEAD, TAPER = planted("lead-inductance", "terminals"), planted("thickness-variation", "layer:disk")
+CASES = {
+    "a": (truth("none"), answer()),
+    "b": (truth("none"), answer(found("cable", "terminals"))),
+    "c": (truth("one", LEAD), answer(found("lead-inductance", "terminals"))),
+    "d": (truth("one", LEAD), answer(found("cable", "terminals", 0.5, ("lead-inductance", "terminals")))),
+    "e": (truth("one", TAPER), answer(found("thickness-variation", "layer:ml1"))),
+    "f": (truth("two", LEAD, TAPER), answer(found("thickness-variation", "layer:disk"))),
+    "g": (truth("outside", planted("unknown", "any")), answer(found("unknown", "sweep"))),
+    "h": (truth("absorbed", absorbed=("electrode-mass",)), answer(listed=("electrode-mass",))),
+    "i": (truth("one", planted("cable", "terminals", gain=30)), answer()),
+}
+JUDGED = [Judged(name, *case) for name, case in CASES.items()]
+
+
+def test_what_is_right() -> None:
+    assert [case.name for case in JUDGED if case.right] == ["a", "c", "g", "h", "i"]
+    assert [case.name for case in JUDGED if case.kind == "one" and case.right_in_group] == ["c", "d"]
+    assert JUDGED[-1].kind == "faint"
+    assert is_right(found("bond-void", "interface:glue1|ml1"), planted("bond-void", "interface:glue1|"))
+
+
+def test_figures_count_every_kind_once() -> None:
+    by_name = {figure.what: figure for figure in figures(JUDGED)}
+    assert by_name["nothing left out: no finding"].value == 0.5
+    assert by_name["one effect, detectable: right effect and place first"].value == pytest.approx(1 / 3)
+    assert by_name["two effects: both"].value == 0
+    assert by_name["error of the constants after / before, median"].value == pytest.approx(0.01, rel=0.01)
+    pairs = said(JUDGED)
+    assert sum(n for n, _, _ in bins(pairs)) == len(pairs) == 6
+
+
+def _proof(folder: Path) -> str:
+    data = json.dumps({name: case[0] for name, case in CASES.items()}).encode()
+    (folder / "truth.json").write_bytes(data)
+    (folder / "answers.json").write_text(json.dumps({name: case[1] for name, case in CASES.items()}))
+    return hashlib.sha256(data).hexdigest()
+
+
+def test_page_names_what_failed_and_refuses_a_changed_truth(tmp_path: Path) -> None:
+    published = _proof(tmp_path)
+    text = write_page(tmp_path, published, "Nine cases by hand.").read_text()
+    assert published in text
+    failed = text.split("not right")[1]
+    assert [name for name in CASES if f"| {name} |" in failed] == ["b", "d", "e", "f"]
+    (tmp_path / "truth.json").write_text("{}")
+    with pytest.raises(ProofError, match="it was changed"):
+        read_judged(tmp_path, published)
+
+
+def test_a_concealed_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> None:
+    make_cases(tmp_path, seed=0, count=3)
+    (tmp_path / "truth.json").unlink()
+    given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk with nothing left out
+    assert given["verdict"] == "no-mismatch"
+    assert given["seconds"] > 0
+
+
+def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
+    (tmp_path / "truth.json").write_text("{}")
+    words = ["-c", "from pzctl.daemon.cli import main; main()", "prove", "--count", "1", "--out", str(tmp_path)]
+    run = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert "there is a proof already" in run.stderr
+    assert "Traceback" not in run.stderr
