@@ -45,7 +45,7 @@ def reduced_disk(diameter_to_thickness: float, progress: Callable[[str], None]) 
 def _read(file: Path, unknowns: int) -> ReducedDisk | None:
     """Return the reduced disk of a file, None where there is none that can be read."""
     try:
-        with np.load(file) as arrays:
+        with file.open("rb") as stream, np.load(stream) as arrays:
             found = ReducedDisk.from_arrays(arrays)
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
         return None
@@ -58,7 +58,7 @@ def _write(file: Path, reduced: ReducedDisk) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, **reduced.arrays())
+            np.savez(stream, **reduced.arrays())
         part.replace(file)
     except OSError:
         part.unlink(missing_ok=True)

@@ -1,0 +1,128 @@
+"""Fitter disk2d: a disk that is known, a real recording, and what is refused."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.buildfile import parse_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.disk2d import Disk2DFitter
+from pzctl.fitters.disk2d_cache import reduced_disk
+from pzctl.fitters.disk2d_coordinates import COORDINATES, tensor_block
+from pzctl.fitters.interface import FitError, FitTask
+from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.disk2d.model import Disk2D
+from pzctl.models.materials import find
+from pzctl.models.passivity import passivity_margin
+from pzctl.models.stack import CausalConstantQ
+from pzctl.models.sweep import Sweep
+from pzctl.models.tensor import Tensor6mm
+
+TRUTH = Tensor6mm(*(find("Pz27 Bergen").values[name].value for name in CONSTANTS))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    before = os.environ.get("PZCTL_HOME")
+    os.environ["PZCTL_HOME"] = str(tmp_path_factory.mktemp("home"))
+    yield
+    if before is None:
+        del os.environ["PZCTL_HOME"]
+    else:
+        os.environ["PZCTL_HOME"] = before
+
+
+def build(diameter, thickness, density, material="PZT-5A"):
+    return parse_build(
+        f"""
+name = "D"
+diameter_mm = {diameter}
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "{material}"
+thickness_mm = {thickness}
+density_kg_m3 = {density}
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+""",
+        "build.toml",
+    )
+
+
+def test_coordinates_make_the_constants_and_their_derivatives_and_cannot_leave_passivity():
+    block = tensor_block("disk")
+    values = np.array([part for name in CONSTANTS for z in [getattr(TRUTH, name)] for part in (z.real, z.imag)])
+    x = block.inverse(values)
+    made, J = block.forward(x)
+    np.testing.assert_allclose(made, values, rtol=1e-9)
+    for k in range(len(COORDINATES)):
+        step = np.zeros_like(x)
+        step[k] = 1e-6
+        slope = (block.forward(x + step)[0] - block.forward(x - step)[0]) / 2e-6
+        np.testing.assert_allclose(J[:, k], slope, rtol=1e-5, atol=1e-7 * np.abs(slope).max())
+    far = block.forward(x + np.random.default_rng(0).normal(0, 0.5, x.size))[0].reshape(-1, 2)
+    assert passivity_margin(Tensor6mm(*(complex(re, im) for re, im in far)).law) > -1e-9
+
+
+def test_the_reduced_disk_is_kept_and_a_damaged_file_is_made_again(tmp_path):
+    _, first = reduced_disk(4.0, lambda _: None)
+    (file,) = (tmp_path.parent / os.environ["PZCTL_HOME"] / "cache").glob("disk2d-*.npz")
+    said = []
+    _, again = reduced_disk(4.0, said.append)
+    assert not said
+    np.testing.assert_array_equal(first.stiffness, again.stiffness)
+    file.write_bytes(file.read_bytes()[:1000])
+    _, third = reduced_disk(4.0, said.append)
+    assert len(said) > 1
+    assert third.stiffness.shape == first.stiffness.shape
+
+
+def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
+    diameter, thickness, density = 10e-3, 1e-3, 7700.0
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    area = np.pi * diameter**2 / 4
+    f = np.concatenate([np.linspace(0.15e6, 0.6e6, 301), np.linspace(1.6e6, 2.6e6, 401)])
+    reference = float(np.sqrt(f[0] * f[-1]))
+    disk = Disk2D("disk", TRUTH, area, thickness, density, reduced, CausalConstantQ(reference))
+    rng = np.random.default_rng(1)
+    noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    sweep = Sweep(f, disk.impedance(f) * np.exp(noise))
+    result = Disk2DFitter().fit(FitTask(build(10, 1, 7700), {"disk": (sweep,)}))
+    assert result.converged
+    assert result.rms_log_error < 4e-4
+    for name in CONSTANTS:
+        true, found = complex(getattr(TRUTH, name)), result.constants[f"disk.{name}"]
+        assert abs(found.re - true.real) < 4 * found.u_re, name
+        assert abs(found.im - true.imag) < 4 * found.u_im, name
+    assert result.constants["disk.c33E"].u_re < 1e-3 * TRUTH.c33E.real
+
+
+def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recordings):
+    sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
+    few = replace(sweep, frequency=sweep.frequency[::4], impedance=sweep.impedance[::4])
+    result = Disk2DFitter().fit(FitTask(build(20, 2.013, 7956), {"disk": (few,)}))
+    assert result.rms_log_error < 0.05  # one dimension leaves 0.59
+    tensor = Tensor6mm(*(complex(c.re, c.im) for c in (result.constants[f"disk.{name}"] for name in CONSTANTS)))
+    assert passivity_margin(tensor.law) > 0
+    assert 0.42 < tensor.thickness.kt.real < 0.55
+    assert 500 < tensor.eps33S.real / 8.854e-12 < 1100
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (build(100, 0.5, 7700), "serves for diameter/thickness"),
+        (build(20, 1.9, 7700), "reaches up to"),
+    ],
+)
+def test_disks_and_recordings_out_of_reach_are_refused(given, says):
+    f = np.linspace(5e6, 6e6, 30)
+    with pytest.raises(FitError, match=says):
+        Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * 1e-9)),)}))
