@@ -18,6 +18,7 @@ from . import (
     keys,
     materials,
     measure,
+    page,
     prove,
     report,
     samples,
@@ -53,6 +54,7 @@ app.command("export")(export.export)
 app.command("report")(report.report)
 app.command("compensate")(compensate.compensate)
 app.command("screenshot")(screenshot.screenshot)
+app.command("page")(page.page)
 
 
 def main() -> None:

@@ -1,0 +1,55 @@
+"""`pzctl page`: the live page in a browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...models.errors import PzctlError
+
+
+class PageError(PzctlError):
+    """The page cannot be served."""
+
+
+def page(
+    build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
+    host: Annotated[str, typer.Option(help="Address to listen on; others than loopback need a token.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on.")] = 8294,
+    token: Annotated[str | None, typer.Option(help="Token that lets one in; made up where one is needed.")] = None,
+    resource: Annotated[str | None, typer.Option(help="VISA resource, where a daemon has to be started.")] = None,
+) -> None:
+    """Serve the live page: sweeps as they arrive, fits, the stack, and the buttons beside the press. Until Ctrl-C.
+
+    Uses the daemon that runs, or starts one and says so; that one stays. Needs `pip install 'pzctl[web]'`.
+
+    Example: pzctl page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    try:
+        import uvicorn
+
+        from ..page.guard import is_loopback, new_token
+        from ..page.server import page_app
+    except ModuleNotFoundError as error:
+        raise PageError(f"{error.name} is not installed; the page needs it: pip install 'pzctl[web]'") from None
+    from ..buildfile import read_build
+    from ..launch import running, start
+    from ..service import Options
+    from ..terminal import console
+
+    known = read_build(build or Path(__file__).parents[1] / "thesis.toml")
+    screen = console(stderr=True)
+    if running() is None:
+        screen.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}; it stays", style="dim")
+        start(Options(resource=resource, simulator={"time_scale": 0.02}))
+    if token is None and not is_loopback(host):
+        token = new_token()
+    end = f"/?token={token}" if token else "/"
+    screen.print(f"page: http://{host}:{port}{end}", highlight=False, soft_wrap=True, markup=False)
+    config = uvicorn.Config(
+        page_app(known, token), host, port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+    )
+    try:
+        uvicorn.Server(config).run()
+    except SystemExit:  # uvicorn says the reason in its log, and leaves
+        raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None

@@ -1,0 +1,210 @@
+// What the page shows, and what its buttons do. Everything from outside is set as text, never as markup.
+
+import { circle, clear, draw } from "./plots.js";
+import { history, stack } from "./sketch.js";
+import { complexWithUncertainty } from "./numbers.js";
+
+const $ = (id) => document.getElementById(id);
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [] };
+
+function element(tag, text, properties = {}) {
+  return Object.assign(document.createElement(tag), { textContent: text }, properties);
+}
+
+async function ask(path, body) {
+  const answer = await fetch(path, body === undefined ? {} : { method: "POST", body: JSON.stringify(body) });
+  const found = await answer.json().catch(() => ({ error: answer.statusText }));
+  if (!answer.ok) throw new Error(found.error);
+  return found;
+}
+
+async function command(path, body) {
+  $("problem").textContent = "";
+  try { await ask(path, body); } catch (error) { $("problem").textContent = error.message; }
+}
+
+// ---- what is drawn
+
+function showSegments() {
+  $("segments").replaceChildren(...view.sweeps.map((sweep, k) => {
+    const label = `${(sweep.f[0] / 1e6).toPrecision(3)}–${(sweep.f.at(-1) / 1e6).toPrecision(3)} MHz`;
+    const tab = element("button", label, { type: "button", onclick: () => { view.segment = k; showCurves(); } });
+    tab.setAttribute("aria-pressed", String(k === view.segment));
+    return tab;
+  }));
+}
+
+function columns(z) {
+  const y = z.re.map((re, k) => { const m = re * re + z.im[k] * z.im[k]; return [re / m, -z.im[k] / m]; });
+  return {
+    size: z.re.map((re, k) => Math.hypot(re, z.im[k])),
+    phase: z.re.map((re, k) => (Math.atan2(z.im[k], re) * 180) / Math.PI),
+    g: y.map((p) => Math.max(p[0], 1e-12)), b: y.map((p) => p[1]), y: y.map((p) => [p[0] * 1e3, p[1] * 1e3]),
+  };
+}
+
+function showCurves() {
+  showSegments();
+  const sweep = view.sweeps[view.segment];
+  if (!sweep) return;
+  const curve = view.fit?.curves[view.segment];
+  const x = sweep.f.map((f) => f / 1e6), measured = columns(sweep.z), fitted = curve && columns(curve.fitted);
+  for (const [id, part, log] of [["plot-z", "size", true], ["plot-phase", "phase"], ["plot-g", "g", true], ["plot-b", "b"]]) {
+    const lines = [["measured", "--measured", 4, measured[part]]];
+    if (fitted) lines.push(["fitted", "--fitted", 1.5, fitted[part]]);
+    draw(id, x, lines, log);
+  }
+  circle("plot-circle", [["--measured", 4, measured.y], ...(fitted ? [["--fitted", 1.5, fitted.y]] : [])]);
+  if (!fitted) { clear("plot-residual"); return; }
+  const turn = fitted.phase.map((p, k) => { const d = p - measured.phase[k]; return ((d - 360 * Math.round(d / 360)) * Math.PI) / 180; });
+  draw("plot-residual", x, [
+    ["magnitude", "--fitted", 1, fitted.size.map((m, k) => Math.log(m / measured.size[k]))], ["phase", "--phase", 1, turn]]);
+}
+
+function showStack() {
+  const guilty = (view.diagnosis?.findings ?? []).map((finding) => finding.where);
+  stack($("stack"), view.build, view.step, guilty);
+}
+
+function showFit() {
+  const fit = view.fit, body = $("constants").tBodies[0];
+  $("diagnose").disabled = !view.measurement;
+  $("fitter").textContent = fit ? `by ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
+  $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
+  $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
+  const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "The model describes all that the noise lets one see." : "The recording shows something that the model does not have."];
+  const words = [...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
+  $("words").replaceChildren(...words.map((word) => element("p", word)));
+  body.replaceChildren(...Object.entries(fit?.constants ?? {}).map(([name, c]) => {
+    const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
+    const percent = c.free && sheet?.re ? ` (${(100 * (c.re / sheet.re - 1)).toFixed(1)} %)` : "";
+    const far = c.free && sheet && Math.abs(c.re - sheet.re) > 2 * Math.hypot(c.u_re ?? 0, sheet.u);
+    row.append(element("td", name), element("td", complexWithUncertainty(c)), element("td", c.unit),
+      element("td", sheet ? complexWithUncertainty(sheet) + percent : "", { className: far ? "off" : "" }));
+    return row;
+  }));
+}
+
+function showControls() {
+  const steps = view.build.steps.map((step) => step.name);
+  $("steps").replaceChildren(...steps.map((step) => {
+    const button = element("button", step, { type: "button", disabled: Boolean(view.running), onclick: () => command("/api/measure", { step }) });
+    button.setAttribute("aria-pressed", String(step === view.step));
+    return button;
+  }));
+  const next = nextStep();
+  $("next").textContent = next ? `Measure ${next}` : "All steps measured";
+  $("next").disabled = Boolean(view.running) || !next;
+  $("stop").disabled = !view.running;
+}
+
+function nextStep() {
+  const steps = view.build.steps.map((step) => step.name), done = view.samples.find((one) => one.name === view.build.name)?.steps ?? [];
+  return steps.find((step) => !done.some((one) => one.step === step));
+}
+
+function showDownloads() {
+  const links = view.sweeps.map((_, k) => element("a", `sweep ${k + 1} (CSV)`, { href: `/download/${view.measurement}/${k + 1}.csv` }));
+  if (view.sample) links.push(element("a", "report", { href: `/report/${encodeURIComponent(view.sample)}`, target: "_blank" }));
+  $("downloads").replaceChildren("Download: ", ...links.flatMap((link, k) => (k ? [" · ", link] : [link])));
+}
+
+function showHistory() {
+  const names = [...new Set(view.samples.flatMap((one) => one.steps.flatMap((step) => Object.keys(step.constants))))];
+  const kept = $("which").value || "disk.c33D";
+  $("which").replaceChildren(...names.map((name) => element("option", name, { value: name, selected: name === kept })));
+  const chosen = $("which").value;
+  history($("history"), view.samples.flatMap((one) => one.steps.filter((step) => step.constants[chosen]).map((step) => ({ sample: one.name, step: step.step, ...step.constants[chosen] }))));
+  $("samples").replaceChildren(...view.samples.flatMap((one) => one.steps.map((step) => {
+    const item = document.createElement("li");
+    item.append(element("button", `${one.name} · ${step.step} · ${step.time.slice(0, 16).replace("T", " ")} UTC`, { type: "button", onclick: () => open(one.name, step.step) }));
+    return item;
+  })));
+}
+
+function showAll() {
+  $("sample").textContent = view.sample ?? view.build.name;
+  $("when").textContent = view.sweeps[0] ? `recorded ${view.sweeps[0].time.slice(0, 19).replace("T", " ")} UTC` : "";
+  for (const show of [showControls, showStack, showFit, showCurves, showDownloads]) show();
+}
+
+function showDaemon(daemon) {
+  $("daemon-light").className = `light ${daemon.there ? "on" : "off"}`;
+  $("instrument-light").className = `light ${daemon.instrument ? "on" : "off"}`;
+  $("device").textContent = daemon.there ? `${daemon.instrument} at ${daemon.resource}` : daemon.says ?? "no daemon";
+  view.running = daemon.measuring ?? null;
+  say(daemon.there ? (view.running ? `measuring ${daemon.step}` : "ready") : "no daemon");
+}
+
+function say(text, fraction = 0, left = "") {
+  $("state").textContent = text; $("progress").value = fraction; $("left").textContent = left;
+}
+
+// ---- what happens
+
+async function open(sample, step) {
+  const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
+  const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
+  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fit: one.fits[0] ?? null });
+  showAll();
+}
+
+async function refresh() {
+  view.samples = (await ask("/api/history")).samples;
+  showHistory();
+  if (view.build) showControls();
+}
+
+async function begin() {
+  const now = await ask("/api/now");
+  showDaemon(now.daemon);
+  view.build ??= now.build;
+  await refresh();
+  const known = view.samples.find((one) => one.name === now.build.name);
+  if (!view.measurement && known) await open(known.name); else showAll();
+}
+
+const heard = {
+  daemon: (event) => (event.there ? begin() : showDaemon(event)),
+  progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
+  state: (event) => {
+    if (!event.measurement) return;
+    const ended = ["measured", "failed", "cancelled", "abandoned"].includes(event.state);
+    view.running = ended ? null : event.measurement;
+    say(ended ? `${event.sample.step} ${event.state}` : `${event.state} ${event.sample.step}`, event.state === "measured" ? 1 : 0, event.state === "measured" ? "" : event.says);
+    if (event.state === "failed") $("problem").textContent = event.says;
+    if (ended) refresh(); else showControls();
+  },
+  sweep: (event) => {
+    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fit: null, diagnosis: null, segment: 0 });
+    view.sweeps.push(event.sweep);
+    showAll();
+  },
+  fit: (event) => {
+    if (event.measurement !== view.measurement) return;
+    if (event.fit && (!view.fit || event.fit.fitter === "mason" || view.fit.fitter !== "mason")) { view.fit = event.fit; showAll(); refresh(); }
+    if (event.error) $("words").append(element("p", `${event.fitter}: ${event.error}`));
+  },
+  diagnosis: (event) => { if (event.measurement === view.measurement) { view.diagnosis = event.diagnosis; showAll(); } },
+};
+
+const stream = new EventSource("/api/events");
+stream.onmessage = (message) => { const event = JSON.parse(message.data); heard[event.kind]?.(event); };
+stream.onerror = () => say("connection lost");
+stream.onopen = () => begin();
+
+$("next").onclick = () => { const step = nextStep(); if (step) command("/api/measure", { step }); };
+$("stop").onclick = () => command("/api/cancel", {});
+$("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
+$("which").onchange = showHistory;
+$("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+
+function setTheme(name) {
+  document.documentElement.dataset.theme = name;
+  localStorage.setItem("theme", name);
+  if (view.build) showAll();
+}
+
+let resized;
+addEventListener("resize", () => { clearTimeout(resized); resized = setTimeout(() => view.build && showCurves(), 150); });
+setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));

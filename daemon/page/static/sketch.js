@@ -1,0 +1,59 @@
+// The stack to scale with the guilty places marked, and the history of one constant; both as SVG.
+
+const NS = "http://www.w3.org/2000/svg";
+const SMALLEST = 0.07; // of the width: a glue line of 10 µm beside a disk of 0.5 mm must stay visible
+
+function make(name, attributes, text) {
+  const node = document.createElementNS(NS, name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  if (text !== undefined) node.textContent = text;
+  return node;
+}
+
+export function stack(home, build, step, guilty) {
+  const present = build.steps.find((one) => one.name === step)?.layers ?? build.layers.map((layer) => layer.name);
+  const layers = build.layers.filter((layer) => present.includes(layer.name));
+  const total = layers.reduce((sum, layer) => sum + layer.thickness, 0);
+  const wide = layers.map((layer) => Math.max(layer.thickness / total, SMALLEST));
+  const sum = wide.reduce((a, b) => a + b, 0);
+  const svg = make("svg", { viewBox: "0 0 400 170", role: "img", "aria-label": `layers back to front: ${present.join(", ")}` });
+  let x = 10;
+  const front = {};
+  layers.forEach((layer, k) => {
+    const w = (380 * wide[k]) / sum, bad = guilty.includes(`layer:${layer.name}`);
+    svg.append(make("rect", { x, y: 8, width: w, height: 130, fill: bad ? "var(--warn)" : `var(--${layer.kind})`, stroke: "var(--faint)", class: bad ? "guilty" : "" }));
+    const middle = x + w / 2;
+    svg.append(make("text", { x: middle, y: 73, "text-anchor": "middle", "dominant-baseline": "middle", "font-size": 15, transform: `rotate(-90 ${middle} 73)` }, `${layer.name} ${(layer.thickness * 1e6).toPrecision(3)} µm`));
+    x += w;
+    front[layer.name] = x;
+  });
+  for (const where of guilty) {
+    const at = where === "face:back" ? 10 : where === "face:front" ? x : where.startsWith("interface:") ? front[where.slice(10).split("|")[0]] : undefined;
+    if (at !== undefined) svg.append(make("line", { x1: at, x2: at, y1: 0, y2: 146, stroke: "var(--warn)", "stroke-width": 7, class: "guilty" }));
+    if (where === "terminals") svg.append(make("circle", { cx: 200, cy: 152, r: 7, fill: "var(--warn)", class: "guilty" }));
+  }
+  svg.append(make("text", { x: 10, y: 162, "font-size": 14 }, `back: ${build.back}`));
+  svg.append(make("text", { x: 390, y: 162, "font-size": 14, "text-anchor": "end" }, `front: ${build.front}`));
+  home.replaceChildren(svg);
+}
+
+export function history(home, points) {
+  const svg = make("svg", { viewBox: "0 0 480 210", role: "img", "aria-label": "history of the constant" });
+  if (points.length) {
+    const low = Math.min(...points.map((p) => p.re - (p.u ?? 0))), high = Math.max(...points.map((p) => p.re + (p.u ?? 0)));
+    const span = high - low || Math.abs(high) || 1;
+    const y = (value) => 150 - (130 * (value - low)) / span;
+    const x = (k) => 80 + (370 * (k + 0.5)) / points.length;
+    points.forEach((p, k) => {
+      svg.append(make("line", { x1: x(k), x2: x(k), y1: y(p.re - (p.u ?? 0)), y2: y(p.re + (p.u ?? 0)), stroke: "var(--phase)", "stroke-width": 3 }));
+      const dot = make("circle", { cx: x(k), cy: y(p.re), r: 6, fill: "var(--phase)" });
+      dot.append(make("title", {}, `${p.sample} ${p.step}: ${p.re}`));
+      svg.append(dot);
+      if (points.length < 9) svg.append(make("text", { x: x(k), y: 178, "font-size": 15, "text-anchor": "middle" }, p.step));
+      if (points.length < 9 && (k === 0 || points[k - 1].sample !== p.sample)) svg.append(make("text", { x: x(k), y: 200, "font-size": 15 , "text-anchor": "middle"}, p.sample));
+    });
+    svg.append(make("text", { x: 4, y: 26, "font-size": 15 }, high.toPrecision(4)));
+    svg.append(make("text", { x: 4, y: 152, "font-size": 15 }, low.toPrecision(4)));
+  }
+  home.replaceChildren(svg);
+}
