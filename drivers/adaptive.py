@@ -42,9 +42,8 @@ noise of a fast look is a hundredth of that."""
 
 WIDEST_RATIO = 1.5
 """Of a background stretch's ends: its points are in equal steps."""
-CHEAP_POINTS = 3
-"""A segment that saves no more points is not worth its set-up."""
-MOST_SEGMENTS = 40
+SETUP_SECONDS = 0.5
+"""What setting up, checking and reading a segment takes: some eighty questions, which a LAN answers in 5 to 10 ms."""
 
 
 class AdaptiveError(CannotError):
@@ -114,9 +113,8 @@ def adapted(base: SweepPlan, seconds: float, measure: Callable[[SweepPlan], Sequ
             break
         looks += tuple(measure(zoom_plan(base, narrow)))
         seen = resonances(looks)
-    spent = sum(
-        _seconds(look.frequency, replace(base, bandwidth=1, point_average=1, sweep_average=1)) for look in looks
-    )
+    fast = look_plan(base)
+    spent = sum(_points_seconds(look.frequency, fast) + _setup_seconds(fast) for look in looks)
     plan, kept = adaptive_plan(base, seen, seconds - spent)
     return Adapted(plan, kept, tuple(one for one in seen if one not in kept), looks)
 
@@ -173,9 +171,9 @@ def adaptive_plan(
 
 
 def plan_seconds(plan: SweepPlan) -> float:
-    """Return the seconds that the points of `plan` take."""
+    """Return the seconds that `plan` takes, the set-up of its segments included."""
     frequency = np.concatenate([np.linspace(s.start_Hz, s.stop_Hz, s.points) for s in plan.segments])
-    return _seconds(frequency, plan)
+    return _points_seconds(frequency, plan) + len(plan.segments) * _setup_seconds(plan)
 
 
 def _fill(base: SweepPlan, kept: Sequence[Resonance], seconds: float) -> SweepPlan:
@@ -231,11 +229,12 @@ def _with_density(base: SweepPlan, kept: Sequence[Resonance], factor: float) -> 
         _Stretch(a, b, min([(ratio - 1) * a, *(step for x, y, step in tiers if x <= (a + b) / 2 <= y)]))
         for a, b in pairwise(sorted(edges))
     ]
-    return replace(base, segments=_segments(_simplified(stretches)), joined=True)
+    cheap = _setup_seconds(base) / _points_seconds(np.array([np.sqrt(low * high)]), base)
+    return replace(base, segments=_segments(_simplified(stretches, cheap)), joined=True)
 
 
-def _simplified(stretches: Sequence[_Stretch]) -> list[_Stretch]:
-    """Return fewer stretches, nowhere wider spaced: neighbours become one where that costs few points."""
+def _simplified(stretches: Sequence[_Stretch], cheap: float) -> list[_Stretch]:
+    """Return fewer stretches, nowhere wider spaced: neighbours become one where that costs `cheap` points or less."""
     made = list(stretches)
     while len(made) > 1:
         pairs = [one.joined(next_one) for one, next_one in pairwise(made)]
@@ -243,7 +242,7 @@ def _simplified(stretches: Sequence[_Stretch]) -> list[_Stretch]:
             both.count - one.count - next_one.count for both, (one, next_one) in zip(pairs, pairwise(made), strict=True)
         ]
         k = int(np.argmin(costs))
-        if costs[k] > CHEAP_POINTS and len(made) <= MOST_SEGMENTS:
+        if costs[k] > cheap:
             break
         made[k : k + 2] = [pairs[k]]
     return made
@@ -267,7 +266,9 @@ def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return made
 
 
-def _seconds(frequency: Reals, plan: SweepPlan) -> float:
-    return estimated(
-        frequency, plan.bandwidth, plan.point_average, plan.sweep_average, plan.point_delay_s, plan.sweep_delay_s
-    )
+def _points_seconds(frequency: Reals, plan: SweepPlan) -> float:
+    return estimated(frequency, plan.bandwidth, plan.point_average, plan.sweep_average, plan.point_delay_s, 0.0)
+
+
+def _setup_seconds(plan: SweepPlan) -> float:
+    return SETUP_SECONDS + plan.sweep_average * plan.sweep_delay_s

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.adaptive import AdaptiveError, Resonance, adapted, adaptive_plan, look_plan, resonances
+from pzctl.drivers.adaptive import AdaptiveError, Resonance, adapted, adaptive_plan, look_plan, plan_seconds, resonances
 from pzctl.drivers.agilent4294a import grid
 from pzctl.models.plan import PlanError, Segment, SweepPlan
 from pzctl.models.sweep import Sweep
@@ -71,13 +71,23 @@ def test_every_resonance_kept_has_its_points_and_the_time_is_kept(seen, seconds)
     assert np.all(np.diff(f) > 0)
     assert f[0] == 50e3
     assert f[-1] == 8e6
-    assert np.sum(24.8 / f + 0.16) <= seconds
+    assert np.sum(24.8 / f + 0.16) + 0.5 * len(plan.segments) <= seconds
     for one in kept:
         core = np.diff(f[(f > one.frequency - one.linewidth) & (f < one.frequency + one.linewidth)])
         assert core.max() <= one.linewidth / 20 * (1 + 1e-6) + 2e-3
     weakest = min(one.strength for one in kept)
     assert all(one.strength <= weakest for one in seen if one not in kept), "a weaker one was kept instead"
     assert np.max(np.diff(f) / f[:-1]) < 0.1, "no hole in the background"
+
+
+def test_a_segment_saves_more_than_its_set_up_takes():
+    one = Resonance(1e6, 1e4, 0.9, 100.0)
+    precise, _ = adaptive_plan(BASE, [one], 60.0)
+    fast, _ = adaptive_plan(replace(BASE, bandwidth=1), [one], 5.0)
+    assert len(fast.segments) < len(precise.segments)
+    patient, _ = adaptive_plan(replace(BASE, sweep_delay_s=5.0), [one], 120.0)
+    assert plan_seconds(patient) <= 120.0
+    assert len(patient.segments) < len(precise.segments)
 
 
 def test_no_resonance_and_no_time_are_said():
