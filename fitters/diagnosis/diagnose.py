@@ -23,10 +23,12 @@ from .problem import Candidate, Problem
 from .proof import held_out_chi2
 from .score import scores
 from .search import Refit
-from .weigh import Weighed, weigh
+from .weigh import Weighed, better_instead, weigh
 
 _EXPLAINED = 1.4
 """chi2 per degree of freedom of every recording up to which the effects found explain it."""
+_HELD_OUT = 1.6
+"""The same on held-out bands: an explanation that fails there is none."""
 _MOST = 0.98
 """Part of the misfit that effects must take away to be named although something is left over."""
 _RIPPLE = 0.2
@@ -48,13 +50,13 @@ def diagnose(
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
     stages = pursue(problem, choice, null, progress)
-    final = without_idle(problem, stages[-1].after) if stages else null
-    named, verdict = _named(null, final)
-    if not named:
-        stages, final = [], null
+    final = better_instead(problem, without_idle(problem, stages[-1].after), stages) if stages else null
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final is not null else held_before
+    named, verdict = _named(null, final, held_after)
+    if not named:
+        stages, final, held_after = [], null, held_before
     weighed = weigh(problem, final, stages)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*_polarity(turned, null, held_before), *findings]
@@ -80,16 +82,16 @@ def diagnose(
     )
 
 
-def _named(null: Refit, final: Refit) -> tuple[bool, Verdict]:
+def _named(null: Refit, final: Refit, held_after: float) -> tuple[bool, Verdict]:
     """Return whether the effects found may be named, and the verdict.
 
     An effect in the wrong family is often flexible enough to take away much of a misfit. So effects are named only
-    where they take away nearly all of it.
+    where they take away nearly all of it, and on bands that took no part too.
     """
     if not final.effects:
         return False, "unexplained" if _something_left(null) else "no-mismatch"
     if max(final.chi2) < _EXPLAINED:
-        return True, "explained"
+        return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
     taken = 1 - (final.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, 1e-9)
     return (True, "partly-explained") if taken > _MOST else (False, "unexplained")
 

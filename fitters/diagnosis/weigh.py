@@ -11,6 +11,7 @@ from .problem import Candidate, Problem
 from .search import Refit, refit
 
 _RIVALS = 3
+_DECIDED = 12.0
 _CERTAIN = 0.995
 """No finding is said with more: the model itself may be wrong in a way that nobody has thought of."""
 
@@ -33,7 +34,7 @@ def weigh(problem: Problem, final: Refit, stages: Sequence[Stage]) -> list[Weigh
         rest = tuple(effect for effect in final.effects if effect is not candidate)
         without = polish(problem, refit(resoftened(problem, final), rest, final.values, None))
         rivals = [_instead(problem, final, rest, rival) for rival in _rivals(stages, candidate)]
-        odds = [float(np.exp(-0.5 * max(gain(rival, final), 0.0))) for rival in rivals]
+        odds = [float(np.exp(-0.5 * min(max(deficit(rival, final), -_DECIDED), 1400.0))) for rival in rivals]
         total = 1.0 + sum(odds)
         alternatives = [
             Alternative(rival.effects[-1].effect.name, rival.effects[-1].where, share / total)
@@ -44,11 +45,31 @@ def weigh(problem: Problem, final: Refit, stages: Sequence[Stage]) -> list[Weigh
     return sorted(found, key=lambda one: -gain(one.without, final))
 
 
+def deficit(rival: Refit, final: Refit) -> float:
+    """Return how much worse a rival describes the recordings, by the Bayesian information criterion."""
+    knobs = sum(len(effect.knobs) for effect in rival.effects) - sum(len(effect.knobs) for effect in final.effects)
+    return gain(rival, final) + knobs * float(np.log(2 * final.objective.points))
+
+
+def better_instead(problem: Problem, final: Refit, stages: Sequence[Stage]) -> Refit:
+    """Return the final fit with look-alikes in the place of effects wherever they do as well with fewer knobs."""
+    current = final
+    for candidate in final.effects:
+        rest = tuple(effect for effect in current.effects if effect is not candidate)
+        for rival in _rivals(stages, candidate):
+            trial = _instead(problem, current, rest, rival)
+            if deficit(trial, current) < 0:
+                current = trial
+                break
+    return current
+
+
 def _rivals(stages: Sequence[Stage], candidate: Candidate) -> list[Refit]:
     """Return the best refits that were tried where this effect was taken in."""
     for stage in stages:
-        if stage.after.effects[-1] is candidate:
-            return [rival for rival in stage.rivals if rival.effects[-1] is not candidate][:_RIVALS]
+        tried = (stage.after, *stage.rivals)
+        if any(one.effects[-1] is candidate for one in tried):
+            return [one for one in tried if one.effects[-1] is not candidate][:_RIVALS]
     return []
 
 
