@@ -36,8 +36,10 @@ RESOLVED = 3.0
 MOST_ZOOMS = 3
 
 LEAST_STRENGTH = 0.02
-"""A resonance that lifts G/w (or w R) by less than this part of |Y|/w (of w |Z|) is left to the background; the
-noise of a fast look is a hundredth of that."""
+"""A resonance that lifts G/w (or w R) by less than this part of |Y|/w (of w |Z|) is left to the background; at 0.5 V
+the noise of a fast look is a hundredth of that."""
+ABOVE_NOISE = 10.0
+"""And one that rises by less than this many standard deviations of the look's expected noise is noise."""
 
 
 WIDEST_RATIO = 1.5
@@ -202,8 +204,9 @@ def _peaks(look: Sweep) -> list[Resonance]:
 
 
 def _maxima(look: Sweep, trace: Reals, scale: Reals) -> list[Resonance]:
-    """Return the maxima of `trace` that rise by `LEAST_STRENGTH` of `scale`; both of shape (N,)."""
-    at, properties = find_peaks(trace, prominence=LEAST_STRENGTH * scale)
+    """Return the maxima of `trace` that rise by `LEAST_STRENGTH` of `scale` and out of noise; both of shape (N,)."""
+    noise = np.array(look.settings.get("noise_relative", 0.0))
+    at, properties = find_peaks(trace, prominence=np.maximum(LEAST_STRENGTH, ABOVE_NOISE * noise) * scale)
     _, _, left, right = peak_widths(trace, at, rel_height=0.5)
     f, index = look.frequency, np.arange(look.frequency.size)
     width = np.interp(right, index, f) - np.interp(left, index, f)

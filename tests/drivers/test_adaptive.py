@@ -105,6 +105,18 @@ def test_noise_of_a_bare_capacitor_is_no_resonance():
     assert resonances((Sweep(f, np.exp(noise) / (2j * np.pi * f * 1e-9 * (1 - 0.002j))),)) == ()
 
 
+def test_at_the_lowest_level_noise_is_not_taken_for_resonances():
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, radial=True)) as sim:
+        analyzer = open_analyzer(sim.resource)
+        loud, quiet = (
+            [one.frequency for one in resonances(analyzer.measure(look_plan(replace(BASE, oscillator_V=volts))))]
+            for volts in (0.5, 0.005)
+        )
+        analyzer.close()
+    assert 4 <= len(quiet) < len(loud)
+    assert all(min(abs(f / other - 1) for other in loud) < 0.01 for f in quiet)
+
+
 def test_segments_that_are_joined_must_rise():
     with pytest.raises(PlanError, match="segment 2 starts at 1000000 Hz and the one before stops at 2000000 Hz"):
         SweepPlan((Segment(0.5e6, 2e6, 11), Segment(1e6, 3e6, 11)), joined=True)
