@@ -27,6 +27,7 @@ from . import (
     show,
     simulator,
     status,
+    watch,
 )
 
 app = typer.Typer(
@@ -55,6 +56,7 @@ app.command("report")(report.report)
 app.command("compensate")(compensate.compensate)
 app.command("screenshot")(screenshot.screenshot)
 app.command("page")(page.page)
+app.command("watch")(watch.watch)
 
 
 def main() -> None:
