@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks, peak_widths
 
 from ..models.arrays import Reals
 from ..models.errors import CannotError
 from ..models.plan import Segment, SweepPlan
 from ..models.sweep import Sweep
+from .resonances import Resonance, resonances
 from .sweep_time import estimated
 
 POINTS_PER_LINEWIDTH = 20
@@ -31,16 +31,7 @@ BACKGROUND_POINTS = 120
 LOOK_POINTS = 1586
 """Of the fast look: two full sweeps of a 4294A that overlap by 16 points, 0.3 % apart over a ratio of 160."""
 ZOOM_POINTS = 101
-RESOLVED = 3.0
-"""Steps of a look within a linewidth, from which on the linewidth can be read off it."""
 MOST_ZOOMS = 3
-
-LEAST_STRENGTH = 0.02
-"""A resonance that lifts G/w (or w R) by less than this part of |Y|/w (of w |Z|) is left to the background; at 0.5 V
-the noise of a fast look is a hundredth of that."""
-ABOVE_NOISE = 10.0
-"""And one that rises by less than this many standard deviations of the look's expected noise is noise."""
-
 
 WIDEST_RATIO = 1.5
 """Of a background stretch's ends: its points are in equal steps."""
@@ -50,25 +41,6 @@ SETUP_SECONDS = 0.5
 
 class AdaptiveError(CannotError):
     """No plan can be made of what was seen."""
-
-
-@dataclass(frozen=True)
-class Resonance:
-    """A maximum of G/w or of w R."""
-
-    frequency: float
-    """Hz."""
-    linewidth: float
-    """f/Q: full width at half its height, Hz."""
-    strength: float
-    """Its height over its surroundings, as part of |Y|/w or w |Z|: 0 to 1."""
-    step: float
-    """Hz between the points it was seen at."""
-
-    @property
-    def resolved(self) -> bool:
-        """Whether the linewidth can be trusted."""
-        return self.linewidth >= RESOLVED * self.step
 
 
 @dataclass(frozen=True)
@@ -115,6 +87,10 @@ def adapted(base: SweepPlan, seconds: float, measure: Callable[[SweepPlan], Sequ
             break
         looks += tuple(measure(zoom_plan(base, narrow)))
         seen = resonances(looks)
+    if not seen and all(np.median(look.impedance.real) < 0 for look in looks):
+        raise AdaptiveError(
+            "fast look: Re Z is negative, which no passive device has; is the polarity of the leads right?"
+        )
     fast = look_plan(base)
     spent = sum(_points_seconds(look.frequency, fast) + _setup_seconds(fast) for look in looks)
     plan, kept = adaptive_plan(base, seen, seconds - spent)
@@ -133,17 +109,6 @@ def zoom_plan(base: SweepPlan, narrow: Sequence[Resonance]) -> SweepPlan:
     wanted = [(max(low, one.frequency - 8 * one.step), min(high, one.frequency + 8 * one.step)) for one in narrow]
     segments = tuple(Segment(a, b, ZOOM_POINTS) for a, b in _merged(wanted))
     return replace(look_plan(base), segments=segments)
-
-
-def resonances(looks: Sequence[Sweep]) -> tuple[Resonance, ...]:
-    """Return the resonances seen in `looks`, in rising order; where several cover one frequency, by the closest."""
-    finest_first = sorted(looks, key=lambda look: (look.frequency[-1] - look.frequency[0]) / look.frequency.size)
-    found: list[Resonance] = []
-    covered: list[tuple[float, float]] = []
-    for look in finest_first:
-        found += [one for one in _peaks(look) if not any(a <= one.frequency <= b for a, b in covered)]
-        covered.append((float(look.frequency[0]), float(look.frequency[-1])))
-    return tuple(sorted(found, key=lambda one: one.frequency))
 
 
 def adaptive_plan(
@@ -194,27 +159,6 @@ def _fill(base: SweepPlan, kept: Sequence[Resonance], seconds: float) -> SweepPl
 
 def _range(plan: SweepPlan) -> tuple[float, float]:
     return min(s.start_Hz for s in plan.segments), max(s.stop_Hz for s in plan.segments)
-
-
-def _peaks(look: Sweep) -> list[Resonance]:
-    w = 2 * np.pi * look.frequency
-    series, parallel = look.admittance.real / w, look.impedance.real * w
-    found = _maxima(look, series, np.abs(look.admittance) / w) + _maxima(look, parallel, np.abs(look.impedance) * w)
-    return sorted(found, key=lambda one: one.frequency)
-
-
-def _maxima(look: Sweep, trace: Reals, scale: Reals) -> list[Resonance]:
-    """Return the maxima of `trace` that rise by `LEAST_STRENGTH` of `scale` and out of noise; both of shape (N,)."""
-    noise = np.array(look.settings.get("noise_relative", 0.0))
-    at, properties = find_peaks(trace, prominence=np.maximum(LEAST_STRENGTH, ABOVE_NOISE * noise) * scale)
-    _, _, left, right = peak_widths(trace, at, rel_height=0.5)
-    f, index = look.frequency, np.arange(look.frequency.size)
-    width = np.interp(right, index, f) - np.interp(left, index, f)
-    step = np.gradient(f)
-    return [
-        Resonance(float(f[k]), float(width[i]), float(properties["prominences"][i] / scale[k]), float(step[k]))
-        for i, k in enumerate(at)
-    ]
 
 
 def _with_density(base: SweepPlan, kept: Sequence[Resonance], factor: float) -> SweepPlan:

@@ -7,7 +7,7 @@ from .fit import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...drivers.adaptive import Resonance
+    from ...drivers.resonances import Resonance
     from ...models.build import Build
     from ...models.plan import SweepPlan
     from ..client import Client

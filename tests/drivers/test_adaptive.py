@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.adaptive import AdaptiveError, Resonance, adapted, adaptive_plan, look_plan, plan_seconds, resonances
+from pzctl.drivers.adaptive import AdaptiveError, adapted, adaptive_plan, look_plan, plan_seconds
 from pzctl.drivers.agilent4294a import grid
+from pzctl.drivers.resonances import Resonance, resonances
 from pzctl.models.plan import PlanError, Segment, SweepPlan
 from pzctl.models.sweep import Sweep
 from pzctl.sim.server import SimOptions, running
@@ -96,6 +97,14 @@ def test_no_resonance_and_no_time_are_said():
     one = Resonance(1e6, 1e4, 0.9, 100.0)
     with pytest.raises(AdaptiveError, match="10 s are left, and one resonance alone"):
         adaptive_plan(BASE, [one], 10.0)
+
+
+def test_an_inverted_device_is_said_to_be_one():
+    def measure(plan):
+        return tuple(Sweep(f := grid.points(s), -resonator(f, 50)) for s in plan.segments)
+
+    with pytest.raises(AdaptiveError, match="polarity of the leads"):
+        adapted(BASE, BASE_SECONDS, measure)
 
 
 def test_noise_of_a_bare_capacitor_is_no_resonance():
