@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import families
+from . import families, layered
 from .plant import Hideout, Plant
 from .specimen import Specimen, random_specimen
 from .sweeping import Take
@@ -98,8 +98,8 @@ def _absorbed(rng: np.random.Generator, specimen: Specimen) -> tuple[Plant, ...]
     """Return a plant to be kept below what can be seen, or none where the build file is to be wrong."""
     u = rng.random()
     if u < 0.5:
-        return (families.mass(rng, specimen),)
-    return (families.face(rng, specimen),) if u < 0.7 else ()
+        return (layered.mass(rng, specimen),)
+    return (layered.face(rng, specimen),) if u < 0.7 else ()
 
 
 def _mistold(rng: np.random.Generator, specimen: Specimen) -> tuple[float, Specimen]:

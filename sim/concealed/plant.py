@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
+from .circuit import Path
 from .hidden import NOTHING, Hidden
 from .specimen import Specimen
 
@@ -59,3 +60,29 @@ class Hideout:
         """Return the same with one plant gone."""
         plants = tuple(replace(p, scale=0.0) if k == index else p for k, p in enumerate(self.plants))
         return replace(self, plants=plants)
+
+
+def path_plant(effect: str, steps: tuple[str, ...], most: float, **sizes: Any) -> Plant:
+    """Return a plant on the way to the device; the sizes are those of `Path`."""
+
+    def put(hidden: Hidden, scale: float) -> Hidden:
+        path: Path = replace(hidden.path, **{name: scale * size for name, size in sizes.items()})
+        return replace(hidden, path=path)
+
+    return Plant(effect, ("terminals",), steps, put, sizes, most=most)
+
+
+def slot_plant(
+    effect: str,
+    where: tuple[str, ...],
+    steps: tuple[str, ...],
+    slot: Callable[[float], dict[str, Any]],
+    sizes: dict[str, float],
+    **more: Any,
+) -> Plant:
+    """Return a plant that fills fields of `Hidden`; at scale 0 they are left as they are."""
+
+    def put(hidden: Hidden, scale: float) -> Hidden:
+        return replace(hidden, **slot(scale)) if scale else hidden
+
+    return Plant(effect, where, steps, put, sizes, **more)

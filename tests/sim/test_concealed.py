@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
-from pzctl.sim.concealed import families
+from pzctl.sim.concealed import layered
 from pzctl.sim.concealed.circuit import Path as Way
 from pzctl.sim.concealed.circuit import measured_impedance
 from pzctl.sim.concealed.files import make_cases
 from pzctl.sim.concealed.hidden import NOTHING
-from pzctl.sim.concealed.plant import Hideout
+from pzctl.sim.concealed.plant import Hideout, path_plant
 from pzctl.sim.concealed.ritz import finite_disk_admittance
 from pzctl.sim.concealed.specimen import DENSITY, Specimen, random_specimen
 from pzctl.sim.concealed.sweeping import Take, noisy, record
@@ -117,10 +117,10 @@ def test_electrode_mass_hides_in_the_constants_and_an_inductance_does_not() -> N
     shifted = np.sum(
         np.abs(np.log(record(s, replace(NOTHING, mass=(2e-3, 2e-3)), take) / record(s, NOTHING, take))) ** 2
     )
-    hidden = imitate(Hideout(s, (families.mass(rng, s).at(2.0),)), 0, (take,))
+    hidden = imitate(Hideout(s, (layered.mass(rng, s).at(2.0),)), 0, (take,))
     assert hidden.gain < 10 < 1e-3 * shifted / take.noise**2
     assert hidden.specimen.disk.c33D.real < 0.9995 * s.disk.c33D.real
-    lead = families.path_plant("lead-inductance", ("disk",), 30.0, inductance=1e-8)
+    lead = path_plant("lead-inductance", ("disk",), 30.0, inductance=1e-8)
     _, seen = sized(Hideout(s, (lead,)), 0, (take,), 1000.0)
     assert 600 < seen.gain < 1600
 
