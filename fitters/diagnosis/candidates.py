@@ -10,8 +10,8 @@ from .problem import Candidate, Problem
 def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
     """Return all candidates, of all effects or of those called `names`.
 
-    What sits in a layer or an interface is there in every step that has it. What sits at the terminals or in the
-    sweep may be there in all steps or in one; a face of a step is another one's inside, so it belongs to its step.
+    What sits in a layer, at an interface or on the back is there in every step that has it. What sits at the terminals
+    or in the sweep may be there in all steps or in one; the front of a step is inside the next one, so it is its own.
     """
     wanted = None if names is None else set(names)
     found: list[Candidate] = []
@@ -36,8 +36,9 @@ def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
         knobs = effect.knobs(device.bare, where)
         if not knobs:
             continue
-        alone = where in (*FACES, SWEEP, TERMINALS)
-        groups = [tuple(steps)] if where not in FACES else []
-        groups += [(step,) for step in steps] if alone and (len(steps) > 1 or where in FACES) else []
+        front = where == FACES[1]
+        alone = front or (len(steps) > 1 and where in (SWEEP, TERMINALS))
+        groups = [] if front else [tuple(steps)]
+        groups += [(step,) for step in steps] if alone else []
         found += [Candidate(effect, where, group, knobs) for group in groups]
     return found

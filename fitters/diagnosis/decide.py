@@ -20,6 +20,7 @@ SIGNIFICANT = 30.0
 """Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
 for forty candidates, and the noise itself is known to some per cent only."""
 _MOST_EFFECTS = 3
+_SIZED = 3.0
 _REFITTED = 16
 _POLISHED = 3
 
@@ -35,20 +36,24 @@ class Stage:
 
 
 def gain(before: Refit, after: Refit) -> float:
-    """Return how far chi2 falls, in units of what is left over and of points worth counting."""
+    """Return how far chi2 falls, in units of what is left over and of points worth counting.
+
+    What was known beforehand counts too: a fit that reaches the noise by a density five uncertainties off has paid.
+    """
     ratios = after.objective.log_ratios(after.descent.x)
     n = np.array([recording.sweep.frequency.size for recording in after.objective.recordings], float)
     fall = np.array(before.chi2) - np.array(after.chi2)
     rho = np.array([min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.99) for ratio in ratios])
     worth = 2 * n * (1 - rho) / (1 + rho)
-    return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2))))
+    eased = before.against - after.against
+    return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2)))) + eased
 
 
 def price(found: Refit) -> float:
     """Return chi2 per degree of freedom with a price for each knob, as the Bayesian information criterion has it."""
     points = 2 * found.objective.points
     knobs = sum(len(effect.knobs) for effect in found.effects)
-    return found.chi2_per_dof * (1 + knobs * float(np.log(points)) / points)
+    return (found.chi2_per_dof + found.against / points) * (1 + knobs * float(np.log(points)) / points)
 
 
 def null_refit(problem: Problem) -> Refit:
@@ -63,34 +68,27 @@ def pursue(
     """Return the effects taken in, one stage each, until the recordings are described or nothing helps any more."""
     stages: list[Stage] = []
     current = null
-    while len(stages) < _MOST_EFFECTS and max(current.chi2) > _worth_looking(current):
+    while len(stages) < _MOST_EFFECTS:
         progress(f"looking for effect {len(stages) + 1}")
         tried = _try_all(problem, candidates, current)
         if not tried or gain(current, tried[0]) < SIGNIFICANT:
             break
         stages.append(Stage(current, tried[0], tuple(tried[1:])))
         current = tried[0]
-        if current.chi2_per_dof < 1.02:
-            break
     return stages
 
 
-def _worth_looking(current: Refit) -> float:
-    """Return the chi2 above which it is worth looking; a small effect hides below the noise of the total."""
-    return 0.0 if not current.effects else 1.02
-
-
 def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) -> list[Refit]:
-    """Return refits with one effect more, best first."""
+    """Return refits with one effect more, best first; of a kind that is not there yet."""
     softer = resoftened(problem, current)
     base = refit(softer, current.effects, current.values, None)
-    taken = {(effect.effect.name, effect.where) for effect in current.effects}
-    left = [one for one in candidates if (one.effect.name, one.where) not in taken]
+    taken = {effect.effect.name for effect in current.effects}
+    left = [one for one in candidates if one.effect.name not in taken]
     ranked = _promising(scores(softer, left, base.objective, base.descent.x))
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
     polished = [polish(problem, one) for one in rough[:_POLISHED]]
-    return sorted(polished, key=price)
+    return sorted(polished, key=lambda one: (not _is_there(one), price(one)))
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
@@ -107,6 +105,19 @@ def _promising(found: list[Score]) -> list[Score]:
             first.append(score)
     rest = [score for score in found if score not in first and score.gain > 0]
     return [*first, *rest][:_REFITTED] if len(first) < _REFITTED else first
+
+
+def _is_there(found: Refit) -> bool:
+    """Return whether the newest effect has a size: without its first knob it would be another effect's other knobs."""
+    coordinates = found.objective.coordinates
+    name = found.effects[-1].parameters[0]
+    k = coordinates.free.index(name)
+    J = found.objective.jacobian(found.descent.x)
+    others = np.delete(J, k, axis=1)
+    own = J[:, k] - others @ np.linalg.lstsq(others, J[:, k], rcond=1e-12)[0]
+    sigma = 1 / max(float(np.linalg.norm(own)), 1e-300)
+    away = float(found.descent.x[k] - coordinates.inverse({**found.values, name: found.effects[-1].knobs[0].null})[k])
+    return abs(away) > _SIZED * sigma
 
 
 def resoftened(problem: Problem, current: Refit) -> Problem:

@@ -28,6 +28,8 @@ class Refit:
     descent: Descent
     chi2: tuple[float, ...]
     """By recording: mean |ln(Z_model/Z)|^2 over its expectation from noise alone."""
+    against: float
+    """How far what was known beforehand had to be stretched: the sum of squares of the priors' residuals."""
 
     @property
     def objective(self) -> Objective:
@@ -53,7 +55,8 @@ def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
     chi2 = tuple(
         chi2_per_point(recording, ratio) for recording, ratio in zip(descent.objective.recordings, ratios, strict=True)
     )
-    return Refit(tuple(effects), descent, chi2)
+    beforehand = descent.objective.residual(descent.x)[2 * descent.objective.points :]
+    return Refit(tuple(effects), descent, chi2, float(np.sum(beforehand**2)))
 
 
 def refit(
