@@ -18,6 +18,7 @@ from . import (
     keys,
     materials,
     measure,
+    new,
     page,
     prove,
     report,
@@ -57,6 +58,7 @@ app.command("compensate")(compensate.compensate)
 app.command("screenshot")(screenshot.screenshot)
 app.command("page")(page.page)
 app.command("watch")(watch.watch)
+app.command("new")(new.new)
 
 
 def main() -> None:
