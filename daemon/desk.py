@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import singledispatchmethod
+from functools import cache, singledispatchmethod
 from importlib.metadata import entry_points, version
 from typing import Any
 
@@ -187,7 +187,7 @@ class Desk:
 
     @answer.register
     def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        installed = sorted({*entry_points(group=GROUP).names, *self.supervisor.states})
+        installed = sorted({*_installed(), *self.supervisor.states})
         if request.fitter not in installed:  # a name from a message is never imported as it is
             raise RequestError(
                 "no-such-fitter", f"fitter {request.fitter!r} is not installed here; there are {', '.join(installed)}"
@@ -247,6 +247,12 @@ class Desk:
             sweeps=self.journal.sweep_ids(one.id),
             fitters=self.journal.fitters(one.id),
         )
+
+
+@cache
+def _installed() -> frozenset[str]:
+    """Return the names of the installed fitters; looking takes tens of milliseconds, so it is done once."""
+    return frozenset(entry_points(group=GROUP).names)
 
 
 def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[ask.Answer, list[bytes]]:

@@ -5,6 +5,7 @@ import logging
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
+from importlib import import_module
 
 import msgspec
 import zmq.asyncio
@@ -22,6 +23,9 @@ log = logging.getLogger(__name__)
 
 REMEMBERED = 1000
 """Answers kept, so that a request that is sent again is answered again and not done again."""
+
+AT_ONCE = 100
+"""Requests that are being answered; the next are read when one of them has been."""
 
 ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
 """Requests that change something each time they are done; the others may be answered anew."""
@@ -49,6 +53,9 @@ class Reception:
             task = asyncio.create_task(self._reply(envelope, frames, key))
             self._tasks.add(task)  # the loop itself keeps no hold of a task
             task.add_done_callback(self._tasks.discard)
+            await asyncio.sleep(0)  # a message that is there already is read without a pause: let others have theirs
+            if len(self._tasks) >= AT_ONCE:
+                await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
     async def _reply(self, envelope: list[bytes], frames: list[bytes], key: str | None) -> None:
         began = time.monotonic()
@@ -82,6 +89,8 @@ class Reception:
             if isinstance(request, ask.Bench):
                 answer, more = await self._bench(request), list[bytes]()
             else:
+                if isinstance(request, ask.Diagnose):  # the catalogue takes long to load, the first time
+                    await asyncio.to_thread(import_module, "pzctl.models.effects")
                 answer, more = self._desk.answer(request, raw)
                 if isinstance(request, ask.Lease):
                     await self._desk.acquisition.let_go()
