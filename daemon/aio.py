@@ -22,8 +22,8 @@ from .aiowire import AsyncAsker, AsyncSubscription
 from .awaiting import Answers, diagnosis_of, fit_of, require
 from .client import BENCH_PATIENCE, Measurement
 from .connection import DaemonError
-from .keys import ClientKey, read_client_key
-from .location import locate
+from .keys import ClientKey
+from .location import address
 from .uuid7 import uuid7
 from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
 
@@ -36,10 +36,7 @@ async def connect_async(
 
     Raises DaemonError where none runs, KeyFileError where the key cannot be used.
     """
-    own = None if key is None else read_client_key(Path(key))
-    if events is None or requests is None:
-        place = locate()
-        events, requests, own = events or place.events, requests or place.requests, own or place.key
+    events, requests, own = address(events, requests, key)
     context = zmq.asyncio.Context()
     asker = AsyncAsker(context, requests, own)
     try:

@@ -22,8 +22,8 @@ from ..models.sweep import Sweep
 from . import requests as ask
 from .awaiting import Answers, diagnosis_of, fit_of, require
 from .connection import Asker, DaemonError, Subscription
-from .keys import ClientKey, read_client_key
-from .location import locate
+from .keys import ClientKey
+from .location import address
 from .reports import curve_columns, report_of
 from .uuid7 import uuid7
 from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
@@ -47,11 +47,7 @@ def connect(events: str | None = None, requests: str | None = None, key: str | P
     `key` is the file that `pzctl keys client` made; a daemon on another machine asks for one. Raises DaemonError
     where none runs, or none answers, KeyFileError where the key cannot be used.
     """
-    own = None if key is None else read_client_key(Path(key))
-    if events is None or requests is None:
-        place = locate()
-        events, requests, own = events or place.events, requests or place.requests, own or place.key
-    return Client(events, requests, own)
+    return Client(*address(events, requests, key))
 
 
 class Client:

@@ -7,7 +7,7 @@ import msgspec
 from .connection import DaemonError
 from .frames import WireError, from_json, to_json
 from .journal import is_written
-from .keys import ClientKey, write_secret
+from .keys import ClientKey, read_client_key, write_secret
 from .paths import daemon_file, home, journal_folder
 
 
@@ -55,6 +55,22 @@ def locate() -> Location:
     if location is None:
         raise DaemonError(f"no daemon runs on the data folder {home()}; start one with `pzctl daemon`", "no-daemon")
     return location
+
+
+def address(events: str | None, requests: str | None, key: str | Path | None) -> tuple[str, str, ClientKey | None]:
+    """Return where a daemon is and the key that lets in: what is given, else of the one that runs here.
+
+    Raises DaemonError where none runs, KeyFileError where the key cannot be used.
+    """
+    if events is not None and requests is not None:
+        own = read_client_key(Path(key)) if key is not None else None
+        place = find(home()) if own is None else None
+        if place is not None and (place.events, place.requests) == (events, requests):
+            own = place.key
+        return events, requests, own
+    own = read_client_key(Path(key)) if key is not None else None
+    place = locate()
+    return events or place.events, requests or place.requests, own or place.key
 
 
 _location = msgspec.json.Decoder(Location)

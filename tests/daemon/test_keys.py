@@ -1,17 +1,16 @@
 """From other machines only those with a key come in, and do only what they may."""
 
 import json
-import os
 import stat
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import zmq
+from typer.testing import CliRunner
 
 from pzctl import connect
+from pzctl.daemon.cli import app
 from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.frames import to_json
 from pzctl.daemon.keys import ClientKey, KeyFileError, make_client, make_server, revoke, write_secret
@@ -71,8 +70,9 @@ def test_every_client_does_what_it_may(start_daemon, build: Build, key_of, tmp_p
             revoke(keys_folder(tmp_path), "worker")
             with pytest.raises(DaemonError, match="this key has been revoked"):
                 other.measure(build, "disk")
-    with connect() as lab:
-        assert lab.measure(build, "disk").sweeps, "who can read daemon.json may do all"
+    for way in ((), (where.events, where.requests)):
+        with connect(*way) as lab:
+            assert lab.measure(build, "disk").sweeps, "who can read daemon.json may do all"
 
 
 def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:
@@ -102,28 +102,26 @@ def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:
         assert lab.status().garbage == 0, "nothing of theirs reached the daemon"
 
 
-def test_keys_by_the_command_line(tmp_path: Path) -> None:
-    def keys(*words: str) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [Path(sys.executable).with_name("pzctl"), "keys", *words],
-            env={**os.environ, "PZCTL_HOME": str(tmp_path)},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
 
-    assert "there is no key" in keys("client", "ana").stderr
-    assert keys("server").returncode == 0
-    assert "is there already" in keys("server").stderr
-    assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all").stderr
-    assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key").stderr
-    assert keys("client", "ana", "--right", "measure").returncode == 0
+    def keys(*words: str) -> str:
+        """What is said, on standard output or as an error."""
+        done = CliRunner().invoke(app, ["keys", *words])
+        return str(done.exception) if done.exception else done.stdout
+
+    assert "there is no key" in keys("client", "ana")
+    assert "the daemon's public key" in keys("server")
+    assert "is there already" in keys("server")
+    assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all")
+    assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key")
+    assert "ana may measure; give them ana.key" in keys("client", "ana", "--right", "measure")
     assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in tmp_path.rglob("*") if path.is_file())
-    assert keys("list").stdout.split("\t")[:2] == ["ana", "measure"]
-    assert "'bob' is not known; there are ana" in keys("revoke", "bob").stderr
-    assert keys("revoke", "ana").returncode == 0
-    assert keys("list").stdout == ""
+    assert keys("list").split("\t")[:2] == ["ana", "measure"]
+    assert "'bob' is not known; there are ana" in keys("revoke", "bob")
+    assert keys("revoke", "ana") == ""
+    assert keys("list") == ""
 
 
 def test_a_key_that_others_may_read_is_refused(key_of, tmp_path: Path) -> None:
