@@ -22,7 +22,7 @@ def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> 
     measurements = {sample.name: sample for sample in samples}
     where = find(home)
     if where is not None:
-        with Client(where.events, where.requests) as client:
+        with Client(where.events, where.requests, where.key) as client:
             for outcome in outcomes:
                 _submit(client, measurements[outcome.sample], outcome)
         return

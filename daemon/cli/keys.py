@@ -28,11 +28,12 @@ def client(
     Example: pzctl keys client ana --right measure, and then in her script connect(..., key="ana.key")
     """
     from ..frames import to_json
-    from ..keys import RIGHTS, make_client, write_secret
+    from ..keys import RIGHTS, Right, make_client, write_secret
     from ..paths import home, keys_folder
     from .fit import UsageError
 
-    found = {str(one): one for one in RIGHTS}.get(right)
+    by_name: dict[str, Right] = {one: one for one in RIGHTS}
+    found = by_name.get(right)
     if found is None:
         raise UsageError(f"--right {right}: allowed are {', '.join(RIGHTS)}")
     path = out or Path(f"{name}.key")
