@@ -6,6 +6,7 @@ leaves behind is at most a file no row speaks of; it is removed when the journal
 
 import hashlib
 import os
+import shutil
 import sqlite3
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -21,6 +22,9 @@ from .frames import to_json
 from .migrations import migrate
 from .uuid7 import uuid7
 from .wire import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
+
+LEAST_FREE = 64 << 20
+"""Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
 
 LOCK = "writer.lock"
 """Held by the process that writes."""
@@ -78,10 +82,19 @@ class Journal(Archive):
         return row[0] if row and (row[1] or not _succeeded(event)) else None
 
     def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
-        """Record that a measurement was accepted; return its id, and False where this request was accepted before."""
+        """Record that a measurement was accepted; return its id, and False where this request was accepted before.
+
+        Raises JournalError where there is no room for what it will bring.
+        """
         known = self._one("SELECT id FROM measurements WHERE request = ?", request)
         if known:
             return str(known[0]), False
+        with told(self.folder):
+            free = shutil.disk_usage(self.folder).free
+        if free < LEAST_FREE:
+            raise JournalError(
+                f"{self.folder}: {free >> 20} MB are free on its disk; {LEAST_FREE >> 20} MB are needed to measure on"
+            )
         text, new = to_json(build), uuid7()
         digest = hashlib.sha256(text).hexdigest()
         with told(self.folder), self._transaction():

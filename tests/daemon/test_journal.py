@@ -5,6 +5,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -172,3 +173,12 @@ def test_ids_are_of_version_7_and_sort_by_time() -> None:
     assert ids == sorted(ids)
     assert {(uuid.UUID(one).version, uuid.UUID(one).variant) for one in ids} == {(7, uuid.RFC_4122)}
     assert abs((uuid.UUID(ids[-1]).int >> 80) / 1000 - time.time()) < 60
+
+
+def test_a_full_disk_takes_no_measurement(journal: Journal, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    known, _ = journal.begin_measurement("before", build, "disk")
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=3 << 20))
+    with pytest.raises(JournalError, match="3 MB are free on its disk; 64 MB are needed"):
+        journal.begin_measurement("new", build, "disk")
+    assert journal.begin_measurement("before", build, "disk") == (known, False)
+    assert [one.id for one in journal.measurements()] == [known]
