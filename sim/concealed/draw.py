@@ -88,6 +88,8 @@ def _drawn(rng: np.random.Generator, chosen: Sequence[families.Family], specimen
         if alone or wide or (plant.needs == "a backing") != (specimen.back > 1e6):
             return None
         plants.append(plant)
+    if {"up and down", "levels"} <= {plant.needs for plant in plants}:
+        return None  # one session has repeats of one kind
     if {plant.effect for plant in plants} == {"lead-inductance", "stray-capacitance"}:
         # an inductance in front of a capacitance is what a short cable is
         return tuple(replace(plant, accept=("cable",)) for plant in plants)

@@ -130,7 +130,7 @@ def loss(rng: np.random.Generator, s: Specimen) -> Plant:
         steps,
         lambda k: {"loss_power": (layer, sign * k, causal)},
         {"exponent": sign},
-        least=0.4 if causal else 0.01,
+        least=0.4 if causal else 1e-3,
         most=1.2,
     )
 

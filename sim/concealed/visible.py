@@ -57,15 +57,20 @@ def imitate(hideout: Hideout, index: int, takes: Sequence[Take]) -> Imitation:
 
 def sized(hideout: Hideout, index: int, takes: Sequence[Take], gain: float) -> tuple[Hideout, Imitation]:
     """Return the hideout with plant `index` as large as it takes to be visible with `gain`, within physical limits."""
-    best, seen = hideout, imitate(hideout, index, takes)
-    for _ in range(4):
+    best, seen, power = hideout, imitate(hideout, index, takes), 2.0
+    for _ in range(5):
         plant = best.plants[index]
         if plant.least >= plant.most or 0.7 < seen.gain / gain < 1.4:
             break
-        scaled = plant.at(plant.scale * float(np.clip(np.sqrt(gain / max(seen.gain, 1e-6)), 0.02, 50.0)))
-        plants = tuple(scaled if k == index else one for k, one in enumerate(best.plants))
-        best = replace(best, plants=plants)
-        seen = imitate(best, index, takes)
+        factor = float(np.clip((gain / max(seen.gain, 1e-6)) ** (1 / power), 0.02, 50.0))
+        scaled = plant.at(plant.scale * factor)
+        if scaled.scale == plant.scale:
+            break
+        best = replace(best, plants=tuple(scaled if k == index else one for k, one in enumerate(best.plants)))
+        before, seen = seen, imitate(best, index, takes)
+        # most effects are felt in proportion, some (a spread of thickness) by their square: chi2 tells which
+        felt = np.log(max(seen.gain, 1e-9) / max(before.gain, 1e-9)) / np.log(scaled.scale / plant.scale)
+        power = float(np.clip(felt, 1.0, 5.0))
     return best, seen
 
 
