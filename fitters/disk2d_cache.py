@@ -58,7 +58,7 @@ def _write(file: Path, reduced: ReducedDisk) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as stream:
-            np.savez(stream, **reduced.arrays())
+            np.savez(stream, allow_pickle=False, **reduced.arrays())
         part.replace(file)
     except OSError:
         part.unlink(missing_ok=True)

@@ -17,8 +17,9 @@ from ..arrays import Complexes, Frequencies, Reals
 from .full import Shape
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
-_BELOW, _ABOVE = 0.6, 1.5
-_STATIC = 4
+_BELOW, _ABOVE, _FAR = 0.5, 1.5, 3.0
+# Modes that are taken as they are reach from 0.5 times the lowest to 1.5 times the highest frequency, or 3 times.
+_STATIC = 6
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
 _TOLERANCE, _ROUNDS = 1e-6, 25
 
@@ -55,13 +56,18 @@ def real_times(left: Reals, right: Complexes) -> Complexes:
     return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
-def band_shapes(modes: Modes, low: float, high: float) -> Complexes:
-    """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk."""
+def band_shapes(modes: Modes, low: float, high: float, highest: float) -> Complexes:
+    """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk.
+
+    `highest`: Hz, that of all bands. In the lower bands, where modes are few and constants have moved away from those
+    of `modes`, it reaches further above.
+    """
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
-    inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < _ABOVE**2 * top)
+    above = 2 * np.pi * min(_FAR * high, max(_ABOVE * high, _ABOVE * highest))
+    inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < above**2)
     outside = ~inside
     near, far = modes.squared[inside], modes.squared[outside]
-    turned = -modes.losses[np.ix_(outside, inside)] / (far[:, None] - near[None, :])
+    turned = -modes.losses[np.ix_(outside, inside)] / (far[:, None] - np.clip(near, bottom, top)[None, :])
     middle = (bottom + top) / 2
     lossy = far + np.diag(modes.losses)[outside] - middle
     static = [modes.force[outside] / lossy]
@@ -112,18 +118,28 @@ class Band:
 
     def solve(self) -> tuple[Complexes, Complexes]:
         """Return the displacement for one volt, shape (N, m), and u H u + 2 u b in J/V2, shape (N,)."""
-        log_f = np.log(self.frequency)
-        middle, half = (log_f[0] + log_f[-1]) / 2, max((log_f[-1] - log_f[0]) / 2, 1e-9)
-        at = _lagrange((log_f - middle) / half)
-        inverse = np.linalg.pinv(at)  # weights at the nodes from those at all frequencies: smooth, so any fit will do
-        matrices = np.array([self._condensed(w) for w in inverse @ self.weights])
         force = self.weights[:, PIEZO] @ self.drive
         squared = (2 * np.pi * self.frequency) ** 2
-        y = _by_poles(matrices, self.mass, at, force, squared)
+        at, nodes = self._nodes()
+        matrices = np.array([self._condensed(w) for w in nodes])
+        y = _by_poles(matrices, self.mass, at, force, squared) if len(nodes) == _NODES.size else None
         if y is None:
             y = _by_each(matrices, self.mass, at, force, squared)
         whole = sum(at[:, [k]] * (y @ M) for k, M in enumerate(matrices)) - squared[:, None] * (y @ self.mass)
         return y, np.einsum("ni,ni->n", y, whole + 2 * force)
+
+    def _nodes(self) -> tuple[Reals, Complexes]:
+        """Return what each node counts for at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
+
+        Constants are smooth over an octave, so the parabola through all of them serves. One or two frequencies are
+        their own nodes.
+        """
+        if self.frequency.size < _NODES.size:
+            return np.eye(self.frequency.size), self.weights
+        log_f: Reals = np.log(self.frequency)
+        low, high = float(log_f[0]), float(log_f[-1])
+        at = _lagrange((log_f - (low + high) / 2) * (2 / (high - low)))
+        return at, np.linalg.pinv(at) @ self.weights
 
     def _condensed(self, weights: Complexes) -> Complexes:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)

@@ -1,7 +1,7 @@
 """Making a reduced disk for a geometry, once for every PZT; and enriching it where it falls short."""
 
+import math
 from collections.abc import Callable, Sequence
-from math import ceil
 
 import numpy as np
 
@@ -51,7 +51,7 @@ def trained(diameter_to_thickness: float, progress: Callable[[int, int], None] =
             f"{SMALLEST:g} to {LARGEST:g}"
         )
     full, rng = FullDisk.of(diameter_to_thickness), np.random.default_rng(0)
-    count = 3 * ceil(max(1.0, np.sqrt(diameter_to_thickness / 20)))
+    count = math.ceil(3 * max(1.0, math.sqrt(diameter_to_thickness / 10)))
     shifts = (HIGHEST * (np.arange(count) + 0.5) / count).tolist()
     snapshots: list[Reals] = []
     for k in range(_SAMPLES):

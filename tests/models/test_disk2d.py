@@ -243,6 +243,13 @@ def test_slopes_give_the_same_capacitance(five):
     np.testing.assert_allclose(slopes(five[1], shape, c, f).capacitance, capacitance(five[1], shape, c, f), rtol=1e-12)
 
 
+def test_few_frequencies_give_what_many_give(five):
+    model, f = disk(five[1]), np.linspace(0.1e6, 1.5e6, 301)
+    many = model.impedance(f)
+    for k in ([150], [150, 151], [299, 20, 150]):
+        np.testing.assert_allclose(model.impedance(f[k]), many[k], rtol=2e-3)
+
+
 def test_a_disk_out_of_reach_is_refused():
     with pytest.raises(DiskError, match="diameter/thickness 100"):
         trained(100)
