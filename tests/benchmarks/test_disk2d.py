@@ -63,7 +63,8 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
         f"801 sparse solutions {801 * solution:.0f} s, curve {1e3 * curve:.0f} ms (1/{801 * solution / curve:.0f}), "
         f"with derivatives {both / curve:.2f} times; error to 1.5 f0 {max(errors):.1g}, estimate {max(said):.1g}"
     )
-    assert max(errors) < 1e-4
+    assert max(said) < 3e-4  # of the basis
+    assert max(errors) < 1e-3  # ten losses that all differ are the hardest case for the last projection
     assert both < 4 * curve
 
 
