@@ -104,13 +104,17 @@ def is_right(found: Mapping[str, Any], planted: Mapping[str, Any]) -> bool:
 
 
 def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
-    """Read truth and answers of a proof. Raises ProofError where the truth is not the one whose hash was published."""
+    """Read truth and answers of a proof. A case without answer counts as not right.
+
+    Raises ProofError where the truth is not the one whose hash was published.
+    """
     data = (folder / "truth.json").read_bytes()
     found = hashlib.sha256(data).hexdigest()
     if found != published:
         raise ProofError(f"{folder / 'truth.json'}: its SHA-256 is {found}, published was {published}; it was changed")
     answers = json.loads((folder / "answers.json").read_text())
-    return tuple(Judged(name, truth, answers[name]) for name, truth in json.loads(data).items() if name in answers)
+    missing = {"error": "no answer"}
+    return tuple(Judged(name, truth, answers.get(name, missing)) for name, truth in json.loads(data).items())
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:

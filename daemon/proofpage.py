@@ -77,7 +77,7 @@ def _failures(cases: Sequence[Judged]) -> str:
                 f"| {case.name} | {case.kind} | {'; '.join(map(_planted, planted)) or 'nothing'} "
                 f"| {_answered(case)} | {_chi2(case.answer)} |"
             )
-    return "\n".join(lines).replace("interface:", "").replace("||", "¦")
+    return "\n".join(lines)
 
 
 def _planted(one: dict[str, Any]) -> str:
