@@ -20,6 +20,10 @@ check: .venv/ready ## lint, format, types, floors
 bench: .venv/ready ## the benchmarks behind every figure we state
 	$(BIN)/pytest --override-ini addopts=--import-mode=importlib -s tests/benchmarks
 
+docs: .venv/ready ## the guides as pages, in build/site
+	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
+	$(BIN)/mkdocs build --quiet
+
 clean: ## remove what the other targets made
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
@@ -30,5 +34,5 @@ clean: ## remove what the other targets made
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-.PHONY: help demo test check bench clean
+.PHONY: help demo test check bench docs clean
 .DEFAULT_GOAL := help
