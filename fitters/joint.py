@@ -19,7 +19,9 @@ from .noise import noise_of
 from .objective import Objective, Posterior, Prior, Recording
 from .start import disk_starts, distinct, spread_starts
 
-_DESCENTS = 3
+_DESCENTS, _MOST_DESCENTS = 3, 12
+_LOST = 0.05
+# RMS of ln Z that no physics left out of a model makes, but a wrong minimum does: the search goes on then.
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +177,9 @@ def _best_descent(
     """
     ranked = sorted((Objective(new, start, priors) for start in starts), key=_rms_at_start)
     tried: list[Descent] = []
-    for objective in ranked[:_DESCENTS]:
+    for k, objective in enumerate(ranked[:_MOST_DESCENTS]):
+        if k >= _DESCENTS and min(_rms(descent.objective, descent.x) for descent in tried) < _LOST:
+            break
         coordinates, misfits = objective.coordinates, objective.log_ratios(objective.coordinates.x)
         cautious = (replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(new, misfits, strict=True))
         tried.append(settle((*earlier, *cautious), coordinates, priors, coordinates.x))
