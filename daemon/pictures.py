@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..fitters.interface import Curve, FitResult
+from ..models.arrays import Impedances
 
 _ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
 _MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
@@ -44,8 +45,9 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
     for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
         axes[0].semilogy(f, np.abs(values), **style)
         axes[1].plot(f, np.angle(values, deg=True), **style)
-        axes[2].semilogy(f, np.maximum(np.real(1 / values), 1e-12), **style)
-        axes[3].plot(f, np.imag(1 / values), **style)
+        admittance: Impedances = 1 / values
+        axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
+        axes[3].plot(f, admittance.imag, **style)
     ratio = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
     axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
