@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..fitters.interface import Curve, FitResult
-from ..models.arrays import Impedances
+from ..models.arrays import Complexes, Impedances
 
 _ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
 _MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
@@ -48,7 +48,7 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
         admittance: Impedances = 1 / values
         axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
         axes[3].plot(f, admittance.imag, **style)
-    ratio = np.log(curve.fitted / curve.measured)
+    ratio: Complexes = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
     axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
     axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
