@@ -10,7 +10,6 @@ import msgspec
 
 from ..models.build import Build, LayerSpec, Load, Quantity, Step
 from ..models.errors import PzctlError
-from ..models.materials import find
 from ..models.plan import PlanError, Segment, SweepPlan
 from .buildcheck import check_build
 from .buildtable import (
@@ -23,6 +22,7 @@ from .buildtable import (
     Table,
     keys_for,
 )
+from .ownmaterials import find_material
 from .ties import resolved
 
 __all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build"]
@@ -119,7 +119,7 @@ def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:
     """Return the name and the values of the library's material that `key` names."""
     name = table.string(key)
     try:
-        return name, find(name).values
+        return name, find_material(name).values
     except PzctlError as error:
         raise table.error(key, f"is {name!r}: {error}") from None
 

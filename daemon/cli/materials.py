@@ -10,10 +10,13 @@ def materials(
     name: Annotated[str | None, typer.Argument(help="One material with all its values; without it, the list.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """List the materials, or show one with every value, its uncertainty and its source."""
-    from ...models.materials import MATERIALS, find
+    """List the materials, or show one with every value, its uncertainty and its source.
 
-    chosen = [find(name)] if name else list(MATERIALS)
+    Your own stand in materials.toml in the data folder, with the units in the keys as in build.toml; they go first.
+    """
+    from ..ownmaterials import all_materials, find_material
+
+    chosen = [find_material(name)] if name else list(all_materials())
     if as_json:
         import msgspec
 
