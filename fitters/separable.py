@@ -117,7 +117,8 @@ def _across(relative: _Relative) -> list[str]:
         for a, b in combinations(relative.names, 2)
         if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
     ]
-    close = sorted((pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED), key=lambda p: -abs(p.correlation))
+    near = (pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED)
+    close = sorted(near, key=lambda pair: -abs(pair.correlation))
     says: list[str] = []
     told: set[str] = set()
     for pair in close:
