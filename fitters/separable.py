@@ -116,6 +116,8 @@ def _across(relative: _Relative) -> list[str]:
         _Pair(a, b, relative.correlation(a, b))
         for a, b in combinations(relative.names, 2)
         if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
+        # Air on the two faces of a disk is one and the same to it, and nobody asks for it.
+        if not {a, b} & {"back.z", "front.z"}
     ]
     near = (pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED)
     close = sorted(near, key=lambda pair: -abs(pair.correlation))
