@@ -21,6 +21,8 @@ SIGNIFICANT = 30.0
 for forty candidates, and the noise itself is known to some per cent only."""
 _MOST_EFFECTS = 3
 _SIZED = 3.0
+_WORTH_A_REFIT = 0.4
+_REFITTED_LATER = 8
 _REFITTED = 16
 _POLISHED = 3
 
@@ -85,6 +87,11 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
     taken = {effect.effect.name for effect in current.effects}
     left = [one for one in candidates if one.effect.name not in taken]
     ranked = _promising(scores(softer, left, base.objective, base.descent.x))
+    if max(current.chi2) < DESCRIBED:
+        # Near the noise the score test is right about what an effect would bring; far from it, it is only a hint.
+        ranked = [score for score in ranked if score.gain > _WORTH_A_REFIT * SIGNIFICANT]
+    elif current.effects:
+        ranked = ranked[:_REFITTED_LATER]
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
     polished = [polish(problem, one) for one in rough[:_POLISHED]]
