@@ -20,7 +20,9 @@ check: .venv/ready ## lint, format, types, floors
 bench: .venv/ready ## the benchmarks behind every figure we state
 	$(BIN)/pytest --override-ini addopts=--import-mode=importlib -s tests/benchmarks
 
-docs: .venv/ready ## the guides as pages, in build/site
+docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and the guides as pages in build/site
+	$(BIN)/python -P -c "from pzctl.models.thesis import page; print(page(), end='')" > docs/thesis.md
+	$(BIN)/python -m pzctl.daemon.schemas docs/schema
 	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
 	$(BIN)/mkdocs build --quiet
 
