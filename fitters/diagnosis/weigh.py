@@ -33,7 +33,7 @@ def weigh(problem: Problem, final: Refit, stages: Sequence[Stage]) -> list[Weigh
     for candidate in final.effects:
         rest = tuple(effect for effect in final.effects if effect is not candidate)
         without = polish(problem, refit(resoftened(problem, final), rest, final.values, None))
-        rivals = [_instead(problem, final, rest, rival) for rival in _rivals(stages, candidate)]
+        rivals = [_instead(problem, final, rest, rival) for rival in _rivals(stages, candidate, rest)]
         odds = [float(np.exp(-0.5 * min(max(deficit(rival, final), -_DECIDED), 1400.0))) for rival in rivals]
         total = 1.0 + sum(odds)
         alternatives = [
@@ -56,7 +56,7 @@ def better_instead(problem: Problem, final: Refit, stages: Sequence[Stage]) -> R
     current = final
     for candidate in final.effects:
         rest = tuple(effect for effect in current.effects if effect is not candidate)
-        for rival in _rivals(stages, candidate):
+        for rival in _rivals(stages, candidate, rest):
             trial = _instead(problem, current, rest, rival)
             if deficit(trial, current) < 0:
                 current = trial
@@ -64,12 +64,14 @@ def better_instead(problem: Problem, final: Refit, stages: Sequence[Stage]) -> R
     return current
 
 
-def _rivals(stages: Sequence[Stage], candidate: Candidate) -> list[Refit]:
-    """Return the best refits that were tried where this effect was taken in."""
+def _rivals(stages: Sequence[Stage], candidate: Candidate, rest: Sequence[Candidate]) -> list[Refit]:
+    """Return the best refits that were tried where this effect was taken in, of kinds that are not there anyway."""
+    there = {effect.effect.name for effect in rest}
     for stage in stages:
         tried = (stage.after, *stage.rivals)
         if any(one.effects[-1] is candidate for one in tried):
-            return [one for one in tried if one.effects[-1] is not candidate][:_RIVALS]
+            others = (one for one in tried if one.effects[-1] is not candidate)
+            return [one for one in others if one.effects[-1].effect.name not in there][:_RIVALS]
     return []
 
 

@@ -34,7 +34,9 @@ class BondVoid(Effect):
         if fraction <= 0:
             return assembly
 
-        def parted(part: Part) -> tuple[Part, Part]:
+        def parted(part: Part) -> tuple[Part, ...]:
+            if not set(interface_at(interface)) <= {layer.name for layer in part.stack.layers}:
+                return (part,)  # lost already, by a void nearer to the disk
             free = _free(part, interface)
             return (
                 replace(part, fraction=part.fraction * (1 - fraction)),
