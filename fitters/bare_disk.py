@@ -1,7 +1,7 @@
 """What fitters of a bare piezo disk have in common: which recordings they use, and how they answer."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec, Quantity
 from ..models.model import Model
 from ..models.sweep import Sweep
-from .interface import Constant, Curve, FitError, FitTask, Noise
+from .interface import Constant, Curve, FitError, FitResult, FitTask, Fitter, Noise
 from .joint import check_task
 from .noise import noise_of
 from .objective import log_ratio
@@ -215,3 +215,37 @@ def size_constants(disk: BareDisk) -> dict[str, Constant]:
     return {
         disk.size_name(name): Constant(q.re, 0.0, q.u, 0.0, units[name], free=False) for name, q in disk.sizes.items()
     }
+
+
+def method_answer(
+    fitter: Fitter,
+    disk: BareDisk,
+    model: Model,
+    numbers: int,
+    made: Mapping[str, Constant],
+    own: Collection[str],
+    says: tuple[str, ...],
+    seconds: float,
+) -> FitResult:
+    """Return the answer of a method that reads constants off the curve; `numbers` is how many it reads.
+
+    Of the constants `made`, those named in `own` are its own; the others are derived.
+    """
+    chi2, rms = disk.misfit(model, numbers)
+    return FitResult(
+        build=disk.build.name,
+        fitter=fitter.name,
+        version=fitter.version,
+        steps=(disk.step,),
+        noise=disk.noise,
+        chi2_per_dof=chi2,
+        constants={name: c for name, c in made.items() if name in own} | size_constants(disk),
+        derived={name: c for name, c in made.items() if name not in own},
+        correlation=(),
+        rms_log_error=rms,
+        converged=True,
+        evaluations=1,
+        seconds=seconds,
+        says=says,
+        curves=disk.curves(model),
+    )

@@ -15,7 +15,7 @@ from ..models.constants import Radial
 from ..models.disk import RadialDisk
 from ..models.radial import RadialError
 from ..models.sherrit import radial_constants
-from .bare_disk import BareDisk, bare_disk, drawn, size_constants, with_method_error
+from .bare_disk import BareDisk, bare_disk, drawn, method_answer, with_method_error
 from .critical import FEW_POINTS, Critical
 from .interface import Constant, FitError, FitResult, FitTask
 from .planar_answer import RADIAL_ALL_UNITS, passivity_says, radial_named
@@ -145,24 +145,7 @@ def _answer(
         name: Constant(x.real, x.imag, *u[name], RADIAL_ALL_UNITS[name.removeprefix(at)]) for name, x in values.items()
     }
     own = {at + name for name in (*RADIAL_CONSTANTS, *PLANAR)}
-    chi2, rms = disk.misfit(model, 8)
-    return FitResult(
-        build=disk.build.name,
-        fitter=fitter.name,
-        version=fitter.version,
-        steps=(disk.step,),
-        noise=disk.noise,
-        chi2_per_dof=chi2,
-        constants={name: c for name, c in made.items() if name in own} | size_constants(disk),
-        derived={name: c for name, c in made.items() if name not in own},
-        correlation=(),
-        rms_log_error=rms,
-        converged=True,
-        evaluations=1,
-        seconds=seconds,
-        says=says,
-        curves=disk.curves(model),
-    )
+    return method_answer(fitter, disk, model, 8, made, own, says, seconds)
 
 
 def _says(disk: BareDisk, seen: _Seen, found: Radial) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from ..models.sherrit import coupling_squared
 from ..models.stack import Stack
 from ..models.sweep import Sweep
 from .assembly import PIEZO_CONSTANTS, UNITS, stack_of
-from .bare_disk import BareDisk, bare_disk, drawn, size_constants, with_method_error
+from .bare_disk import BareDisk, bare_disk, drawn, method_answer, with_method_error
 from .critical import FEW_POINTS, Critical, Trace, admittance_trace, critical, impedance_trace, tops
 from .derived import DERIVED_UNITS, derived_of
 from .interface import Constant, FitError, FitResult, FitTask
@@ -174,24 +174,7 @@ def _answer(
     units = {f"{disk.layer.name}.{name}": unit for name, unit in (UNITS | DERIVED_UNITS).items()}
     constants = {name: Constant(x.real, x.imag, *u[name], units[name]) for name, x in values.items()}
     own = {f"{disk.layer.name}.{name}" for name in PIEZO_CONSTANTS}
-    chi2, rms = disk.misfit(model, 6)
-    return FitResult(
-        build=disk.build.name,
-        fitter=fitter.name,
-        version=fitter.version,
-        steps=(disk.step,),
-        noise=disk.noise,
-        chi2_per_dof=chi2,
-        constants={name: c for name, c in constants.items() if name in own} | size_constants(disk),
-        derived={name: c for name, c in constants.items() if name not in own},
-        correlation=(),
-        rms_log_error=rms,
-        converged=True,
-        evaluations=1,
-        seconds=seconds,
-        says=says,
-        curves=disk.curves(model),
-    )
+    return method_answer(fitter, disk, model, 6, constants, own, says, seconds)
 
 
 def _says(seen: _Seen, found: Thickness) -> tuple[str, ...]:
