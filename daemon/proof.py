@@ -13,7 +13,6 @@ from ..models.errors import CannotError
 
 THRESHOLD = 30.0
 """Gain in chi2 from which the diagnosis names an effect; detectable counts what is above twice of it."""
-UNKNOWN = "unknown"
 
 
 class ProofError(CannotError):

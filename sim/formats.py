@@ -10,9 +10,6 @@ from .messages import CommandError, block_bytes
 DTYPES = {2: ">f4", 3: ">f8", 5: "<f4"}
 """Binary formats: 32 bit, 64 bit, both big-endian; FORM5 is FORM2 with its bytes reversed."""
 
-BLOCK_LIMIT = 999_999
-"""Bytes that the six digits of a block's header can count."""
-
 
 def block(data: bytes) -> bytes:
     """Return `#6`, six digits of byte count, and the data (the reply's newline comes after it)."""

@@ -5,9 +5,6 @@ Signs stand as printed: the thesis writes c (1 - j/Q) in table 4.7 and a positiv
 
 from dataclasses import dataclass
 
-DENSITY_GLUE = 1150.0
-"""kg/m3; assumed here, the thesis gives none."""
-
 
 @dataclass(frozen=True)
 class Deviation:
