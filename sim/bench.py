@@ -14,7 +14,8 @@ from .accuracy import noise_sigma, noisy, systematic, terms
 from .axis import Axis
 from .effects import Effects, device_impedance
 from .jig import JIGS, LOAD_STANDARD_OHM, Jig
-from .sample import STEPS, BenchError, Sample, sample
+from .refusal import BenchError
+from .sample import STEPS, Sample, sample
 
 CONTENTS = ("device", "open", "short", "load")
 """What a person can put into the fixture."""

@@ -9,9 +9,11 @@ from typing import Any, cast
 from ..models.errors import PzctlError
 from .dialect import panel
 from .faults import LASTING, Faults
+from .hidden import hidden, hide
 from .instrument import Instrument
 from .jig import JIGS, Jig
-from .sample import STEPS, BenchError
+from .refusal import BenchError
+from .sample import STEPS
 from .session import Midway
 
 
@@ -32,6 +34,7 @@ class BenchPort:
             "connect": lambda c: self._done(self._bench.connect(_text(c, "what"))),
             "jig": self._jig,
             "effects": self._effects,
+            "hidden": self._hidden,
             "fault": self._fault,
             "trigger": lambda _: self._done(self._trigger()),
             "panel": lambda c: self._done(panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))),
@@ -98,7 +101,9 @@ class BenchPort:
     def _truth(self) -> dict[str, Any]:
         stack = self._bench.sample.stack(self._bench.step)
         area = float(stack.parameters()["area"])
-        return {"area_m2": area, "constants": self._bench.sample.truth(), "jig": vars(self._bench.jig).copy()}
+        constants = self._bench.sample.truth()
+        jig = vars(self._bench.jig).copy()
+        return {"area_m2": area, "constants": constants, "jig": jig, "hidden": hidden(self._bench)}
 
     def _jig(self, command: dict[str, Any]) -> dict[str, Any]:
         name = command.pop("name", None)
@@ -120,6 +125,10 @@ class BenchPort:
         self._bench.effects = self._bench.effects.changed(**command)
         switches = {name: getattr(self._bench, name) for name in ("noise", "off", "radial")}
         return {"effects": vars(self._bench.effects) | switches}
+
+    def _hidden(self, command: dict[str, Any]) -> dict[str, Any]:
+        hide(self._bench, command)
+        return {"hidden": hidden(self._bench)}
 
     def _fault(self, command: dict[str, Any]) -> dict[str, Any]:
         kind = _text(command, "kind")

@@ -4,7 +4,7 @@ import json
 import socket
 from typing import Any
 
-from .sample import BenchError
+from .refusal import BenchError
 
 
 def bench_command(host: str, port: int, *, timeout: float = 10.0, **command: Any) -> dict[str, Any]:

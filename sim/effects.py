@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 from ..models.arrays import Frequencies, Impedances, Reals
 from ..models.model import Model
 from .axis import Axis
-from .sample import BenchError
+from .refusal import BenchError
 
 SOURCE_OHM = 25.0
 """Source resistance of the analyzer: what of the level reaches the device."""
 
 STIFFNESS_PER_KELVIN, PERMITTIVITY_PER_KELVIN = -1.4e-4, 4e-3
 """Relative change of c33D and eps33S of a soft PZT per kelvin (frequency falls by 0.7e-4/K)."""
+
+RAYLEIGH = 4 / (3 * np.pi)
+"""Loss per softening of a Rayleigh loop: Hall, J. Mater. Sci. 36 (2001) 4575."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Effects:
     lag_s: float = 0.0
     """The reading is that of this many seconds ago: Y(f - rate * lag)."""
     strain_softening: float = 0.0
-    """a in c33D (1 - a |S|), with |S| the mean strain's amplitude; the loss grows by a |S| as well."""
+    """a in c33D (1 - a |S|), |S| the mean strain's amplitude; the loss grows by 4/(3 pi) a |S| (Rayleigh's law)."""
 
     def changed(self, **values: Any) -> "Effects":
         """Return the effects with some changed. Raises BenchError for an unknown name or a value that is no number."""
@@ -102,7 +105,7 @@ def _softened(
     if not softening:
         return z, 0.0
     for _ in range(40):
-        bent = _scaled(device, 1 - softening * strain * (1 - 1j), 1.0)
+        bent = _scaled(device, 1 - softening * strain * (1 - 1j * RAYLEIGH), 1.0)
         z = complex(bent.impedance(frequency)[0])
         now = mean_strain(bent, z, float(frequency[0]), level)
         if abs(now - strain) <= 1e-4 * max(now, 1e-12):

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .sample import BenchError
+from .refusal import BenchError
 
 AT_MESSAGE = {
     "hang": "nobody answers for `seconds`, or until the faults are cleared",

@@ -12,9 +12,9 @@ import numpy as np
 from ..models.causal import continued
 from ..models.constants import Radial
 from ..models.disk import BothModes
-from ..models.errors import PzctlError
 from ..models.model import Model
 from ..models.stack import AIR, CausalConstantQ, Elastic, Piezo, Stack
+from .refusal import BenchError
 
 EPS0 = 8.8541878128e-12
 AREA = np.pi * 8e-3**2
@@ -31,10 +31,6 @@ STEPS = ("disk", "ml1", "ml2")
 
 GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
 """The thesis's epoxy: Rayl, Pa, quality factor."""
-
-
-class BenchError(PzctlError):
-    """Something the virtual bench cannot do."""
 
 
 @dataclass(frozen=True)

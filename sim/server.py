@@ -6,7 +6,7 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable, Coroutine, Generator
+from collections.abc import Callable, Coroutine, Generator, Mapping
 from dataclasses import dataclass, field
 from queue import Queue
 
@@ -14,6 +14,7 @@ from .bench import Bench
 from .benchport import BenchPort
 from .faults import Faults
 from .gpib import GpibDevice
+from .hidden import hide
 from .instrument import Instrument
 from .jig import JIGS
 from .listener import Handler, Listener, SimError
@@ -43,6 +44,8 @@ class SimOptions:
     """Whether the disk has its radial modes as well (0.1 MHz and overtones)."""
     off: bool = False
     """The instrument's systematic error, within its accuracy."""
+    hidden: Mapping[str, float] = field(default_factory=dict[str, float])
+    """What is hidden on the bench from the beginning: sizes (SI) by the names of sim.hidden.KINDS."""
     host: str = "127.0.0.1"
     """Address to listen on: the loopback unless told otherwise."""
 
@@ -82,6 +85,7 @@ class Simulator:
         """Listen on both ports. Raises SimError where one is taken."""
         o = self.options
         bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
+        hide(bench, o.hidden)
         self.instrument = Instrument(bench, o.time_scale)
         faults = Faults()
         midway = Midway(self.instrument, self._power_cycle)

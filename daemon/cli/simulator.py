@@ -15,11 +15,19 @@ def sim(
     radial: Annotated[bool, typer.Option("--radial", help="The disk has its radial modes too.")] = False,
     prologix_port: Annotated[int | None, typer.Option(help="Port of a Prologix-style GPIB front, often 1234.")] = None,
     off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
+    hidden: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Physics to hide, in SI; may be repeated. See below."),
+    ] = None,
 ) -> None:
     """Run a simulated Agilent 4294A with a virtual bench behind it, until Ctrl-C.
 
-    Example: pzctl sim --port 5025 --time-scale 0.01
+    What --hidden knows: lead-inductance (H), series-resistance (ohm), stray-capacitance (F) and leakage (S) at the
+    terminals; drive-nonlinearity (loss of stiffness per strain, 1e3 is much), sweep-lag (s), temperature-drift (K/s).
+
+    Example: pzctl sim --port 5025 --time-scale 0.01 --hidden lead-inductance=2e-8
     """
+    from ...sim.hidden import parse
     from ...sim.server import SimOptions, run
 
     run(
@@ -33,5 +41,6 @@ def sim(
             noise=noise,
             radial=radial,
             off=off,
+            hidden=parse(hidden or []),
         )
     )

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
+from pzctl.models.effects import catalogue
 from pzctl.models.stack import AIR, Elastic, Piezo, Stack
 from pzctl.sim.accuracy import noise_sigma, terms
 from pzctl.sim.axis import plain_axis
@@ -16,8 +17,10 @@ from pzctl.sim.bench import Bench
 from pzctl.sim.control import bench_command
 from pzctl.sim.correction import Correction
 from pzctl.sim.effects import Effects
+from pzctl.sim.hidden import KINDS, parse
 from pzctl.sim.jig import JIGS, Jig
-from pzctl.sim.sample import STEPS, BenchError, sample
+from pzctl.sim.refusal import BenchError
+from pzctl.sim.sample import STEPS, sample
 from pzctl.sim.state import State
 from pzctl.sim.timing import point_seconds
 
@@ -290,3 +293,42 @@ def test_effects_are_set_on_the_bench(lab):
     for wrong in ({"gravity": 1}, {"lag_s": "much"}):
         with pytest.raises(BenchError, match="bench: "):
             lab.bench("effects", **wrong)
+
+
+SIZES = {
+    "lead-inductance": 2e-8,
+    "series-resistance": 0.3,
+    "stray-capacitance": 5e-12,
+    "leakage": 1e-5,
+    "drive-nonlinearity": 1e3,
+    "sweep-lag": 5e-3,
+    "temperature-drift": 0.05,
+}
+
+
+def test_all_that_can_be_hidden_is_of_the_catalogue():
+    assert set(KINDS) == set(SIZES) <= {effect.name for effect in catalogue()}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_what_is_hidden_changes_the_sweep_and_is_told_as_truth(lab_with, name):
+    def swept(**options):
+        lab = lab_with(noise=False, **options)
+        wire = lab.wire()
+        wire.say("*RST;STAR 3 MHZ;STOP 5 MHZ;SING;*OPC?")
+        wire.line()
+        return wire.impedance(), lab
+
+    (plain, lab), (changed, told) = swept(), swept(hidden={name: SIZES[name]})
+    assert np.max(abs(changed / plain - 1)) > 1e-4
+    assert told.bench("truth")["hidden"][name] == SIZES[name]
+    assert lab.bench("hidden", **{name: SIZES[name]})["hidden"][name] == SIZES[name]
+    assert lab.bench("hidden", **{name: 0})["hidden"][name] == 0
+
+
+@pytest.mark.parametrize("wrong", [{"gravity": 1}, {"leakage": -1}, {"sweep-lag": "much"}, {"leakage": float("nan")}])
+def test_what_cannot_be_hidden_gets_a_sentence(lab, wrong):
+    with pytest.raises(BenchError, match=f"bench: .*{next(iter(wrong))}"):
+        lab.bench("hidden", **wrong)
+    with pytest.raises(BenchError, match="NAME=VALUE"):
+        parse(["lead-inductance:2e-8"])

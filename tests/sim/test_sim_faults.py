@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pzctl.sim.control import bench_command
-from pzctl.sim.sample import BenchError
+from pzctl.sim.refusal import BenchError
 
 
 def test_an_answer_is_cut_in_the_middle(lab):
