@@ -146,6 +146,7 @@ class BenchPort:
         self._bench.inverted = not none and (self._bench.inverted or kind == "polarity")
         self._instrument.date_lost = not none and (self._instrument.date_lost or kind == "dead-clock")
         self._instrument.bias_overload = not none and (self._instrument.bias_overload or kind == "bias-overload")
+        self._instrument.no_list = not none and (self._instrument.no_list or kind == "no-list")
 
     def _trigger(self) -> None:
         if self._instrument.state["TRGS"] not in ("EXT", "MAN") or not self._instrument.sweeper.trigger():

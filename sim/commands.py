@@ -75,6 +75,16 @@ def _enable(name: str, limit: int) -> Entry:
     return Entry(lambda i, u: setattr(i.status, name, _whole(u.arguments[0], 0, limit)), 1, 1)
 
 
+LIST_EDITOR: Mapping[str, Entry] = {
+    "EDITLIST": Entry(_edit_list),
+    "CLEL": Entry(_clear_list),
+    "SADD": Entry(lambda i, _: i.state.begin_segment()),
+    "SEDI": Entry(lambda i, u: i.state.begin_segment(_whole(u.arguments[0], 0, 99)), 1, 1),
+    "SDON": Entry(lambda i, _: i.state.finish_segment()),
+    "EDITDONE": Entry(_end_edit),
+}
+"""Commands that edit the list-sweep table [those of the 4395A: no public source gives the 4294A's]."""
+
 COMMANDS: Mapping[str, Entry] = {
     "*RST": Entry(lambda i, _: i.reset(continuous=False)),
     "PRES": Entry(lambda i, _: i.reset(continuous=True)),
@@ -93,12 +103,7 @@ COMMANDS: Mapping[str, Entry] = {
     "AVERREST": Entry(lambda i, _: i.sweeper.restart()),
     "DCO": Entry(_bias, 1, 1),
     "AUTO": Entry(lambda i, _: None),  # the picture is scaled to its data in any case
-    "EDITLIST": Entry(_edit_list),
-    "CLEL": Entry(_clear_list),
-    "SADD": Entry(lambda i, _: i.state.begin_segment()),
-    "SEDI": Entry(lambda i, u: i.state.begin_segment(_whole(u.arguments[0], 0, 99)), 1, 1),
-    "SDON": Entry(lambda i, _: i.state.finish_segment()),
-    "EDITDONE": Entry(_end_edit),
+    **LIST_EDITOR,
     **DATA_COMMANDS,
     **CORRECTION_COMMANDS,
     **FILE_COMMANDS,

@@ -6,7 +6,7 @@ so it holds up the client that sent it and nobody else.
 
 from collections.abc import AsyncIterator, Callable
 
-from .commands import COMMANDS, QUERIES
+from .commands import COMMANDS, LIST_EDITOR, QUERIES
 from .entry import Entry
 from .instrument import Instrument
 from .messages import CommandError, Unit, parse
@@ -21,7 +21,7 @@ def entry(instrument: Instrument, unit: Unit) -> Entry:
     found = (QUERIES if unit.query else COMMANDS).get(unit.mnemonic)
     if found is None and instrument.state.knows(unit.mnemonic):
         found = _READ_SETTING if unit.query else _WRITE_SETTING
-    if found is None:
+    if found is None or (instrument.no_list and unit.mnemonic in LIST_EDITOR):
         raise CommandError(-113, "UNDEFINED HEADER")
     return found
 

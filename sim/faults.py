@@ -31,6 +31,7 @@ LASTING = {
     "polarity": "impedance comes with the opposite sign",
     "dead-clock": "the date of saved files is nonsense",
     "bias-overload": "DCO ON answers with error 137",
+    "no-list": "the commands that edit the list-sweep table are undefined headers",
 }
 """Faults that last until they are cleared."""
 

@@ -42,6 +42,8 @@ class Instrument:
         """Fault: the clock's battery is dead."""
         self.bias_overload = False
         """Fault: DCO ON answers with error 137."""
+        self.no_list = False
+        """Fault: nobody knows the commands that edit the list-sweep table."""
         self.disk = Disk()
         self._changed = asyncio.Event()
         self.power_on()

@@ -89,7 +89,9 @@ class State:
             raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")
 
     def query(self, mnemonic: str) -> str:
-        """Return the reply to a setting's query."""
+        """Return the reply to a setting's query; while a segment is edited, what that has."""
+        if self.draft is not None and mnemonic in _SEGMENT_FIELDS:
+            return self._query_segment(self.draft, mnemonic)
         if mnemonic in EDGES:
             return Number(0, 0, 0, "HZ" if self["SWPP"] == "FREQ" else "V").answer(self._edge_value(mnemonic))
         if mnemonic == "POWE":
@@ -107,7 +109,7 @@ class State:
             start, stop = self.table[0].start, self.table[-1].stop
         else:
             start, stop = self.edges[str(self["SWPP"])]
-        return {"STAR": start, "STOP": stop, "CENT": (start + stop) / 2, "SPAN": stop - start}[mnemonic]
+        return _edge(mnemonic, start, stop)
 
     def _edge_kind(self, mnemonic: str) -> Number:
         edge = mnemonic if mnemonic in ("STAR", "STOP") else "STAR"
@@ -161,6 +163,13 @@ class State:
             have[_SEGMENT_FIELDS[mnemonic]] = TABLE[mnemonic].parse(argument)
         self.draft = Segment(**have)
 
+    def _query_segment(self, draft: Segment, mnemonic: str) -> str:
+        if mnemonic in EDGES:
+            return limits("STAR", "FREQ", "LIN").answer(_edge(mnemonic, draft.start, draft.stop))
+        if mnemonic == "POWE":
+            return self._level_kind().answer(draft.level)
+        return TABLE[mnemonic].answer(vars(draft)[_SEGMENT_FIELDS[mnemonic]])
+
     def finish_segment(self) -> None:
         """Put the edited segment into the table. Raises CommandError where the table would not be a sweep."""
         if self.draft is None:
@@ -193,6 +202,10 @@ class State:
             bandwidth=self.count("BWFACT"),
             point_average=self.count("PAVERFACT") if self.on("PAVER") else 1,
         )
+
+
+def _edge(mnemonic: str, start: float, stop: float) -> float:
+    return {"STAR": start, "STOP": stop, "CENT": (start + stop) / 2, "SPAN": stop - start}[mnemonic]
 
 
 _SEGMENT_FIELDS: Mapping[str, str] = {

@@ -10,7 +10,7 @@ from ...models.sweep import Sweep
 from .. import replies
 from ..analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..link import ConnectionLost, Link
-from . import compensation, files, grid, limits, state
+from . import compensation, files, grid, limits, list_sweep, state
 from .compensation import Compensation, Standard
 from .joined import joined
 from .record import record
@@ -27,6 +27,8 @@ class Agilent4294A:
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        self._no_list = ""
+        """Why this instrument does no list sweep, once it has been tried."""
 
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
@@ -45,7 +47,7 @@ class Agilent4294A:
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return how long `plan` will take at most, in s. Raises PlanError where a 4294A cannot do it."""
         limits.check(plan)
-        return sum(expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment))
+        return sum(self._one_by_one_seconds(plan))
 
     def measure(
         self,
@@ -55,16 +57,26 @@ class Agilent4294A:
     ) -> tuple[Sweep, ...]:
         """Carry out `plan`: one Sweep for each segment, or one for all that are joined; see `Analyzer.measure`.
 
-        Each segment is swept by itself, one of more than 801 points in overlapping parts. Where the instrument could
-        not be set back after a sweep that is sound, the Sweep says so in its notes; where its bias could not be
-        switched off, that is an InstrumentError all the same.
+        Each segment is swept by itself, one of more than 801 points in overlapping parts; joined ones by list sweep
+        where the instrument proves that it takes one. Where the instrument could not be set back after a sweep that
+        is sound, the Sweep says so in its notes; where its bias could not be switched off, that is an InstrumentError
+        all the same.
         """
-        count = sum(len(_sweeps_of(segment)) for segment in plan.segments)
-        course = _Course(self.estimated_seconds(plan), count, progress, cancelled)
+        limits.check(plan)
 
-        def sweep_all(identity: Identity) -> tuple[Sweep, ...]:
-            sweeps = tuple(self._measure(segment, plan, identity, course) for segment in plan.segments)
-            return (joined(sweeps),) if plan.joined else sweeps
+        def sweep_all(identity: Identity, found: state.Found) -> tuple[Sweep, ...]:
+            if not plan.joined:
+                return self._one_by_one(plan, identity, _Course(self._one_by_one_seconds(plan), progress, cancelled))
+            why = list_sweep.why_not(plan) or self._no_list
+            if not why and found.values["SWPT"] == "LIST":
+                why = "its list-sweep table is in use"
+            if not why:
+                try:
+                    return self._by_list(plan, identity, progress, cancelled)
+                except list_sweep.ListRefused as error:
+                    why = self._no_list = str(error)
+            course = _Course(self._one_by_one_seconds(plan), progress, cancelled)
+            return (joined(self._one_by_one(plan, identity, course), 0, why),)
 
         sweeps, left = self._as_found(sweep_all)
         return sweeps if not left else tuple(dataclasses.replace(s, notes=(*s.notes, left)) for s in sweeps)
@@ -89,14 +101,14 @@ class Agilent4294A:
             left = max(compensation.STANDARD_SECONDS - passed, 0.0)
             progress(Progress(min(passed / compensation.STANDARD_SECONDS, 1.0), left, f"{what} compensation"))
 
-        def measure_all(identity: Identity) -> Compensation:
+        def measure_all(identity: Identity, _: state.Found) -> Compensation:
             return compensation.measure(self._link, identity, standards, adapter, prompt, tick)
 
         return self._as_found(measure_all)[0]
 
     def apply_compensation(self, stored: Compensation) -> None:
         """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
-        self._as_found(lambda identity: compensation.apply(self._link, identity, stored))
+        self._as_found(lambda identity, _: compensation.apply(self._link, identity, stored))
 
     def fetch(self, kind: files.Kind) -> bytes:
         """Return a file that the instrument makes. Raises InstrumentError.
@@ -110,17 +122,43 @@ class Agilent4294A:
         """Let go of the instrument."""
         self._link.close()
 
-    def _measure(self, segment: Segment, plan: SweepPlan, identity: Identity, course: "_Course") -> Sweep:
-        raws = [sweep(self._link, part, plan, course.next(part, plan)) for part in _sweeps_of(segment)]
-        return record(raws, segment, plan, identity)
+    @staticmethod
+    def _one_by_one_seconds(plan: SweepPlan) -> list[float]:
+        """Return how long each of the sweeps takes where every segment is swept by itself."""
+        return [expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment)]
 
-    def _as_found(self, action: Callable[[Identity], Result]) -> tuple[Result, str]:
+    def _one_by_one(self, plan: SweepPlan, identity: Identity, course: "_Course") -> tuple[Sweep, ...]:
+        return tuple(
+            record(
+                [sweep(self._link, part, plan, course.next()) for part in _sweeps_of(segment)], segment, plan, identity
+            )
+            for segment in plan.segments
+        )
+
+    def _by_list(
+        self,
+        plan: SweepPlan,
+        identity: Identity,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> tuple[Sweep, ...]:
+        """Return the one recording of a joined plan. Raises ListRefused as well."""
+        batches = list_sweep.batches(plan)
+        course = _Course([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
+        sweeps = [
+            record([raw], segment, plan, identity)
+            for batch in batches
+            for segment, raw in zip(batch, list_sweep.sweep(self._link, batch, plan, course.next()), strict=True)
+        ]
+        return (joined(sweeps, len(batches)),)
+
+    def _as_found(self, action: Callable[[Identity, state.Found], Result]) -> tuple[Result, str]:
         """Do `action` on the instrument in HOLD and leave it as found: what was got, and what could not be set back."""
         identity = self.identify()
         found: state.Found | None = None
         try:
             found = state.take(self._link)
-            result = action(identity)
+            result = action(identity, found)
             self._check_in_step(identity)
         except BaseException as error:
             self._leave_after(error, found)
@@ -174,27 +212,24 @@ class _Course:
     """How far a plan is, told sweep by sweep."""
 
     def __init__(
-        self, total: float, count: int, progress: Callable[[Progress], None], cancelled: Callable[[], bool]
+        self, seconds: Sequence[float], progress: Callable[[Progress], None], cancelled: Callable[[], bool]
     ) -> None:
-        self._total = total
-        self._count = count
+        self._seconds = seconds
         self._progress = progress
         self._cancelled = cancelled
         self._number = 0
-        self._before = 0.0
 
-    def next(self, part: Segment, plan: SweepPlan) -> Callable[[float], None]:
+    def next(self) -> Callable[[float], None]:
         """Return the tick of the next sweep: it reports progress, and raises Cancelled where that is wished."""
-        expected = expected_seconds(part, plan)
-        before, self._before = self._before, self._before + expected
+        total, before, expected = sum(self._seconds), sum(self._seconds[: self._number]), self._seconds[self._number]
         self._number += 1
-        what = f"sweep {self._number} of {self._count}"
+        what = f"sweep {self._number} of {len(self._seconds)}"
 
         def tick(passed: float) -> None:
             if self._cancelled():
                 raise Cancelled(f"{what} was cancelled after {passed:.0f} s; the instrument is in HOLD, its bias off")
             done = before + min(passed, expected)
-            self._progress(Progress(done / self._total, max(self._total - done, 0.0), what))
+            self._progress(Progress(done / total, max(total - done, 0.0), what))
 
         return tick
 

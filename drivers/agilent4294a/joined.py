@@ -1,8 +1,4 @@
-"""Several segments as one recording: points where they are needed, in one column.
-
-The instrument has a list sweep for this. It is not used: no public source gives the commands that edit its table, so
-nobody could say what a wrong guess sets on a real one. What it would save is the set-up of each segment.
-"""
+"""Several segments as one recording: points where they are needed, in one column."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,8 +13,11 @@ _OF_ONE = ("spacing", "sweeps", "overlap_noise_relative", "overlap_drift")
 """Settings that hold for one segment and not for the whole."""
 
 
-def joined(sweeps: Sequence[Sweep]) -> Sweep:
-    """Return the sweeps of a joined plan as one. Raises SweepError where their frequencies do not rise throughout."""
+def joined(sweeps: Sequence[Sweep], list_sweeps: int, no_list: str = "") -> Sweep:
+    """Return the sweeps of a joined plan as one. Raises SweepError where their frequencies do not rise throughout.
+
+    `list_sweeps`: how many list sweeps they came from, 0 where each was swept by itself; `no_list` says why.
+    """
     first, last = sweeps[0], sweeps[-1]
     frequency = np.concatenate([sweep.frequency for sweep in sweeps])
     settings: dict[str, Any] = {name: value for name, value in first.settings.items() if name not in _OF_ONE}
@@ -27,6 +26,8 @@ def joined(sweeps: Sequence[Sweep]) -> Sweep:
         "stop_Hz": last.settings["stop_Hz"],
         "points": int(frequency.size),
         "ended": last.settings["ended"],
+        "sweep_type": "list" if list_sweeps else "segment by segment",
+        **({"no_list_sweep": no_list} if no_list else {}),
         "sweep_seconds": round(sum(sweep.settings["sweep_seconds"] for sweep in sweeps), 3),
         "segments": [
             {name: sweep.settings[name] for name in ("start_Hz", "stop_Hz", "points", "spacing", "started", "ended")}
@@ -37,5 +38,6 @@ def joined(sweeps: Sequence[Sweep]) -> Sweep:
     if not all(INDUCTIVE in sweep.notes for sweep in sweeps):  # some lie between a resonance and its antiresonance
         notes.pop(INDUCTIVE, None)
     impedance = np.concatenate([sweep.impedance for sweep in sweeps])
-    says = f"One recording of {len(sweeps)} segments, each swept by itself."
+    how = f"in {list_sweeps} list sweep(s), for which its list-sweep table was overwritten"
+    says = f"One recording of {len(sweeps)} segments, {how if list_sweeps else 'each swept by itself'}."
     return Sweep(frequency, impedance, settings, first.time, notes=(*notes, says))

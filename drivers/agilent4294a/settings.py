@@ -122,8 +122,8 @@ def query(link: Link, mnemonic: str) -> Value:
     return kind.read(link.ask(f"{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
 
 
-def put(link: Link, mnemonic: str, value: Value) -> None:
-    """Set `mnemonic` to `value`, read it back, and compare. Raises InstrumentError where it was not taken."""
+def put(link: Link, mnemonic: str, value: Value) -> Value:
+    """Set `mnemonic` to `value` and return what is read back. Raises InstrumentError where it was not taken."""
     kind = _KINDS[mnemonic]
     got = kind.read(link.ask(f"{mnemonic} {text_of(value)};{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
     if not kind.agrees(value, got):
@@ -132,6 +132,7 @@ def put(link: Link, mnemonic: str, value: Value) -> None:
             f"{link.name}: {kind.words} ({mnemonic}) was set to {text_of(value)}{unit} but reads back "
             f"{text_of(got)}{unit}; the instrument did not take it"
         )
+    return got
 
 
 def snapshot(link: Link, mnemonics: Iterable[str]) -> dict[str, Value]:

@@ -43,27 +43,45 @@ def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
     )
 
 
+@dataclass(frozen=True)
+class Run:
+    """When a sweep ran."""
+
+    started: str
+    """RFC 3339, UTC."""
+    ended: str
+    seconds: float
+
+
 def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
     """Sweep `segment` as `plan` says. `tick`: see `wait.finish`. Raises InstrumentError, and what `tick` raises."""
-    wanted = _wanted(segment, plan)
-    _set_up(link, wanted)
+    asked = wanted(segment, plan)
+    set_up(link, asked)
     if plan.bias_V:
-        wanted |= {"DCO": True, "DCV": plan.bias_V}
+        asked |= {"DCO": True, "DCV": plan.bias_V}
         bias.switch_on(link, plan.bias_V)
     before = settings.snapshot(link, settings.SETTINGS | settings.CONDITIONS)
-    settings.compare(link, wanted, before, "was changed before the sweep")
+    settings.compare(link, asked, before, "was changed before the sweep")
     errorqueue.check(link, "after the set-up")
     tick(0.0)
+    ran = run(link, plan, expected_seconds(segment, plan), tick)
+    frequency, impedance = read(link, grid.points(segment))
+    check_untouched(link, before)
+    return RawSweep(frequency, impedance, ran.started, ran.ended, ran.seconds, before)
+
+
+def run(link: Link, plan: SweepPlan, expected: float, tick: Callable[[float], None]) -> Run:
+    """Sweep as the instrument is set up, as often as `plan` averages; it should take `expected` seconds.
+
+    Raises InstrumentError, and what `tick` raises.
+    """
     started, begun = now_utc(), time.monotonic()
     wait.start(link, f"AVERREST;NUMG {plan.sweep_average}" if plan.sweep_average > 1 else "SING")
-    wait.finish(link, expected_seconds(segment, plan), tick, "the sweep")
-    ended, seconds = now_utc(), time.monotonic() - begun
-    frequency, impedance = _read(link, segment)
-    _check_untouched(link, before)
-    return RawSweep(frequency, impedance, started, ended, seconds, before)
+    wait.finish(link, expected, tick, "the sweep")
+    return Run(started, now_utc(), time.monotonic() - begun)
 
 
-def _wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
+def wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
     """Return what is to be set for `segment`, by mnemonic, in the order of setting."""
     return {
         "DCO": False,
@@ -86,15 +104,16 @@ def _wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
     }
 
 
-def _set_up(link: Link, wanted: Mapping[str, settings.Value]) -> None:
-    for mnemonic, value in wanted.items():
+def set_up(link: Link, asked: Mapping[str, settings.Value]) -> None:
+    """Set everything `asked` and read it back. Raises InstrumentError where a setting is not taken."""
+    for mnemonic, value in asked.items():
         if mnemonic == "STAR":  # first once without looking, so that neither end can push the other afterwards
-            start, stop = settings.text_of(value), settings.text_of(wanted["STOP"])
+            start, stop = settings.text_of(value), settings.text_of(asked["STOP"])
             link.ask(f"STAR {start};STOP {stop};STAR?")
         settings.put(link, mnemonic, value)
 
 
-def _check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
+def check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
     """Raise InstrumentError where the instrument is not as it was `before` the sweep, or not in HOLD."""
     after = settings.snapshot(link, before)
     settings.compare(link, before, after, "changed while the sweep ran; was a key pressed at the front panel?")
@@ -102,13 +121,15 @@ def _check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
         raise InstrumentError(f"{link.name}: it sweeps again before its data were read; was a key pressed?")
 
 
-def _read(link: Link, segment: Segment) -> tuple[Frequencies, Impedances]:
+def read(link: Link, expected: Frequencies) -> tuple[Frequencies, Impedances]:
     """Return axis and data array of the sweep that is in HOLD: the complex R,X after every correction.
+
+    Raises InstrumentError where the axis is not `expected` (Hz, shape (N,)).
 
     `OUTPDATA?` does not depend on the displayed parameter or trace (Programming Manual p.81). FORM3, as a 32-bit
     frequency has steps of 8 Hz at 110 MHz.
     """
-    n = segment.points
+    n = expected.size
     blocks = {
         query: replies.doubles(link.ask_block(f"FORM3;{query}", 8 * count), count, f"{link.name}: {query}")
         for query, count in (("OUTPSWPRM?", n), ("OUTPDATA?", 2 * n))
@@ -117,7 +138,7 @@ def _read(link: Link, segment: Segment) -> tuple[Frequencies, Impedances]:
     impedance = pairs[0::2] + 1j * pairs[1::2]
     if frequency[0] > frequency[-1]:
         frequency, impedance = frequency[::-1], impedance[::-1]
-    _check_axis(link, frequency, grid.points(segment))
+    _check_axis(link, frequency, expected)
     if not np.any(impedance):
         raise InstrumentError(f"{link.name}: OUTPDATA?: all {n} points are 0 ohm; nothing was measured")
     return frequency, impedance

@@ -17,6 +17,8 @@ from pzctl.models.plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
 
 PLAN = SweepPlan((Segment(1e6, 6e6, 21),), oscillator_V=0.3, bandwidth=2, bias_V=4.0)
+JOINED = SweepPlan((Segment(1e6, 2e6, 11), Segment(3e6, 6e6, 11)), oscillator_V=0.3, bandwidth=2, joined=True)
+"""A list sweep where the instrument takes one."""
 ANSWER_SECONDS = 0.25
 KINDS = {
     "hang": {},  # for ever, or until this attempt is over
@@ -49,8 +51,8 @@ def bench(sim, **command):
     return answer
 
 
-def attempt(sim, kind=None, at=0):
-    """Measure `PLAN` with a fault of `kind` at the `at`-th exchange."""
+def attempt(sim, kind=None, at=0, plan=PLAN):
+    """Measure `plan` with a fault of `kind` at the `at`-th exchange."""
     bench(sim, command="power-cycle", seconds=0.0)
     if kind:
         bench(sim, command="fault", kind=kind, at=at, **KINDS[kind])
@@ -58,7 +60,7 @@ def attempt(sim, kind=None, at=0):
     begun, impedance, error = time.monotonic(), None, ""
     analyzer = open_analyzer(sim.resource, timeout_seconds=ANSWER_SECONDS)
     try:
-        impedance = analyzer.measure(PLAN)[0].impedance
+        impedance = analyzer.measure(plan)[0].impedance
     except InstrumentError as raised:
         error = str(raised)
     finally:
@@ -108,16 +110,17 @@ def sim():
         yield simulator
 
 
-@pytest.fixture(scope="module")
-def clean(sim):
-    return attempt(sim)
+@pytest.fixture(scope="module", params=[PLAN, JOINED], ids=["plain", "list"])
+def clean(sim, request):
+    return request.param, attempt(sim, plan=request.param)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("part", [0.0, 0.33, 0.58, 0.61, 0.75, 0.95])
 def test_no_fault_gives_wrong_data(sim, clean, kind, part):
+    plan, clean = clean
     assert clean.impedance is not None
     at = 1 + int(part * clean.exchanges)
-    outcome = attempt(sim, kind, at)
+    outcome = attempt(sim, kind, at, plan)
     assert outcome.struck or kind == "wrong-count"  # no block comes after the last one
     check(outcome, clean.impedance, kind, at)
