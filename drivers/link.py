@@ -18,7 +18,7 @@ from pyvisa.constants import InterfaceType, ResourceAttribute, StatusCode
 from pyvisa.errors import InvalidSession
 from pyvisa.resources import MessageBasedResource
 
-from . import replies
+from . import replies, service_request
 from .analyzer import InstrumentError
 
 SLICE_SECONDS = 0.25
@@ -129,6 +129,20 @@ class Link:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
 
+    @property
+    def hears_requests(self) -> bool:
+        """Whether this path tells of a service request."""
+        return self._wait is not None
+
+    def rest(self, seconds: float) -> None:
+        """Return after `seconds`, or as soon as service is requested. Raises InstrumentError."""
+        if self._wait is None:
+            time.sleep(seconds)
+            return
+        wait = self._wait
+        with self._exchange():
+            self._guarded("waiting for the service request", lambda: wait(seconds))
+
     @contextlib.contextmanager
     def _exchange(self) -> Generator[None]:
         """Around a question and its answer. Where one failed or was broken off, the next one gets a new session."""
@@ -149,6 +163,7 @@ class Link:
     def _open(self) -> None:
         self._resource, self._bridge = self._opener()
         self._socket = _prepared(self._resource, self._bridge)
+        self._wait = service_request.waiter(self._resource, self._bridge)
 
     def _send(self, message: str) -> None:
         data = message.encode("ascii") + b"\n"

@@ -1,9 +1,10 @@
 """The wait for the end of a sweep, with progress, and open to being cancelled.
 
 `*OPC?` alone blocks the instrument's parser until the sweep is over: nothing could be cancelled. So the status byte
-is looked at (by serial poll on GPIB, where the same bit also raises SRQ; by `*STB?` elsewhere) until the sweep's own
-event shows in it; then `*OPC?` confirms. Programming Manual p.474-480: bit 0 of the instrument event register,
-enabled by `ESNB 1`, is summed up in bit 2 of the status byte; `*CLS` clears it, so it must come before the sweep.
+is looked at until the sweep's own event shows in it, by serial poll on GPIB and by `*STB?` elsewhere; then `*OPC?`
+confirms. On GPIB the same bit raises SRQ, which is waited for between two looks where the path tells of it.
+Programming Manual p.474-480: bit 0 of the instrument event register, enabled by `ESNB 1`, is summed up in bit 2 of
+the status byte; `*CLS` clears it, so it must come before the sweep.
 """
 
 import time
@@ -55,7 +56,8 @@ def finish(link: Link, seconds: float, tick: Callable[[float], None], what: str)
             late = f"did not end within {limit:.0f} s; {seconds:.0f} s were expected"
             raise InstrumentError(f"{link.name}: {what} {late}")
         tick(passed)
-        time.sleep(min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10)))
+        blind = min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10))
+        link.rest(SLOWEST_POLL_SECONDS if link.hears_requests else blind)
     if (answer := link.ask("*OPC?")) not in ("1", "+1"):
         raise InstrumentError(f"{link.name}: *OPC? is answered by {replies.quote(answer)}; 1 is expected")
     events = replies.integer(link.ask("*ESR?"), f"{link.name}: *ESR?")
