@@ -17,9 +17,12 @@ from ..arrays import Complexes, Frequencies, Reals
 from .full import Shape
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
-_BELOW, _ABOVE, _FAR = 0.5, 1.5, 3.0
-# Modes that are taken as they are reach from 0.5 times the lowest to 1.5 times the highest frequency, or 3 times.
+_BELOW, _ABOVE = 0.9, 1.1
+# Modes that are taken as they are reach from 0.8 times the lowest to 1.2 times the highest frequency.
 _STATIC = 6
+# Static shapes at each of the band's ends and its middle.
+_DEPENDENT = 1e-8
+# Static shapes that add less than this are none of their own.
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
 _TOLERANCE, _ROUNDS = 1e-6, 25
 
@@ -36,52 +39,73 @@ class Modes:
     """Stiffness of the lossy disk less that of the lossless one, between modes, over mass, shape (nu, nu)."""
     force: Complexes
     """Force on each mode over mass, shape (nu,)."""
+    weights: Complexes
+    """Of TERMS, for which the modes are, shape (13,)."""
 
 
 def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes) -> Modes:
     """Return the modes of the disk for weights of TERMS, shape (13,)."""
-    lossy = np.asarray(disk.condensed(weights) / shape.mass, np.complex128)
-    squared, shapes = np.linalg.eigh(disk.condensed(weights.real) / shape.mass)
-    losses = shapes.T @ times(lossy, shapes) - np.diag(squared)
-    return Modes(squared, shapes, losses, shapes.T @ (weights[PIEZO] @ disk.drive) / shape.mass)
-
-
-def times(left: Complexes, right: Reals) -> Complexes:
-    """Return the product of a complex and a real matrix by real products alone."""
-    return left.real @ right + 1j * (left.imag @ right)
+    still = disk.condensed(weights.real) / shape.mass
+    squared, shapes = np.linalg.eigh(still)
+    lossy = disk.condensed(weights) / shape.mass - still
+    losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
+    return Modes(squared, shapes, losses, shapes.T @ (weights[PIEZO] @ disk.drive) / shape.mass, weights)
 
 
 def real_times(left: Reals, right: Complexes) -> Complexes:
-    """Return the product of a real and a complex matrix by one real product; `right` is C-contiguous."""
+    """Return the product of a real and a complex matrix by one real product."""
     return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
-def band_shapes(modes: Modes, low: float, high: float, highest: float) -> Complexes:
+def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Complexes:
     """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk.
 
-    `highest`: Hz, that of all bands. In the lower bands, where modes are few and constants have moved away from those
-    of `modes`, it reaches further above.
+    `weights`: of TERMS amid the band, shape (13,).
     """
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
-    above = 2 * np.pi * min(_FAR * high, max(_ABOVE * high, _ABOVE * highest))
-    inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < above**2)
+    inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < _ABOVE**2 * top)
     outside = ~inside
     near, far = modes.squared[inside], modes.squared[outside]
-    turned = -modes.losses[np.ix_(outside, inside)] / (far[:, None] - np.clip(near, bottom, top)[None, :])
-    middle = (bottom + top) / 2
-    lossy = far + np.diag(modes.losses)[outside] - middle
-    static = [modes.force[outside] / lossy]
-    for _ in range(_STATIC - 1):
-        static.append(static[-1] / lossy * (top - bottom + middle / 10))
-    coordinates = np.zeros((near.size + far.size, near.size + _STATIC), np.complex128)
+    moved = modes.losses + _dispersed(modes.weights, weights) * modes.losses.imag
+    own = far + np.diag(moved)[outside]
+    aside = moved[np.ix_(outside, outside)]
+    np.fill_diagonal(aside, 0.0)
+
+    def answer(force: Complexes, squared: Reals) -> Complexes:
+        """Answer of the modes outside, by two steps of Jacobi: losses couple them by a hundredth."""
+        inverse = 1 / (own[:, None] - squared[None, :])
+        first = force * inverse
+        return first - (aside @ first) * inverse
+
+    static: list[Complexes] = []
+    for squared in np.array([[bottom], [(bottom + top) / 2], [top]]):
+        column = modes.force[outside, None].astype(np.complex128)
+        for _ in range(_STATIC):
+            column = answer(column, squared)
+            column = column / np.linalg.norm(column)
+            static.append(column)
+    still = _orthonormal(np.hstack(static))
+    coordinates = np.zeros((near.size + far.size, near.size + still.shape[1]), np.complex128)
     coordinates[inside, : near.size] = np.eye(near.size)
-    coordinates[outside, : near.size] = turned
-    coordinates[outside, near.size :] = _orthonormal(np.array(static).T)
+    coordinates[outside, : near.size] = -answer(moved[np.ix_(outside, inside)], np.clip(near, bottom, top))
+    coordinates[outside, near.size :] = still
     return real_times(modes.shapes, coordinates)
 
 
+def _dispersed(there: Complexes, here: Complexes) -> float:
+    """Return how far constants have moved from `there`, in their imaginary parts.
+
+    The real part of a causal constant rises by 2/pi of its imaginary part over a unit of ln f (Kramers and Kronig).
+    """
+    size = np.abs(there)
+    imaginary, moved = there.imag / size, (here - there).real / size
+    norm = float(imaginary @ imaginary)
+    return float(imaginary @ moved) / norm if norm > 0 else 0.0
+
+
 def _orthonormal(columns: Complexes) -> Complexes:
-    return np.linalg.qr(columns)[0].astype(np.complex128)
+    vectors, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return vectors[:, values > _DEPENDENT * values[0]].astype(np.complex128)
 
 
 @dataclass(frozen=True, eq=False)

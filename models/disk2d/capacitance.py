@@ -49,7 +49,7 @@ def _solved(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Fr
     made: list[tuple[slice, Band]] = []
     for part in _bands(frequency):
         f = frequency[part]
-        shapes = band_shapes(modes, float(f[0]), float(f[-1]), float(frequency[-1]))
+        shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[part][f.size // 2])
         made.append((part, Band.of(disk, shapes, shape, f, weights[part])))
     return made
 
