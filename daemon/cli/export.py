@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from ...models.sweep import Sweep
     from ..reported import SampleRecord
 
-FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc"}
+FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5"}
 
 
 def export(
     sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
     to: Annotated[Path, typer.Option(help="Folder that the files go to; made if it is not there.")] = Path(),
-    form: Annotated[str, typer.Option("--format", help="csv, touchstone or netcdf.")] = "csv",
+    form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf or hdf5.")] = "csv",
     step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write the sweeps of a sample, one file each, with settings and provenance. Needs no daemon.
 
-    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads csv and touchstone back.
+    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back.
 
     Example: pzctl export S4 --to data --format netcdf
     """
@@ -53,12 +53,13 @@ def export(
 
 def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) -> list[Path]:
     """Write every sweep; return the files. Raises RecordingError."""
-    from ...drivers.recordings import RecordingError, write_csv, write_netcdf, write_touchstone
+    from ...drivers.recordings import RecordingError, write_csv, write_hdf5, write_netcdf, write_touchstone
 
     writers: dict[str, Callable[[Sweep, Path], None]] = {
         "csv": write_csv,
         "touchstone": write_touchstone,
         "netcdf": write_netcdf,
+        "hdf5": write_hdf5,
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,9 +1,10 @@
 """Recordings in files: read what instruments and people write, write what others read."""
 
+from .archive import write_hdf5, write_netcdf
 from .datatrace import read_data_trace
 from .page import RecordingError
 from .read import read_memory_trace, read_recording
-from .write import csv_text, write_csv, write_netcdf, write_touchstone
+from .write import csv_text, write_csv, write_touchstone
 
 __all__ = [
     "RecordingError",
@@ -12,6 +13,7 @@ __all__ = [
     "read_memory_trace",
     "read_recording",
     "write_csv",
+    "write_hdf5",
     "write_netcdf",
     "write_touchstone",
 ]

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from ...models.sweep import Sweep
+from .archive import SUFFIXES as ARCHIVES
+from .archive import read_archive
 from .ascii4294a import is_4294a, read_4294a
 from .keysight import is_keysight, read_keysight
 from .page import RecordingError, clipped, read_bytes, read_page
@@ -16,7 +18,8 @@ def read_recording(path: Path) -> Sweep:
     """Read a recording: one file is one sweep. Raises RecordingError, one sentence for a person.
 
     `.txt`, `.csv`, `.tsv`: a 4294A's ASCII export, a Keysight E4990A's CSV, or a table with known column names (among
-    them the project's own CSV), told apart by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1.
+    them the project's own CSV), told apart by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1. `.nc`, `.h5`,
+    `.hdf5`: NetCDF 3 and HDF5 that pzctl wrote.
     """
     return _read(path)[0]
 
@@ -31,9 +34,11 @@ def _read(path: Path) -> tuple[Sweep, Sweep | None]:
     if suffix == ".dat":
         read_bytes(path)
         raise RecordingError(f"{path}: a binary data trace holds no frequencies; save as ASCII (.txt) on the 4294A")
+    if suffix in ARCHIVES:
+        return read_archive(path)
     if suffix not in (*TEXTS, *SUFFIXES):
         read_bytes(path)  # a file that is not there is said before its name
-        allowed = ", ".join((*TEXTS, *SUFFIXES))
+        allowed = ", ".join((*TEXTS, *SUFFIXES, *ARCHIVES))
         raise RecordingError(f"{path}: {clipped(suffix) or 'no extension'} is not known; known are {allowed}")
     page = read_page(path)
     if suffix in SUFFIXES:

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
-from pzctl.drivers.recordings import RecordingError, read_memory_trace, read_recording
+from pzctl.drivers.recordings import RecordingError, read_memory_trace, read_recording, write_hdf5, write_netcdf
+from pzctl.models.sweep import Sweep
 
 FILES = int(os.environ.get("PZCTL_FUZZ", "100000"))
 
@@ -35,6 +37,10 @@ def test_damaged_recordings() -> None:
     outcome: Counter[tuple[str, str]] = Counter()
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
+        sweep = Sweep(np.linspace(1e6, 2e6, 9), np.full(9, 5 - 100j), {"bandwidth": 5}, id="fuzz")
+        for write, name in ((write_netcdf, "e.nc"), (write_hdf5, "f.h5")):
+            write(sweep, Path(folder) / name)
+            seeds[name] = (Path(folder) / name).read_bytes()
         for number in range(FILES):
             name = list(seeds)[number % len(seeds)]
             file = Path(folder) / name

@@ -55,7 +55,7 @@ def test_show_gives_the_constants_and_the_picture(measured: Path, tmp_path: Path
         (["show", "tesis"], "did you mean 'thesis'"),
         (["show", "thesis", "--step", "ml9"], "step 'ml9' was not measured; disk was"),
         (["export", "thesis", "--step", "ml9"], "step 'ml9' was not measured; disk was"),
-        (["export", "thesis", "--format", "xls"], "there are csv, touchstone, netcdf"),
+        (["export", "thesis", "--format", "xls"], "there are csv, touchstone, netcdf, hdf5"),
     ],
 )
 def test_what_is_not_there_is_one_sentence(measured: Path, words: list[str], sentence: str) -> None:
@@ -64,7 +64,7 @@ def test_what_is_not_there_is_one_sentence(measured: Path, words: list[str], sen
     assert sentence in str(done.exception)
 
 
-@pytest.mark.parametrize("form", ["csv", "touchstone", "netcdf"])
+@pytest.mark.parametrize("form", ["csv", "touchstone", "netcdf", "hdf5"])
 def test_exports_hold_what_was_measured(measured: Path, tmp_path: Path, form: str) -> None:
     done = run("export", "thesis", "--to", tmp_path / form, "--format", form, "--json")
     files = [Path(name) for name in json.loads(done.stdout)["files"]]

@@ -77,7 +77,7 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
         ("a.txt", "A letter to a friend.\n", "line 1: no recording: 1 column(s) found"),
         ("a.csv", "\x00\x01\x02", ": this is binary data"),
         ("a.csv", "PK\x03\x04", ": this is binary data"),
-        ("a.xlsx", "x", ": .xlsx is not known; known are .csv, .txt, .tsv, .s1p, .z1p, .y1p"),
+        ("a.xlsx", "x", ": .xlsx is not known; known are .csv, .txt, .tsv, .s1p, .z1p, .y1p, .nc, .h5"),
         ("a", "x", ": no extension is not known"),
         ("a.txt", EXPORT.replace("POINTS: 3", "POINTS: 4"), ": trace A is cut off: 4 points announced, 3 found"),
         ("a.txt", EXPORT[:-60], "line 24: 3 values found under 5 columns; the file seems to be cut off"),

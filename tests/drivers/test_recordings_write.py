@@ -1,10 +1,12 @@
 """What is written is read back exactly, by us and by others; nothing is ever half written."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import skrf
@@ -12,7 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
-from pzctl.drivers.recordings import RecordingError, read_recording, write_csv, write_netcdf, write_touchstone
+from pzctl.drivers.recordings import (
+    RecordingError,
+    read_recording,
+    write_csv,
+    write_hdf5,
+    write_netcdf,
+    write_touchstone,
+)
+from pzctl.drivers.recordings.whole import sealed
 from pzctl.models.sweep import Sweep
 
 FREQUENCIES = st.lists(st.floats(40, 1e9), min_size=2, max_size=9, unique=True).map(sorted)
@@ -46,6 +56,23 @@ def test_csv_brings_everything_back_exactly(tmp_path_factory: pytest.TempPathFac
     assert (back.settings, back.time, back.id, back.notes) == (sweep.settings, sweep.time, sweep.id, sweep.notes)
 
 
+PRINTABLE = st.text(st.characters(exclude_categories=["C"]))
+
+
+@settings(max_examples=100, deadline=None)
+@given(sweep=sweeps(), time=PRINTABLE, id_=PRINTABLE, write=st.sampled_from([write_netcdf, write_hdf5]))
+def test_archives_bring_everything_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, sweep: Sweep, time: str, id_: str, write: Any
+) -> None:
+    sweep = dataclasses.replace(sweep, time=time, id=id_)
+    file = tmp_path_factory.getbasetemp() / ("round.nc" if write is write_netcdf else "round.h5")
+    write(sweep, file)
+    back = read_recording(file)
+    assert back.frequency.tobytes() == sweep.frequency.tobytes()
+    assert back.impedance.tobytes() == sweep.impedance.tobytes()
+    assert (back.settings, back.time, back.id, back.notes) == (sweep.settings, sweep.time, sweep.id, sweep.notes)
+
+
 def a_sweep(**change: Any) -> Sweep:
     f = np.linspace(1e6, 3e6, 201)
     z = 5 + 1 / (2j * np.pi * f * 1e-9)
@@ -55,9 +82,12 @@ def a_sweep(**change: Any) -> Sweep:
 
 def test_a_large_file_too(tmp_path: Path) -> None:
     f = np.linspace(1e3, 1e8, 20_000)
-    sweep = Sweep(f, 1 / (1j * f) + 1, {})
-    write_csv(sweep, tmp_path / "a.csv")
-    assert np.array_equal(read_recording(tmp_path / "a.csv").impedance, sweep.impedance)
+    sweep = Sweep(f, 1 / (1j * f) + 1, {"noise_relative": (1e-5 * np.sqrt(f)).tolist()})
+    for write, name in ((write_csv, "a.csv"), (write_netcdf, "a.nc"), (write_hdf5, "a.hdf5")):
+        write(sweep, tmp_path / name)
+        back = read_recording(tmp_path / name)
+        assert np.array_equal(back.impedance, sweep.impedance)
+        assert back.settings == sweep.settings
 
 
 def test_scikit_rf_reads_our_touchstone(tmp_path: Path) -> None:
@@ -83,12 +113,43 @@ def test_netcdf_says_units_and_provenance(tmp_path: Path) -> None:
         assert json.loads(data.notes) == ["A note."]
 
 
+def test_hdf5_says_units_scale_and_provenance(tmp_path: Path) -> None:
+    sweep, file = a_sweep(notes=("A note.",)), tmp_path / "a.h5"
+    write_hdf5(sweep, file)
+    with h5py.File(file) as data:
+        assert np.array_equal(data["resistance"][:] + 1j * data["reactance"][:], sweep.impedance)
+        assert {name: data[name].attrs["units"] for name in data} == {
+            "frequency": "Hz",
+            "resistance": "ohm",
+            "reactance": "ohm",
+        }
+        assert np.array_equal(data["reactance"].dims[0][0][:], sweep.frequency)
+        assert json.loads(data.attrs["settings"]) == sweep.settings
+
+
+@pytest.mark.parametrize("name", ["a.nc", "a.h5"])
+def test_an_archive_that_is_not_as_it_was_written(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    (write_netcdf if name == "a.nc" else write_hdf5)(a_sweep(), file)
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-900])
+    with pytest.raises(RecordingError, match="no seal at its end: it is cut off, or another program wrote it"):
+        read_recording(file)
+    for at in range(0, len(whole) - 200, 211):
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ 4]) + whole[at + 1 :])
+        with pytest.raises(RecordingError, match="damaged, or was changed since pzctl wrote it"):
+            read_recording(file)
+    file.write_bytes(sealed(b"CDF\x01" + bytes(40) if name == "a.nc" else b"\x89HDF\r\n\x1a\n" + bytes(400)))
+    with pytest.raises(RecordingError, match="this is no recording: "):
+        read_recording(file)
+
+
 @pytest.mark.parametrize("value", [math.nan, object(), [math.inf], np.arange(3)])
 def test_what_no_file_can_hold_is_refused_and_nothing_is_written(tmp_path: Path, value: object) -> None:
     file = tmp_path / "a.csv"
     write_csv(a_sweep(), file)
     before = file.read_bytes()
-    for write in (write_csv, write_touchstone, write_netcdf):
+    for write in (write_csv, write_touchstone, write_netcdf, write_hdf5):
         with pytest.raises(RecordingError, match="no finite plain value"):
             write(a_sweep(settings={"x": value}), file)
     with pytest.raises(RecordingError, match="its name is not allowed"):
