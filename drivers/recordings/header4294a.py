@@ -45,7 +45,7 @@ def settings_of(page: Page, header: Mapping[str, str]) -> dict[str, Any]:
     if "FREQ" not in sweep.upper():
         raise page.error(None, f"SWEEP TYPE is {clipped(sweep)!r}; a frequency sweep is needed")
     settings: dict[str, Any] = {
-        "idn": header["IDN"],
+        "instrument": header["IDN"],
         "adapter": header.get("ADAPTER", ""),
         "spacing": "log" if "LOG" in sweep.upper() else "linear" if "LIN" in sweep.upper() else "list",
         "bandwidth": _whole(page, header, "BW"),

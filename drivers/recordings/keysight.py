@@ -47,7 +47,7 @@ def _head(page: Page) -> tuple[dict[str, object], str | None, list[str]]:
         if not line.startswith("!"):
             continue
         if _IDN.match(text):
-            settings["idn"] = text
+            settings["instrument"] = text
         if text.startswith("Date:"):
             try:  # the analyzer's clock, of which no zone is known: taken as UTC and said so
                 moment = datetime.strptime(text[5:].strip(), "%a %b %d %H:%M:%S %Y")

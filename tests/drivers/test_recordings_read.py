@@ -46,7 +46,7 @@ def test_memory_trace_is_a_recording_of_its_own(recordings: Path) -> None:
 
 def test_e4990a_and_tables_of_others(recordings: Path) -> None:
     disk = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
-    assert disk.settings["idn"] == "Keysight Technologies,E4990A,MY54403861,A.04.00"
+    assert disk.settings["instrument"] == "Keysight Technologies,E4990A,MY54403861,A.04.00"
     assert disk.time == "2025-03-26T11:24:29.000Z"
     assert disk.frequency.size == 1601
     assert disk.impedance[0] == pytest.approx(cmath.rect(60.8781245395, math.radians(-80.8687569187)))
