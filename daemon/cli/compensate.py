@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def compensate(
     file: Annotated[Path, typer.Argument(help="Where the compensation is kept, or was.")],
-    resource: Annotated[str, typer.Option(help="VISA resource of the 4294A.")],
+    resource: Annotated[
+        str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
+    ] = None,
     standard: Annotated[
         list[str] | None, typer.Option(help="open, short or load, in this order; open and short where none is given.")
     ] = None,

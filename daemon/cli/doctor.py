@@ -19,7 +19,7 @@ class Unwell(CannotError):
 
 
 def doctor(
-    resource: Annotated[str | None, typer.Option(help="VISA resource of your analyzer, to be asked.")] = None,
+    resource: Annotated[str | None, typer.Option(help="Your analyzer, to be asked; else PZCTL_RESOURCE's.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Look for instruments, say what is missing, and rehearse a measurement on the simulated bench.
@@ -29,10 +29,12 @@ def doctor(
     Example: pzctl doctor --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
     from ..checkup import checkup
+    from ..config import settings
     from ..terminal import console
 
+    asked = settings({"resource": resource}).get("resource")
     with console(stderr=True).status("looking") as status:
-        found = checkup(resource, lambda what: status.update(f"looking at {what}"))
+        found = checkup(asked, lambda what: status.update(f"looking at {what}"))
     if as_json:
         print(json.dumps({"checks": [asdict(check) for check in found]}))
     else:

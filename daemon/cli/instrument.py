@@ -11,16 +11,21 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def own_4294a(resource: str) -> "Generator[Agilent4294A]":
-    """Give the 4294A at `resource`, asked who it is, and let go of it afterwards.
+def own_4294a(given: str | None) -> "Generator[Agilent4294A]":
+    """Give the 4294A at the resource `given`, or else configured, asked who it is, and let go of it afterwards.
 
-    Raises DaemonError where a daemon of this user owns it, UsageError where it is a recording, InstrumentError.
+    Raises DaemonError where a daemon of this user owns it, UsageError where none is named, or it is a recording,
+    ConfigError, InstrumentError.
     """
     from ...drivers import open_analyzer
     from ...drivers.agilent4294a import Agilent4294A
+    from ..config import settings
     from ..connection import DaemonError
     from ..launch import running
 
+    resource = settings({"resource": given}).get("resource")
+    if resource is None:
+        raise UsageError("no instrument is named: give --resource, set PZCTL_RESOURCE, or write it into config.toml")
     place = running()
     if place is not None and place.resource == resource:
         raise DaemonError(f"the daemon that runs owns {resource}; end it with `pzctl daemon --stop`", "owner")

@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,7 +42,9 @@ def measure(
     fit: Annotated[bool, typer.Option("--fit", help="Fit after each step and print the constants.")] = False,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
-    time_scale: Annotated[float, typer.Option(help="Speed of a simulated 4294A started here.")] = _STORY_TIME_SCALE,
+    time_scale: Annotated[
+        float | None, typer.Option(help="Speed of a simulated 4294A started here; 0.02 unless it is configured.")
+    ] = None,
     adaptive: Annotated[
         bool, typer.Option("--adaptive", help="Look first, then measure where the resonances are, in the same time.")
     ] = False,
@@ -50,7 +52,8 @@ def measure(
 ) -> None:
     """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
 
-    With nothing else, plays the whole story on a simulated bench: disk, first and second matching layer.
+    With nothing else, plays the whole story on a simulated bench: disk, first and second matching layer. A daemon
+    started here takes what no flag says from the environment (PZCTL_RESOURCE ...), then from config.toml.
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
@@ -78,23 +81,28 @@ def measure(
 
 @contextmanager
 def _daemon(
-    resource: str | None, fitters: tuple[str, ...], time_scale: float, console: "Console"
+    resource: str | None, fitters: tuple[str, ...], time_scale: float | None, console: "Console"
 ) -> "Generator[tuple[Client, bool]]":
     """Give a client of the daemon that runs, or of one started here; and whether its instrument is a simulated one.
 
     A daemon started for a simulated bench ends with the story; one for a real instrument stays.
     """
     from ..client import connect
+    from ..config import options, settings
     from ..connection import DaemonError
     from ..launch import running, start
-    from ..service import Options
 
     place = running()
     started = place is None
+    simulated = False
     if place is None:
-        console.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}", style="dim")
-        kept = fitters or Options.fitters
-        place = start(Options(resource=resource, fitters=kept, simulator={"time_scale": time_scale}))
+        found = settings({"resource": resource, "time_scale": time_scale})
+        wished = options({"time_scale": _STORY_TIME_SCALE} | found)
+        simulated = wished.resource is None
+        console.print(f"no daemon runs: starting one for {wished.resource or 'a simulated 4294A'}", style="dim")
+        if fitters:
+            wished = replace(wished, fitters=tuple(dict.fromkeys((*fitters, *found.get("fitters", ())))))
+        place = start(wished)
     elif resource is not None and place.resource != resource:
         raise DaemonError(
             f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
@@ -104,7 +112,7 @@ def _daemon(
         try:
             yield lab, place.bench is not None
         finally:
-            if started and resource is None:
+            if started and simulated:
                 lab.shutdown()
             elif started:
                 console.print("the daemon stays; end it with `pzctl daemon --stop`", style="dim")

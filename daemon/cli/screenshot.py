@@ -16,7 +16,9 @@ KINDS: "dict[str, Kind]" = {".tif": "screen", ".txt": "ascii", ".dat": "binary",
 
 def screenshot(
     file: Annotated[Path, typer.Argument(help=".tif the screen; .txt, .dat or .s1p the sweep that it shows.")],
-    resource: Annotated[str, typer.Option(help="VISA resource of the 4294A.")],
+    resource: Annotated[
+        str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
+    ] = None,
 ) -> None:
     """Fetch the instrument's screen, or the sweep on it in the instrument's own formats, as people left it there.
 

@@ -125,3 +125,16 @@ def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path) -
         assert (tmp_path / name).read_bytes().startswith(begins), name
     refused = end(start(tmp_path, "screenshot", "s.png", "--resource", sim.resource), 2)
     assert "s.png: the name ends with '.png'; allowed are .tif, .txt, .dat, .s1p" in refused
+
+
+def test_the_instrument_is_the_flags_else_the_environments_else_the_files(
+    sim: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "no instrument is named: give --resource" in end(start(tmp_path, "screenshot", "s.tif"), 2)
+    (tmp_path / "config.toml").write_text('resource = "nobody.invalid:5025"\n')
+    assert "nobody.invalid" in end(start(tmp_path, "screenshot", "s.tif"), 2)
+    measure = start(tmp_path, "measure", "--step", "disk", "--json")
+    assert "no daemon runs: starting one for nobody.invalid:5025" in end(measure, 2)
+    monkeypatch.setenv("PZCTL_RESOURCE", "other.invalid:5025")
+    assert "other.invalid" in end(start(tmp_path, "screenshot", "s.tif"), 2)
+    assert "s.tif: " in end(start(tmp_path, "screenshot", "s.tif", "--resource", sim.resource))
