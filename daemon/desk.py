@@ -29,6 +29,10 @@ MOST_WAITING = 1000
 """Measurements in the queue."""
 
 
+VERSION = version("pzctl")
+"""Of this package; looked up once, it is read from a file."""
+
+
 @dataclass
 class Desk:
     """The daemon's answers. Every method takes the request and its raw columns and returns the answer's frames."""
@@ -62,7 +66,7 @@ class Desk:
             ask.HelloAnswer(
                 id=request.id,
                 wire=WIRE,
-                version=version("pzctl"),
+                version=VERSION,
                 pid=os.getpid(),
                 run=self.journal.run,
                 seq=self.journal.last_seq,
@@ -196,13 +200,7 @@ class Desk:
 
     @answer.register
     def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        from ..models.effects import EffectError, find_effect  # the catalogue brings SciPy along
-
-        try:
-            names = request.effects and tuple(sorted({find_effect(name).name for name in request.effects}))
-        except EffectError as error:
-            raise RequestError("no-such-effect", str(error)) from None
-        errand = Errand(request.measurement, None, names or None)
+        errand = Errand(request.measurement, None, tuple(sorted({*request.effects})) if request.effects else None)
         return self._errand(request.id, errand, diagnosis_version(errand.effects)), []
 
     @answer.register

@@ -1,6 +1,8 @@
 """Fits and diagnoses that were asked for: a process for each, few at a time, each limited in time and memory."""
 
 import asyncio
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,6 +21,11 @@ AT_ONCE = 2
 
 MOST = 100
 """Errands that run or wait."""
+
+
+NAMES = "from pzctl.models.effects import catalogue; print(*(effect.name for effect in catalogue()))"
+"""A program that prints the names of the effects: the catalogue brings SciPy along, and loading that would hold up
+everybody who asks the daemon, so another process does."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,7 @@ class Errands:
     limits: Limits
     publish: Callable[[FitEvent], None]
     running: dict[Errand, "asyncio.Task[None]"] = field(default_factory=dict[Errand, "asyncio.Task[None]"])
+    _effects: "asyncio.Task[frozenset[str]] | None" = None
     _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
 
     def begin(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> bool:
@@ -64,6 +72,12 @@ class Errands:
         self.running[errand] = task
         task.add_done_callback(lambda _: self.running.pop(errand, None))
         return True
+
+    async def effects(self) -> frozenset[str]:
+        """Return the names of the effects that a diagnosis can be limited to; looked up once."""
+        if self._effects is None:
+            self._effects = asyncio.create_task(asyncio.to_thread(_effects))
+        return await asyncio.shield(self._effects)
 
     async def end(self) -> None:
         """End what runs."""
@@ -97,3 +111,8 @@ class Errands:
                 error=f"{errand.name} of measurement {of.id}: {end.says}",
             )
         )
+
+
+def _effects() -> frozenset[str]:
+    printed = subprocess.run([sys.executable, "-c", NAMES], capture_output=True, text=True, check=True)  # noqa: S603
+    return frozenset(printed.stdout.split())

@@ -55,10 +55,14 @@ class Gate:
 
     def callback(self, domain: str, key: bytes) -> bool:
         """Return whether a key may come in; called by the authenticator."""
-        allowed = self._who(key.decode()) is not None
+        allowed = self.allows(key.decode())
         if not allowed:
             log.warning("a key that is not known was turned away: %s", key.decode())
         return allowed
+
+    def allows(self, key: str | None) -> bool:
+        """Return whether a key may come in now."""
+        return self._who(key or "") is not None
 
     def check(self, key: str | None, request: ask.Request) -> None:
         """Raise RequestError where who asks with this key may not ask for this."""

@@ -5,12 +5,12 @@ import logging
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from importlib import import_module
 
 import msgspec
 import zmq.asyncio
 
 from ..models.errors import PzctlError
+from ..sim.control import bench_command
 from . import requests as ask
 from .archive import JournalError
 from .desk import Desk
@@ -89,8 +89,8 @@ class Reception:
             if isinstance(request, ask.Bench):
                 answer, more = await self._bench(request), list[bytes]()
             else:
-                if isinstance(request, ask.Diagnose):  # the catalogue takes long to load, the first time
-                    await asyncio.to_thread(import_module, "pzctl.models.effects")
+                if isinstance(request, ask.Diagnose) and request.effects:
+                    _check_effects(request.effects, await self._desk.errands.effects())
                 answer, more = self._desk.answer(request, raw)
                 if isinstance(request, ask.Lease):
                     await self._desk.acquisition.let_go()
@@ -109,8 +109,6 @@ class Reception:
 
     async def _bench(self, request: ask.Bench) -> ask.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
-        from ..sim.control import bench_command  # brings SciPy along, which a daemon without a bench can do without
-
         if self._desk.bench is None:
             raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
         if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
@@ -148,6 +146,15 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
             f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
         )
     return request
+
+
+def _check_effects(asked: Sequence[str], known: frozenset[str]) -> None:
+    """Raise RequestError where the catalogue has no such effect."""
+    unknown = sorted({*asked} - known)
+    if unknown:
+        raise RequestError(
+            "no-such-effect", f"effect {unknown[0]!r} is not known; there are {', '.join(sorted(known))}"
+        )
 
 
 def _key(frame: zmq.Frame) -> str | None:

@@ -22,6 +22,7 @@ from ..drivers import open_analyzer as open_visa
 from ..drivers.analyzer import Analyzer
 from ..models.sweep import now_utc
 from .acquisition import Acquisition, AnalyzerThread
+from .audience import Audience
 from .desk import Desk
 from .errands import Errands
 from .gate import Gate
@@ -132,6 +133,8 @@ class Daemon:
     ) -> None:
         self._journal = journal
         self._events = events
+        self._audience = Audience(events)
+        self._gate = gate
         self._options = options
         self._folder = folder
         self._stop = asyncio.Event()
@@ -182,7 +185,7 @@ class Daemon:
             says = "the daemon ended before this measurement did; measure again"
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
         acquiring = asyncio.create_task(self._acquisition.work())
-        others = [self._reception.serve(), self._listen(), self._beat()]
+        others = [self._reception.serve(), self._audience.listen(), self._beat()]
         others += [self._supervisor.keep(name) for name in self._options.fitters]
         tasks = [acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())
@@ -214,15 +217,12 @@ class Daemon:
         while not acquiring.done() and (self._acquisition.current is not None or self._acquisition.waiting):
             await asyncio.sleep(0.02)
 
-    async def _listen(self) -> None:
-        """Read the subscriptions: an XPUB that is not read never sends its welcome."""
-        while True:
-            await self._events.recv_multipart()
-
     async def _beat(self) -> None:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
             self._say(encode(beat))
+            if self._gate is not None:
+                self._audience.keep(self._gate.allows)
             await asyncio.sleep(BEAT)
 
     def _say(self, frames: list[bytes]) -> None:

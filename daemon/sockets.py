@@ -17,9 +17,14 @@ from .wire import WELCOME
 LARGEST_FRAME = 8 << 20
 """Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read."""
 
+LARGEST_SUBSCRIPTION = 512
+"""Bytes; long enough for CURVE's handshake, which counts as well."""
+
 HIGH_WATER = 1000
 """Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
 
+REQUESTS_KEPT = 10
+"""Requests of one connection that wait to be read; its TCP connection holds back what comes then."""
 
 ANSWERS_KEPT = 50
 """Answers kept for who asks and does not read; one of them may carry 50 sweeps."""
@@ -75,13 +80,14 @@ def bind_events(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) 
     """
     events = context.socket(zmq.XPUB)
     events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
-    return events, _bind(events, endpoint, gate)
+    events.set(zmq.XPUB_VERBOSE, 1)  # every subscription is shown, not the first to a topic alone
+    return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
 
 
 def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
-    return requests, _bind(requests, endpoint, gate, ANSWERS_KEPT)
+    return requests, _bind(requests, endpoint, gate, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
 
 
 def limit(any_socket: "zmq.Socket[bytes]") -> None:
@@ -103,10 +109,20 @@ def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
         any_socket.set(zmq.CURVE_SECRETKEY, key.secret.encode())
 
 
-def _bind(any_socket: zmq.asyncio.Socket, endpoint: str, gate: Gate | None, kept: int = HIGH_WATER) -> str:
+def _bind(
+    any_socket: zmq.asyncio.Socket,
+    endpoint: str,
+    gate: Gate | None,
+    *,
+    kept: int = HIGH_WATER,
+    waiting: int = HIGH_WATER,
+    longest: int = LARGEST_FRAME,
+) -> str:
     """Bind, to a loopback address where there is no gate, or close the socket and say why not."""
     limit(any_socket)  # pyright: ignore[reportArgumentType]
     any_socket.set(zmq.SNDHWM, kept)
+    any_socket.set(zmq.RCVHWM, waiting)
+    any_socket.set(zmq.MAXMSGSIZE, longest)
     if gate is not None:
         any_socket.set(zmq.CURVE_SERVER, 1)
         any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())

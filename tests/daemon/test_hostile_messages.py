@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl import connect
+from pzctl.daemon.audience import MOST_SUBSCRIPTIONS
 from pzctl.daemon.frames import MOST_FRAMES, WireError
-from pzctl.daemon.paths import home
+from pzctl.daemon.paths import home, log_file
 from pzctl.daemon.reception import NAMES, _read
 from pzctl.daemon.wire import decode
 from pzctl.models.build import Build
@@ -101,6 +102,19 @@ def test_the_daemon_answers_all_of_it_and_goes_on(start_daemon, build: Build, se
         assert answered > 1000
         assert lab.metrics().counts["garbage"] > 500
         assert lab.measure(build, "disk").sweeps
+
+
+def test_who_subscribes_without_end_is_cut_off(start_daemon, build: Build, wait_until, tmp_path: Path) -> None:
+    where = start_daemon()
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    with connect() as lab, context.socket(zmq.XSUB) as link:
+        link.setsockopt(zmq.LINGER, 0)
+        link.connect(where.events)
+        for k in range(MOST_SUBSCRIPTIONS + 1):
+            link.send(b"\1" + str(k).encode())
+        wait_until(lambda: "was cut off: it subscribes to more than" in log_file(tmp_path, "daemon").read_text())
+        assert lab.measure(build, "disk").sweeps, "the others hear"
+    context.term()
 
 
 @pytest.mark.parametrize("name", ["../../../escape", "/tmp/escape", "a\0b", "..", "x" * 5000])  # noqa: S108

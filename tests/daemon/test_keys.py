@@ -13,9 +13,18 @@ from pzctl import connect
 from pzctl.daemon.cli import app
 from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.frames import to_json
-from pzctl.daemon.keys import ClientKey, KeyFileError, make_client, make_server, revoke, write_secret
+from pzctl.daemon.keys import (
+    ClientKey,
+    KeyFileError,
+    make_client,
+    make_server,
+    read_client_key,
+    revoke,
+    write_secret,
+)
 from pzctl.daemon.location import Location
 from pzctl.daemon.paths import keys_folder
+from pzctl.daemon.sockets import unlock
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
@@ -73,6 +82,32 @@ def test_every_client_does_what_it_may(start_daemon, build: Build, key_of, tmp_p
     for way in ((), (where.events, where.requests)):
         with connect(*way) as lab:
             assert lab.measure(build, "disk").sweeps, "who can read daemon.json may do all"
+
+
+def test_a_listener_whose_key_is_revoked_hears_no_more(start_daemon, key_of, tmp_path: Path, wait_until) -> None:
+    make_server(keys_folder(tmp_path))
+    ana, bob = key_of("ana", "watch"), key_of("bob", "watch")
+    where = open_to_all(start_daemon)
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    with context.socket(zmq.SUB) as of_ana, context.socket(zmq.SUB) as of_bob:
+        for link, key in ((of_ana, ana), (of_bob, bob)):
+            unlock(link, read_client_key(key))
+            link.subscribe(b"")
+            link.connect(where.events)
+            assert link.recv() == b"welcome."
+        assert of_ana.poll(3000), "a beat"
+        revoke(keys_folder(tmp_path), "ana")
+
+        def silent() -> bool:
+            while of_ana.poll(0):
+                of_ana.recv_multipart()
+            return not of_ana.poll(1500)
+
+        wait_until(silent)
+        while of_bob.poll(0):
+            of_bob.recv_multipart()
+        assert of_bob.poll(3000), "nobody else is cut off"
+    context.term()
 
 
 def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:
