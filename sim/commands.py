@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from .correctioncommands import CORRECTION_COMMANDS, CORRECTION_QUERIES
 from .datacommands import DATA_COMMANDS, DATA_QUERIES
 from .entry import Entry
+from .equivalent import EQUIVALENT_COMMANDS, EQUIVALENT_QUERIES
 from .filecommands import FILE_COMMANDS, FILE_QUERIES
 from .instrument import Instrument
 from .messages import CommandError, Unit
@@ -106,6 +107,7 @@ COMMANDS: Mapping[str, Entry] = {
     **LIST_EDITOR,
     **DATA_COMMANDS,
     **CORRECTION_COMMANDS,
+    **EQUIVALENT_COMMANDS,
     **FILE_COMMANDS,
 }
 """Commands by mnemonic."""
@@ -124,6 +126,7 @@ QUERIES: Mapping[str, Entry] = {
     "CONT": Entry(lambda i, _: "1" if i.sweeper.continuous else "0"),
     **DATA_QUERIES,
     **CORRECTION_QUERIES,
+    **EQUIVALENT_QUERIES,
     **FILE_QUERIES,
 }
 """Queries by mnemonic, without the question mark."""

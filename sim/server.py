@@ -13,6 +13,7 @@ from queue import Queue
 from .bench import Bench
 from .benchport import BenchPort
 from .faults import Faults
+from .ftp import FtpServer
 from .gpib import GpibDevice
 from .hidden import hide
 from .instrument import Instrument
@@ -32,6 +33,8 @@ class SimOptions:
     """The bench's own port; 0 takes any free port."""
     prologix_port: int | None = None
     """GPIB adapter in the manner of Prologix (1234 is its usual port, 0 any free one); None has no adapter."""
+    ftp_port: int | None = None
+    """FTP server of the instrument's files (21 is its usual port, 0 any free one); None has none."""
     time_scale: float = 1.0
     """How long a sweep lasts compared with the real instrument; 0 answers at once."""
     seed: int = 0
@@ -50,8 +53,13 @@ class SimOptions:
     """Address to listen on: the loopback unless told otherwise."""
 
     def __post_init__(self) -> None:
-        ports = (("port", self.port), ("bench port", self.bench_port), ("prologix port", self.prologix_port or 0))
-        for name, value in ports:
+        ports = {
+            "port": self.port,
+            "bench port": self.bench_port,
+            "prologix port": self.prologix_port or 0,
+            "ftp port": self.ftp_port or 0,
+        }
+        for name, value in ports.items():
             if not 0 <= value <= 65535:
                 raise SimError(f"simulator: {name} is {value}; 0 to 65535 is allowed")
         if not 0 <= self.time_scale <= 1000:
@@ -72,7 +80,10 @@ class Simulator:
     bench_port: int = 0
     prologix_port: int | None = None
     """The adapter's real port; None without one."""
+    ftp_port: int | None = None
+    """The FTP server's real port; None without one."""
     _gpib: GpibDevice | None = None
+    _ftp: FtpServer | None = None
     _listeners: list[Listener] = field(default_factory=list[Listener])
     _off_until: float = 0.0
 
@@ -81,8 +92,8 @@ class Simulator:
         """The VISA resource string of the instrument."""
         return f"TCPIP0::{self.options.host}::{self.port}::SOCKET"
 
-    def start(self) -> None:
-        """Listen on both ports. Raises SimError where one is taken."""
+    async def start(self) -> None:
+        """Listen on all ports. Raises SimError where one is taken."""
         o = self.options
         bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
         hide(bench, o.hidden)
@@ -96,6 +107,9 @@ class Simulator:
         if o.prologix_port is not None:
             gpib = self._gpib = GpibDevice(exchange)
             self.prologix_port = self._listen(o.prologix_port, lambda r, w: serve_prologix(gpib, r, w))
+        if o.ftp_port is not None:
+            self._ftp = FtpServer(self.instrument)
+            self.ftp_port = await self._ftp.start(o.host, o.ftp_port)
 
     def _listen(self, port: int, handler: Handler) -> int:
         self._listeners.append(Listener(self.options.host, port, handler))
@@ -122,12 +136,14 @@ class Simulator:
             await listener.stop()
         if self._gpib is not None:
             await self._gpib.close()
+        if self._ftp is not None and self.ftp_port is not None:
+            await self._ftp.stop()
 
 
 async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: asyncio.Event) -> None:
     simulator = Simulator(options)
     try:
-        simulator.start()
+        await simulator.start()
         ready(simulator)
         await stop.wait()
     finally:
@@ -146,6 +162,8 @@ def run(options: SimOptions) -> None:
         addresses = {"instrument": simulator.resource, "bench": bench}
         if simulator.prologix_port is not None:
             addresses["prologix"] = f"PRLGX-TCPIP0::{options.host}::{simulator.prologix_port}::INTFC"
+        if simulator.ftp_port is not None:
+            addresses["ftp"] = f"ftp://{options.host}:{simulator.ftp_port}"
         print(json.dumps(addresses), flush=True)
 
     async def main() -> None:

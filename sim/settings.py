@@ -171,6 +171,8 @@ TABLE: Mapping[str, Setting] = {
     "DCOMSHORL": Number(-1e6, 1e6, 0.0),
     "DCOMLOADR": Number(-1e6, 1e6, 50.0),
     "DCOMLOADL": Number(-1e6, 1e6, 0.0),
+    # equivalent circuit: the fourth letter of the answer names it
+    "EQUC": Choice(("CIRA", "CIRB", "CIRC", "CIRD", "CIRE"), "CIRE"),
     # display and files
     "TRAC": Choice(("A", "B"), "A"),
     "TITL": Text(""),

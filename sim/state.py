@@ -29,6 +29,8 @@ class State:
     """The list-sweep segment that is being edited."""
     draft_at: int = 0
     editing: bool = False
+    circuit: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    """R1, L1, C1, C0 of the equivalent circuit, SI."""
 
     def __post_init__(self) -> None:
         self.reset()
@@ -42,6 +44,7 @@ class State:
         }
         self.levels = {"VOLT": 0.5, "CURR": 200e-6}
         self.form, self.table, self.draft, self.editing = 4, [], None, False
+        self.circuit = (0.0, 0.0, 0.0, 0.0)
 
     def __getitem__(self, mnemonic: str) -> Value:
         return self.values[mnemonic]

@@ -14,6 +14,7 @@ def sim(
     noise: Annotated[bool, typer.Option(help="Random noise as the analyzer has it.")] = True,
     radial: Annotated[bool, typer.Option("--radial", help="The disk has its radial modes too.")] = False,
     prologix_port: Annotated[int | None, typer.Option(help="Port of a Prologix-style GPIB front, often 1234.")] = None,
+    ftp_port: Annotated[int | None, typer.Option(help="Port of its FTP server (needs aioftp), as 2121.")] = None,
     off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
     hidden: Annotated[
         list[str] | None,
@@ -35,6 +36,7 @@ def sim(
             port=port,
             bench_port=bench_port,
             prologix_port=prologix_port,
+            ftp_port=ftp_port,
             time_scale=time_scale,
             seed=seed,
             jig=jig,

@@ -262,3 +262,24 @@ def test_a_level_sweep_stays_at_its_frequency(wire):
     np.testing.assert_allclose(wire.impedance(), wire.impedance()[0], rtol=0.01)
     wire.say("SWPT LOG")
     assert wire.errors()[0].startswith("-221")
+
+
+def test_the_equivalent_circuit_of_a_resonator(lab_with):
+    lab = lab_with(noise=False, jig="ideal")
+    wire = lab.wire()
+    wire.say("*RST;STAR 3.6 MHZ;STOP 4.6 MHZ;POIN 801;FORM3;CALECPARA")
+    assert wire.errors()[0].startswith("-230")
+    wire.say("SING;*OPC?")
+    assert wire.line() == "1\n"
+    wire.say("CALECPARA")
+    assert wire.errors() == []
+    assert wire.ask("EQUC?")[3] == "E"
+    r, inductance, c1, c0 = (float(wire.ask(f"DEFEC{name}?")) for name in ("R1", "L1", "C1", "C0"))
+    z, f = wire.impedance(), wire.block("FORM3;OUTPSWPRM?", ">f8")
+    series = 1 / (2 * np.pi * np.sqrt(inductance * c1))
+    assert series == pytest.approx(f[np.argmax((1 / z).real)], rel=2e-3)
+    assert series * np.sqrt(1 + c1 / c0) == pytest.approx(f[np.argmax(z.real)], rel=2e-3)
+    assert r == pytest.approx(1 / (1 / z).real.max(), rel=0.1)
+    wire.say("DEFECR1 50;EQUC CIRA;CALECPARA")
+    assert float(wire.ask("DEFECR1?")) == 50
+    assert wire.errors()[0].startswith("-221")
