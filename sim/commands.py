@@ -30,6 +30,11 @@ def _trigger(instrument: Instrument, _: Unit) -> None:
         raise CommandError(-211, "TRIGGER IGNORED")
 
 
+def _manual_trigger(instrument: Instrument, _: Unit) -> None:
+    if instrument.state["TRGS"] != "MAN" or not instrument.sweeper.trigger():
+        raise CommandError(-211, "TRIGGER IGNORED")
+
+
 def _operation_complete(instrument: Instrument, _: Unit) -> None:
     if instrument.sweeper.seconds_left() > 0:
         instrument.opc_wanted = True
@@ -94,6 +99,7 @@ COMMANDS: Mapping[str, Entry] = {
     "*OPC": Entry(_operation_complete),
     "*WAI": Entry(lambda i, _: None),  # the wait itself is in dialect.perform
     "*TRG": Entry(_trigger),
+    "MAN": Entry(_manual_trigger),
     "*ESE": _enable("standard_enable", 255),
     "*SRE": _enable("request_enable", 255),
     "ESNB": _enable("instrument_enable", 65535),
@@ -104,6 +110,7 @@ COMMANDS: Mapping[str, Entry] = {
     "AVERREST": Entry(lambda i, _: i.sweeper.restart()),
     "DCO": Entry(_bias, 1, 1),
     "AUTO": Entry(lambda i, _: None),  # the picture is scaled to its data in any case
+    "MKRO": Entry(lambda i, _: None, 0, 1),  # a marker is on the screen alone
     **LIST_EDITOR,
     **DATA_COMMANDS,
     **CORRECTION_COMMANDS,

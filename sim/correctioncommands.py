@@ -51,6 +51,17 @@ def _measure(bank: Bank, standard: str) -> Act:
     return act
 
 
+def _set_up_adapter(instrument: Instrument, _: Unit) -> None:
+    """ECALP, ECALA ...: measure for the adapter's set-up. There is no cable on the bench, so nothing is to correct."""
+    _need_adapter(instrument, _)
+    instrument.sweeper.start(1, lambda axis, z: None, _standard_axis(instrument))
+
+
+def _need_adapter(instrument: Instrument, _: Unit) -> None:
+    if instrument.state["E4TP"] == "OFF":
+        raise CommandError(-221, "SETTINGS CONFLICT; NO ADAPTER IS SELECTED")
+
+
 def _switch(bank: Bank, standard: str) -> Act:
     def act(instrument: Instrument, unit: Unit) -> None:
         bank(instrument).switch(standard, Switch(False).parse(unit.arguments[0]))
@@ -95,6 +106,8 @@ CORRECTION_COMMANDS: Mapping[str, Entry] = {
     **{f"CAL{s}": Entry(_measure(_calibration, s)) for s in STANDARDS},
     **{f"COMST{s}": Entry(_switch(_compensation, s), 1, 1) for s in STANDARDS},
     "CALST": Entry(_switch_calibration, 1, 1),
+    **{f"ECAL{step}": Entry(_set_up_adapter) for step in ("P", *STANDARDS)},
+    "ECALDON": Entry(_need_adapter),
     **{f"INPUCOMC{k}": Entry(_put(_compensation, s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
     **{f"INPUCALC{k}": Entry(_put(_calibration, s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
 }

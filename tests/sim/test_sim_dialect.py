@@ -283,3 +283,26 @@ def test_the_equivalent_circuit_of_a_resonator(lab_with):
     wire.say("DEFECR1 50;EQUC CIRA;CALECPARA")
     assert float(wire.ask("DEFECR1?")) == 50
     assert wire.errors()[0].startswith("-221")
+
+
+def test_an_adapter_is_set_up_in_steps_that_say_when_they_are_done(wire):
+    wire.say("ECALP")
+    assert wire.errors()[0].startswith("-221")
+    wire.say("E4TP M1;ESNB 256;*CLS")
+    for step in ("ECALP", "ECALA", "ECALB", "ECALC"):
+        wire.say(f"{step};*OPC?")
+        assert wire.line() == "1\n"
+        assert wire.ask("ESB?") == "256"
+    wire.say("ECALDON")
+    assert wire.errors() == []
+
+
+def test_a_manual_trigger_starts_the_sweep(wire):
+    wire.say("MAN")
+    assert wire.errors()[0].startswith("-211")
+    wire.say("TRGS MAN;ESNB 1;*CLS;SING;MKRO ON")
+    assert wire.ask("*STB?") == "0"
+    wire.say("MAN;*OPC?")
+    assert wire.line() == "1\n"
+    assert wire.ask("*STB?") == "4"
+    assert wire.errors() == []
