@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..models.build import Build
-from ..models.effects import Device
 from ..models.effects.effect import SWEEP
 from ..models.sweep import Sweep
 from .answer import least_squares_answer
@@ -23,12 +22,13 @@ from .coordinates import Coordinates
 from .covariance import estimate
 from .descent import chi2_per_point, settle
 from .diagnosis.candidates import candidates
-from .diagnosis.problem import Candidate, Problem, conditions_of
+from .diagnosis.conditions import as_devices
+from .diagnosis.problem import Candidate, Problem
 from .handles import Handle, handles_of, with_value
 from .interface import Constant, Curve, FitError, FitResult, FitTask
 from .joint import Solution, check_task
 from .noise import noise_of
-from .objective import LOADS, Objective, Recording
+from .objective import LOADS, Objective
 
 NAME = "by-hand"
 _FEWEST = 20
@@ -163,7 +163,7 @@ class ByHand:
         if not recordings:
             raise FitError(f"no band holds {_FEWEST} points of any sweep; wider bands are needed")
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
-        return Problem(self._build, _seen(recordings), priors_of(self._build, steps), self._begin, None)
+        return Problem(self._build, as_devices(recordings), priors_of(self._build, steps), self._begin, None)
 
     def _cut(
         self, choices: Choices, step: str, sweeps: Sequence[Sweep], whole: bool
@@ -213,18 +213,6 @@ def parameters_of(constants: Mapping[str, Constant]) -> dict[str, float]:
         else:
             values[name] = constant.re
     return values
-
-
-def _seen(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings with devices, which effects can be added to, in place of their stacks."""
-    counts: dict[str, int] = {}
-    seen: list[Recording] = []
-    for recording in recordings:
-        k = counts.get(recording.step, 0)
-        counts[recording.step] = k + 1
-        device = Device(recording.model, conditions=conditions_of(recording.sweep, k))  # type: ignore[arg-type]
-        seen.append(replace(recording, model=device))
-    return tuple(seen)
 
 
 def _check_bands(choices: Choices, steps: Sequence[str]) -> None:

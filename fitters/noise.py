@@ -76,7 +76,7 @@ def noise_from_smoothness(sweep: Sweep) -> Reals | None:
         return None
     squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
     near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
-    return np.maximum(_at(_from_differences(squares, near), sweep.impedance), _resolution(sweep))
+    return np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
@@ -100,21 +100,34 @@ def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
 def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
     """Return the noise of one step's sweeps, in a word and at each point of each sweep.
 
-    From repeats where there are some, else from smoothness, else what the analyzer's accuracy is.
+    From repeats where there are some, else from smoothness, else what the analyzer's accuracy is. Sweeps at another
+    level, with another bandwidth or the other way round are no repeats: their noise is another, or they differ by more.
     """
-    repeats = noise_from_repeats(sweeps)
-    if repeats is not None:
-        return Noise(_typical(repeats), "repeats"), repeats
-    smooth = [noise_from_smoothness(sweep) for sweep in sweeps]
-    found = tuple(
-        np.full(sweep.frequency.size, _UNKNOWN) if sigma is None else sigma
-        for sweep, sigma in zip(sweeps, smooth, strict=True)
-    )
-    source = "analyzer accuracy" if all(sigma is None for sigma in smooth) else "smoothness"
-    return Noise(_typical(found), source), found
+    found: dict[int, Reals] = {}
+    sources: set[str] = set()
+    kinds = [_kind(sweep) for sweep in sweeps]
+    for kind in dict.fromkeys(kinds):
+        alike = [k for k, other in enumerate(kinds) if other == kind]
+        repeats = noise_from_repeats([sweeps[k] for k in alike])
+        if repeats is not None:
+            sources.add("repeats")
+            found |= dict(zip(alike, repeats, strict=True))
+            continue
+        for k in alike:
+            smooth = noise_from_smoothness(sweeps[k])
+            sources.add("analyzer accuracy" if smooth is None else "smoothness")
+            found[k] = np.full(sweeps[k].frequency.size, _UNKNOWN) if smooth is None else smooth
+    sigmas = tuple(found[k] for k in range(len(sweeps)))
+    source = next(name for name in ("repeats", "smoothness", "analyzer accuracy") if name in sources)
+    return Noise(_typical(sigmas), source), sigmas
 
 
-def _resolution(sweep: Sweep) -> Reals:
+def _kind(sweep: Sweep) -> tuple[object, ...]:
+    names = ("oscillator_V", "oscillator_A", "bandwidth", "point_average", "sweep_average", "direction")
+    return tuple(sweep.settings.get(name) for name in names)
+
+
+def resolution(sweep: Sweep) -> Reals:
     """Return the standard deviation of Re and Im of ln Z that rounding alone makes, shape (N,).
 
     Where R or X are whole multiples of one step, as in a table with three digits, nothing below the step can be seen.

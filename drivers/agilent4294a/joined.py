@@ -9,6 +9,7 @@ from ...models.sweep import Sweep
 from .record import INDUCTIVE
 
 PER_POINT = ("noise_relative", "accuracy_relative")
+TIMES = ("sweep_seconds", "estimated_seconds")
 _OF_ONE = ("spacing", "sweeps", "overlap_noise_relative", "overlap_drift")
 """Settings that hold for one segment and not for the whole."""
 
@@ -28,7 +29,7 @@ def joined(sweeps: Sequence[Sweep], list_sweeps: int, no_list: str = "") -> Swee
         "ended": last.settings["ended"],
         "sweep_type": "list" if list_sweeps else "segment by segment",
         **({"no_list_sweep": no_list} if no_list else {}),
-        "sweep_seconds": round(sum(sweep.settings["sweep_seconds"] for sweep in sweeps), 3),
+        **{name: round(sum(sweep.settings[name] for sweep in sweeps), 3) for name in TIMES},
         "segments": [
             {name: sweep.settings[name] for name in ("start_Hz", "stop_Hz", "points", "spacing", "started", "ended")}
             for sweep in sweeps

@@ -10,6 +10,7 @@ from ...models.plan import Segment, SweepPlan
 from ...models.sweep import Sweep
 from ..accuracy import relative_accuracy, relative_noise
 from ..analyzer import Identity
+from ..sweep_time import estimated
 from .limits import HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from .settings import CONDITIONS, Value
 from .stitch import stitch
@@ -44,12 +45,19 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
         "started": raws[0].started,
         "ended": raws[-1].ended,
         "sweep_seconds": round(sum(raw.seconds for raw in raws), 3),
+        "estimated_seconds": round(_estimated(f, bandwidth, got, plan), 3),
         "noise_relative": _short(relative_noise(f, nonzero, bandwidth, level, averages)),
         "accuracy_relative": _short(relative_accuracy(f, nonzero, bandwidth, level)),
     }
     if len(raws) > 1:
         settings |= _of_parts(raws, whole.noise, whole.drift)
     return Sweep(f, z, settings, raws[0].started, notes=_notes(len(raws), z))
+
+
+def _estimated(frequency: Reals, bandwidth: int, got: Mapping[str, Value], plan: SweepPlan) -> float:
+    """Return what the instrument needs for a sweep; a simulated one may have taken less."""
+    delays = float(got["PDELT"]), float(got["SDELT"])
+    return estimated(frequency, bandwidth, plan.point_average, plan.sweep_average, *delays)
 
 
 def _level_V(got: Mapping[str, Value], impedance: Impedances) -> float:

@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.build import Build
-from ...models.effects import Conditions, Device, Effect, Knob
-from ...models.sweep import Sweep
+from ...models.effects import Device, Effect, Knob
 from ..assembly import coordinates_of, priors_of
 from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
 from ..objective import Objective, Prior, Recording
+from .conditions import as_devices
+
+_LEAST = 1e-5
+"""Part of a typical size that a fit can still be at home with."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,17 @@ class Candidate:
         """Names of its parameters."""
         return tuple(self.prefix + knob.name for knob in self.knobs)
 
-    def blocks(self) -> tuple[Block, ...]:
-        """Return the coordinates of its knobs, within what physics allows."""
-        return tuple(_block(self.prefix + knob.name, knob, first=knob is self.knobs[0]) for knob in self.knobs)
+    @property
+    def sizes(self) -> tuple[tuple[str, Knob], ...]:
+        """Names of its sizes among the parameters, and their knobs."""
+        return tuple(zip(self.parameters, self.knobs, strict=True))[: self.effect.sizes]
+
+    def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
+        """Return the coordinates of its knobs, within what physics allows, for a fit that starts at `values`."""
+        return tuple(
+            _block(name, knob, values.get(name, knob.null), first=knob is self.knobs[0])
+            for name, knob in zip(self.parameters, self.knobs, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,22 +77,15 @@ class Problem:
     def of(cls, solution: Solution, free: tuple[str, ...] | None) -> "Problem":
         """Return the problem that a joint fit has solved, its stacks seen as devices under their sweep's conditions."""
         objective = solution.descent.objective
-        counts: dict[str, int] = {}
-        recordings: list[Recording] = []
-        for recording in objective.recordings:
-            k = counts.get(recording.step, 0)
-            counts[recording.step] = k + 1
-            stack = recording.model
-            device = Device(stack, conditions=conditions_of(recording.sweep, k))  # type: ignore[arg-type]
-            recordings.append(replace(recording, model=device))
+        recordings = as_devices(objective.recordings)
         values, _ = objective.coordinates.forward(solution.descent.x)
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
-        return cls(solution.build, tuple(recordings), priors_of(solution.build, steps), values, free)
+        return cls(solution.build, recordings, priors_of(solution.build, steps), values, free)
 
     def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of a fit with these effects, starting at `values`."""
         base = coordinates_of(self.build, self.steps, values, self.free)
-        blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks())]
+        blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
         names = [name for effect in effects for name in effect.parameters]
         null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.knobs}
         return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
@@ -106,23 +110,13 @@ class Problem:
         return replace(self, recordings=tuple(parts))
 
 
-def _block(name: str, knob: Knob, first: bool) -> Block:
+def _block(name: str, knob: Knob, start: float, first: bool) -> Block:
     if knob.lower == knob.null == 0:
-        return hardly_negative(name, knob.typical)
+        # of the size it starts from, so that small ones are found as well as typical ones
+        return hardly_negative(name, float(np.clip(start, _LEAST * knob.typical, knob.typical)))
     if not first and np.isfinite(knob.upper):
         return between(name, knob.lower, knob.upper)
     return linear(name, knob.typical)
-
-
-def conditions_of(sweep: Sweep, order: int) -> Conditions:
-    """Return how a sweep ran, from its settings; `order`: how many sweeps of its step came before."""
-    settings = sweep.settings
-    return Conditions(
-        direction=str(settings.get("direction") or "up"),
-        seconds=float(settings.get("sweep_seconds") or 0.0),
-        level_V=float(settings.get("oscillator_V") or 0.5),
-        order=order,
-    )
 
 
 def _extended(recording: Recording, effects: Sequence[Candidate]) -> Recording:

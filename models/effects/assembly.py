@@ -21,20 +21,22 @@ class Conditions:
 
     direction: str = "up"
     """`up` or `down`."""
-    seconds: float = 0.0
-    """How long it took; 0 where nobody knows."""
     level_V: float = 0.5
     """Oscillator level."""
-    order: int = 0
-    """How many sweeps of this step came before."""
+    began: float = 0.0
+    """When it began after the first sweep of this step, in lengths of that one."""
+    length: float = 1.0
+    """How long it took, in lengths of the step's first sweep."""
+    pace: float = 1.0
+    """Hertz per second, in those of the step's first sweep."""
 
     def elapsed(self, points: int) -> Reals:
-        """Return the time of each point since the first sweep of the step began, in sweeps, shape (N,).
+        """Return the time of each point since the first sweep of the step began, in lengths of that one, shape (N,).
 
-        In rising frequency: from `order` to `order + 1` for a sweep upwards, the other way round for one downwards.
+        In rising frequency: from beginning to end for a sweep upwards, the other way round for one downwards.
         """
         part = np.linspace(0.0, 1.0, points)
-        return self.order + (part if self.direction == "up" else part[::-1])
+        return self.began + self.length * (part if self.direction == "up" else part[::-1])
 
 
 @dataclass(frozen=True)

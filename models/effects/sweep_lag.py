@@ -25,18 +25,20 @@ class SweepLag(Effect):
         return (SWEEP,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return by how many hertz the reading lags: rate of the sweep times the time to settle."""
+        """Return by how many hertz the reading lags in the step's first sweep: its rate times the time to settle."""
         f0 = resonance(stack)
         return (Knob("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as such a sweep records it."""
-        lag = values["lag"] if assembly.conditions.direction == "up" else -values["lag"]
+        ran = assembly.conditions
+        lag = values["lag"] * ran.pace * (1 if ran.direction == "up" else -1)
         if lag == 0:
             return assembly
 
         def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            past = np.maximum(frequency - lag, 0.5 * frequency)
+            steps = np.gradient(frequency)  # a sweep takes as long for each point, so it is fastest where they are wide
+            past = np.maximum(frequency - lag * steps / np.mean(steps), 0.5 * frequency)
             return Z * (device.steady(past) / device.steady(frequency))
 
         return assembly.recorded(late)

@@ -11,10 +11,14 @@ from .effect import SWEEP, Effect, Knob, Stage
 
 
 class TemperatureDrift(Effect):
-    """Resonance frequencies and permittivity drift linearly with time; a downward sweep sees the opposite order."""
+    """Resonance frequencies and permittivity drift linearly with time; a downward sweep sees the opposite order.
+
+    The constants are those at the beginning of the step's first sweep, where the device is as in the other steps.
+    """
 
     name = "temperature-drift"
     stage = Stage.RECORD
+    sizes = 2
     says = "The device drifted while the sweep ran: the later points belong to a warmer (or colder) device."
     separates = "sweep up and down, or wait until two sweeps agree"
     references = ("left-out physics 4.4; vendors state 50-1200 ppm/K for the resonance of soft PZT",)
@@ -37,7 +41,7 @@ class TemperatureDrift(Effect):
             return assembly
 
         def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            tau = device.conditions.elapsed(frequency.size) - 0.5
+            tau = device.conditions.elapsed(frequency.size)
             shift = np.zeros_like(Z)
             for name, relative in _drifts(device.nominal, 2 * speed, permittivity).items():
                 value = device.stack.parameters()[name]
