@@ -12,13 +12,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from ..drivers.analyzer import InstrumentError
+from ..drivers.agilent4294a import Agilent4294A
 from ..drivers.discover import Discovery, discover
 from ..drivers.visa import open_analyzer
 from ..models.errors import PzctlError
-from .archive import Archive
+from ..models.plan import Segment, SweepPlan
 from .location import find
-from .paths import home, journal_folder
+from .paths import home
+from .samples import NoSamplesError, open_journal
 
 Status = Literal["ok", "note", "fault"]
 
@@ -27,6 +28,8 @@ ENOUGH_BYTES = 500_000_000
 """Room for some ten thousand sweeps."""
 DEVICES = ("ttyUSB*", "ttyACM*", "usbtmc*", "gpib*")
 """Device files behind which a GPIB adapter may sit (Linux)."""
+SHORT = SweepPlan((Segment(1e6, 2e6, 11),), oscillator_V=0.1, bandwidth=1)
+"""A sweep that harms nothing and lasts some hundredths of a second."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +47,13 @@ class Check:
 def checkup(resource: str | None = None, heard: Callable[[str], None] = lambda _: None) -> list[Check]:
     """Look at everything and return what was found; nothing raises. `heard` is told what is looked at.
 
-    `resource`: an analyzer that is to be asked who it is; without it, instruments are searched.
+    `resource`: an analyzer that is to be asked who it is, and to sweep; without it, instruments are searched.
     """
     heard("this machine")
     found = [_software(), _folder(), _journal(), _daemon()]
     heard("devices and VISA libraries")
     found += _devices(Path("/dev"))
-    found += [_instrument(resource)] if resource else _instruments(discover())
+    found += _instrument(resource) if resource else _instruments(discover())
     heard("a measurement on the simulated bench, through every part")
     return [*found, _rehearsal()]
 
@@ -78,15 +81,14 @@ def _folder() -> Check:
 
 
 def _journal() -> Check:
-    folder = journal_folder(home())
-    if not (folder / "journal.sqlite").exists():
-        return Check("journal", "ok", "empty: nothing was measured yet")
     try:
-        archive = Archive(folder)
+        archive = open_journal()
         try:
-            wrong, events = archive.verify(), archive.newest
+            wrong, events = archive.verify(), archive.size
         finally:
             archive.close()
+    except NoSamplesError:
+        return Check("journal", "ok", "empty: nothing was measured yet")
     except PzctlError as error:
         return Check("journal", "fault", str(error), "bring back the folder from a backup, or move it away")
     if wrong:
@@ -134,16 +136,31 @@ def _instruments(discovery: Discovery) -> list[Check]:
     return found + [Check("not looked at", "note", what) for what in discovery.not_scanned]
 
 
-def _instrument(resource: str) -> Check:
+def _instrument(resource: str) -> list[Check]:
+    """Ask who is there, and take a short and weak sweep: every part of the path is used. A daemon's is left to it."""
+    where = find(home())
+    if where is not None and where.resource == resource:
+        return [Check("instrument", "ok", f"{resource} is the daemon's, and was not touched; ask `pzctl status`")]
     try:
         analyzer = open_analyzer(resource)
         try:
             identity = analyzer.identify()
+            found = [Check("instrument", "ok", f"{identity.name}: {identity.idn}")]
+            if isinstance(analyzer, Agilent4294A):
+                found.append(_path(analyzer))
         finally:
             analyzer.close()
-    except InstrumentError as error:
-        return Check("instrument", "fault", str(error), "see docs/connecting-a-4294A.md")
-    return Check("instrument", "ok", f"{identity.name}: {identity.idn}")
+    except PzctlError as error:
+        return [Check("instrument", "fault", str(error), "see docs/connecting-a-4294A.md")]
+    return found
+
+
+def _path(analyzer: Agilent4294A) -> Check:
+    begun = time.monotonic()
+    (sweep,) = analyzer.measure(SHORT)
+    told = "by service request" if analyzer.hears_requests else "by its status byte, which is asked for"
+    says = f"{sweep.frequency.size} points swept and read in {time.monotonic() - begun:.1f} s, settings read back"
+    return Check("path", "note" if sweep.notes else "ok", "; ".join((says, f"its end is told {told}", *sweep.notes)))
 
 
 def _rehearsal() -> Check:

@@ -30,6 +30,11 @@ class Agilent4294A:
         self._no_list = ""
         """Why this instrument does no list sweep, once it has been tried."""
 
+    @property
+    def hears_requests(self) -> bool:
+        """Whether the end of a sweep is told by service request; else the status byte is asked for."""
+        return self._link.hears_requests
+
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
         try:

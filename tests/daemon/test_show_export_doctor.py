@@ -12,12 +12,13 @@ import pytest
 from scipy.io import netcdf_file
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.checkup import _devices, _own_folder
+from pzctl.daemon.checkup import _devices, _instrument, _own_folder
 from pzctl.daemon.cli import app
 from pzctl.daemon.cli.doctor import Unwell
 from pzctl.daemon.paths import home
 from pzctl.drivers.recordings import read_recording
 from pzctl.models.errors import PzctlError
+from pzctl.sim.server import SimOptions, running
 
 
 def run(*words: str | Path) -> Result:
@@ -112,3 +113,19 @@ def test_a_device_that_may_not_be_opened_is_named(tmp_path: Path, monkeypatch: p
     (check,) = _devices(tmp_path)
     assert "ttyUSB0" in check.says
     assert "usermod" in check.remedy
+
+
+def test_the_doctor_takes_a_sweep_of_the_instrument_that_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
+        for resource, told in (
+            (sim.resource, "by its status byte"),
+            (f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17", "by service request"),
+        ):
+            who, path = _instrument(resource)
+            assert (who.status, path.status) == ("ok", "ok")
+            assert "HEWLETT-PACKARD,4294A" in who.says
+            assert path.says.startswith("11 points swept and read in ")
+            assert told in path.says
