@@ -49,7 +49,10 @@ def fitted(frequency: Frequencies, z: Impedances) -> Reals:
         difference: Complexes = np.log(impedance(frequency, np.exp(logs)) / z)
         return np.concatenate([difference.real, difference.imag])
 
-    return np.asarray(np.exp(least_squares(residual, np.log(start)).x), dtype=np.float64)
+    try:
+        return np.asarray(np.exp(least_squares(residual, np.log(start)).x), dtype=np.float64)
+    except ValueError:
+        raise CommandError(-221, "SETTINGS CONFLICT; NO RESONANCE IN THE SWEEP") from None
 
 
 def _calculate(instrument: Instrument, _: Unit) -> None:
