@@ -141,7 +141,7 @@ class ByHand:
         values = dict(problem.values)
         for one in effects:
             for k, (name, knob) in enumerate(zip(one.parameters, one.knobs, strict=True)):
-                values[name] = knob.typical if k < one.effect.sizes else knob.null  # so that one sees what it does
+                values[name] = knob.null if k else knob.typical  # so that one sees what it does
         for name, value in choices.values.items():
             values = with_value(name, float(value), values)
         whole = problem.coordinates(effects, values)

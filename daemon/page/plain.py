@@ -35,7 +35,7 @@ def event_json(heard: Heard) -> dict[str, Any]:
 
 def sweep_json(sweep: Sweep) -> dict[str, Any]:
     """Return a recording: `f` in Hz, `z` in ohm."""
-    return {"id": sweep.id, "time": sweep.time, "f": sweep.frequency.tolist(), "z": _complex(sweep.impedance)}
+    return {"id": sweep.id, "time": sweep.time, "f": sweep.frequency.tolist(), "z": numbers_json(sweep.impedance)}
 
 
 def fitted_json(fit: FitResult, step: str) -> dict[str, Any]:
@@ -80,12 +80,13 @@ def build_json(build: Build) -> dict[str, Any]:
 def _curve(curve: Curve) -> dict[str, Any]:
     return {
         "f": curve.frequency.tolist(),
-        "measured": _complex(curve.measured),
-        "fitted": _complex(curve.fitted),
+        "measured": numbers_json(curve.measured),
+        "fitted": numbers_json(curve.fitted),
     }
 
 
-def _complex(z: Complexes) -> dict[str, list[float]]:
+def numbers_json(z: Complexes) -> dict[str, list[float]]:
+    """Return complex numbers as two lists."""
     return {"re": _short(z.real), "im": _short(z.imag)}
 
 

@@ -23,6 +23,7 @@ from ..report import report_html
 from ..reported import SampleRecord, sample_record
 from ..samples import NoSamplesError, open_journal
 from .guard import Guard
+from .hands import Hands
 from .hub import Hub
 from .plain import build_json, record_json
 
@@ -33,7 +34,7 @@ MOST_SAMPLES = 20
 
 def page_app(build: Build, token: str | None = None) -> Starlette:
     """Return the page of a lab that builds `build`; with a token, only who shows it is let in."""
-    hub = Hub()
+    hub, hands = Hub(), Hands()
     desk = _Desk(build)
 
     @asynccontextmanager
@@ -41,6 +42,7 @@ def page_app(build: Build, token: str | None = None) -> Starlette:
         hub.start()
         yield
         hub.stop()
+        hands.close()
 
     async def events(_: Request) -> Response:
         return StreamingResponse(hub.stream(), media_type="text/event-stream")
@@ -57,6 +59,8 @@ def page_app(build: Build, token: str | None = None) -> Starlette:
         Route("/api/measure", _answering(desk.measure), methods=["POST"]),
         Route("/api/diagnose", _answering(desk.diagnose), methods=["POST"]),
         Route("/api/cancel", _answering(desk.cancel), methods=["POST"]),
+        Route("/api/look", _answering(lambda words: JSONResponse(hands.look(words))), methods=["POST"]),
+        Route("/api/fit", _answering(lambda words: JSONResponse(hands.fit(words))), methods=["POST"]),
         Route("/download/{measurement}/{segment:int}.csv", _answering(desk.download)),
         Route("/report/{name:path}", _answering(desk.report)),
         Mount("/static", StaticFiles(directory=STATIC)),

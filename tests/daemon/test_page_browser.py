@@ -28,7 +28,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None or sys.platform == "win32", reason="no chromium is installed (Debian: apt-get install chromium)"
 )
-PATIENCE = 60.0
+PATIENCE = 30.0
 
 
 class Browser:
@@ -89,7 +89,7 @@ class Browser:
         return found
 
     def key(self, name: str) -> None:
-        code = {"Tab": 9, "Enter": 13}[name]
+        code = {"Tab": 9, "Enter": 13, "ArrowRight": 39}[name]
         text = {"text": "\r"} if name == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             self._send("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code, **text)
@@ -198,6 +198,70 @@ def test_from_the_button_to_the_constants(page: str, browser: Browser, pictures:
     browser.wait("document.documentElement.scrollWidth <= 820")
     browser.wait("document.querySelector('#plot-z canvas').clientWidth > 600")  # drawn anew for this width
     browser.picture(pictures / "page-tablet.png")
+    assert browser.problems == []
+
+
+@needs_chromium
+def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
+    page: str, browser: Browser, pictures: Path
+) -> None:
+    browser.open(page)
+    browser.wait("document.getElementById('constants').tBodies[0].rows.length >= 5")
+    browser.run("document.getElementById('hand-open').click()")
+    browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
+    at_rest = "!document.getElementById('hand').dataset.busy"
+    misfit = "Number(document.getElementById('hand-chi2').textContent.split(' ')[1])"
+    browser.wait(at_rest)
+    assert browser.run(misfit) < 1.5, "it begins where the fit ended"
+    browser.run("document.querySelector('[data-handle=\"disk.c33D\"]').focus()")
+    for _ in range(30):
+        browser.key("ArrowRight")
+    browser.wait(f"{at_rest} && {misfit} > 100")
+    assert browser.run("document.getElementById('chi2').className") == "big good", "nothing was fitted yet"
+    browser.run("document.getElementById('hand-bands').value = '1-6'")
+    browser.run("document.getElementById('hand-none').click()")
+    for name in ("disk.c33D", "disk.h33.loss"):  # which is bounded by the loss of the other two
+        browser.run(f"document.querySelector('[aria-label=\"free {name}\"]').click()")
+    browser.run("document.getElementById('hand-fit').scrollIntoView()")
+    browser.picture(pictures / "page-by-hand.png")
+    browser.run("document.getElementById('hand-fit').click()")
+    browser.wait(f"{at_rest} && {misfit} < 1.5")
+    assert browser.run("document.getElementById('fitter').textContent").startswith("by by-hand")
+    assert browser.run("document.querySelectorAll('#constants tbody tr:not(.held)').length") == 1, "only c33D was free"
+    assert browser.problems == []
+
+
+@needs_chromium
+def test_what_was_left_out_is_found_named_and_marked(page: str, browser: Browser, pictures: Path) -> None:
+    with connect() as lab:
+        lab.bench({"command": "hidden", "lead-inductance": 1e-8})
+        browser.open(page)
+        browser.wait(
+            "[...document.querySelectorAll('#steps button')].some((b) => b.textContent === 'disk' && !b.disabled)"
+        )
+        browser.run("[...document.querySelectorAll('#steps button')].find((b) => b.textContent === 'disk').click()")
+        browser.wait("document.getElementById('chi2').classList.contains('bad')")
+        lab.bench({"command": "hidden", "lead-inductance": 0.0})
+
+    # By hand: the effect that one suspects is added, and its slider shows what it does.
+    browser.run("document.getElementById('hand-open').click()")
+    browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
+    browser.run("document.getElementById('hand-effect').value = '[\"lead-inductance\",\"terminals\"]'")
+    browser.run("document.getElementById('hand-add').click()")
+    browser.wait("document.querySelector('[data-handle=\"lead-inductance@terminals.inductance\"]') !== null")
+    browser.wait("!document.getElementById('hand').dataset.busy")
+    browser.run("document.getElementById('hand-fit').click()")
+    browser.wait("document.getElementById('chi2').classList.contains('good')")
+    shown = "document.querySelector('[data-handle=\"lead-inductance@terminals.inductance\"]').nextSibling.textContent"
+    assert float(browser.run(shown).split()[0]) == pytest.approx(1e-8, rel=0.05)
+
+    # The diagnosis finds it without being told.
+    browser.run("document.getElementById('diagnose').click()")
+    browser.wait("document.querySelectorAll('#stack .guilty').length === 1")
+    assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
+    assert "left out" in browser.run("document.getElementById('words').textContent")
+    browser.run("window.scrollTo(0, 0)")
+    browser.picture(pictures / "page-diagnosed.png")
     assert browser.problems == []
 
 

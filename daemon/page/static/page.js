@@ -1,11 +1,12 @@
 // What the page shows, and what its buttons do. Everything from outside is set as text, never as markup.
 
-import { circle, clear, draw } from "./plots.js";
+import { follow, wire } from "./byhand.js";
+import { circle, clear, columns, draw, resampled, smith } from "./plots.js";
 import { history, stack } from "./sketch.js";
 import { complexWithUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
-const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [] };
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null };
 
 function element(tag, text, properties = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, properties);
@@ -34,36 +35,44 @@ function showSegments() {
   }));
 }
 
-function columns(z) {
-  const y = z.re.map((re, k) => { const m = re * re + z.im[k] * z.im[k]; return [re / m, -z.im[k] / m]; });
-  return {
-    size: z.re.map((re, k) => Math.hypot(re, z.im[k])),
-    phase: z.re.map((re, k) => (Math.atan2(z.im[k], re) * 180) / Math.PI),
-    g: y.map((p) => Math.max(p[0], 1e-12)), b: y.map((p) => p[1]), y: y.map((p) => [p[0] * 1e3, p[1] * 1e3]),
-  };
-}
-
 function showCurves() {
   showSegments();
   const sweep = view.sweeps[view.segment];
   if (!sweep) return;
   const curve = view.fit?.curves[view.segment];
   const x = sweep.f.map((f) => f / 1e6), measured = columns(sweep.z), fitted = curve && columns(curve.fitted);
+  const other = keptAt(sweep.f);
   for (const [id, part, log] of [["plot-z", "size", true], ["plot-phase", "phase"], ["plot-g", "g", true], ["plot-b", "b"]]) {
     const lines = [["measured", "--measured", 4, measured[part]]];
+    if (other) lines.push(["kept", "--good", 2, resampled(other.f, other[part], sweep.f)]);
     if (fitted) lines.push(["fitted", "--fitted", 1.5, fitted[part]]);
     draw(id, x, lines, log);
   }
-  circle("plot-circle", [["--measured", 4, measured.y], ...(fitted ? [["--fitted", 1.5, fitted.y]] : [])]);
+  for (const [id, part, show] of [["plot-circle", "y", circle], ["plot-smith", "gamma", smith]]) {
+    show(id, [["--measured", 4, measured[part]], ...(other ? [["--good", 2, other[part]]] : []), ...(fitted ? [["--fitted", 1.5, fitted[part]]] : [])]);
+  }
   if (!fitted) { clear("plot-residual"); return; }
   const turn = fitted.phase.map((p, k) => { const d = p - measured.phase[k]; return ((d - 360 * Math.round(d / 360)) * Math.PI) / 180; });
   draw("plot-residual", x, [
     ["magnitude", "--fitted", 1, fitted.size.map((m, k) => Math.log(m / measured.size[k]))], ["phase", "--phase", 1, turn]]);
 }
 
+// Of the kept measurement, the sweep that has most of this band.
+function keptAt(f) {
+  const shared = (one) => Math.min(one.f.at(-1), f.at(-1)) - Math.max(one.f[0], f[0]);
+  const best = [...(view.kept?.sweeps ?? [])].sort((a, b) => shared(b) - shared(a))[0];
+  return best && shared(best) > 0 ? { f: best.f, ...columns(best.z) } : null;
+}
+
+function showKept() {
+  $("keep").disabled = !view.sweeps.length;
+  $("keep").textContent = view.kept ? "Compare no more" : "Keep for comparison";
+  $("kept-key").hidden = !view.kept;
+  $("kept-name").textContent = view.kept?.name ?? "";
+}
+
 function showStack() {
-  const guilty = (view.diagnosis?.findings ?? []).map((finding) => finding.where);
-  stack($("stack"), view.build, view.step, guilty);
+  stack($("stack"), view.build, view.step, view.diagnosis?.findings ?? []);
 }
 
 function showFit() {
@@ -125,7 +134,8 @@ function showHistory() {
 function showAll() {
   $("sample").textContent = view.sample ?? view.build.name;
   $("when").textContent = view.sweeps[0] ? `recorded ${view.sweeps[0].time.slice(0, 19).replace("T", " ")} UTC` : "";
-  for (const show of [showControls, showStack, showFit, showCurves, showDownloads]) show();
+  for (const show of [showControls, showStack, showFit, showCurves, showKept, showDownloads]) show();
+  follow(view);
 }
 
 function showDaemon(daemon) {
@@ -138,6 +148,11 @@ function showDaemon(daemon) {
 
 function say(text, fraction = 0, left = "") {
   $("state").textContent = text; $("progress").value = fraction; $("left").textContent = left;
+}
+
+// How long after the daemon announced it a sweep is on the screen, ms.
+function painted(time) {
+  requestAnimationFrame(() => setTimeout(() => { document.body.dataset.lag = String(Date.now() - Date.parse(time)); }));
 }
 
 // ---- what happens
@@ -179,6 +194,7 @@ const heard = {
     if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fit: null, diagnosis: null, segment: 0 });
     view.sweeps.push(event.sweep);
     showAll();
+    painted(event.time);
   },
   fit: (event) => {
     if (event.measurement !== view.measurement) return;
@@ -197,6 +213,9 @@ $("next").onclick = () => { const step = nextStep(); if (step) command("/api/mea
 $("stop").onclick = () => command("/api/cancel", {});
 $("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
 $("which").onchange = showHistory;
+$("keep").onclick = () => { view.kept = view.kept ? null : { name: `${view.sample} · ${view.step}`, sweeps: view.sweeps }; showCurves(); showKept(); };
+view.changed = showAll;
+wire(view);
 $("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 
 function setTheme(name) {

@@ -10,13 +10,16 @@ function make(name, attributes, text) {
   return node;
 }
 
-export function stack(home, build, step, guilty) {
+// `findings` of a diagnosis: where each sits is marked, and named below.
+export function stack(home, build, step, findings) {
+  const guilty = findings.map((finding) => finding.where);
   const present = build.steps.find((one) => one.name === step)?.layers ?? build.layers.map((layer) => layer.name);
   const layers = build.layers.filter((layer) => present.includes(layer.name));
   const total = layers.reduce((sum, layer) => sum + layer.thickness, 0);
   const wide = layers.map((layer) => Math.max(layer.thickness / total, SMALLEST));
   const sum = wide.reduce((a, b) => a + b, 0);
-  const svg = make("svg", { viewBox: "0 0 400 170", role: "img", "aria-label": `layers back to front: ${present.join(", ")}` });
+  const svg = make("svg", { viewBox: `0 0 400 ${176 + 20 * findings.length}`, role: "img",
+    "aria-label": `layers back to front: ${present.join(", ")}${guilty.length ? `; mismatch at ${guilty.join(", ")}` : ""}` });
   let x = 10;
   const front = {};
   layers.forEach((layer, k) => {
@@ -30,11 +33,17 @@ export function stack(home, build, step, guilty) {
   for (const where of guilty) {
     const at = where === "face:back" ? 10 : where === "face:front" ? x : where.startsWith("interface:") ? front[where.slice(10).split("|")[0]] : undefined;
     if (at !== undefined) svg.append(make("line", { x1: at, x2: at, y1: 0, y2: 146, stroke: "var(--warn)", "stroke-width": 7, class: "guilty" }));
-    if (where === "terminals") svg.append(make("circle", { cx: 200, cy: 152, r: 7, fill: "var(--warn)", class: "guilty" }));
+    if (where === "terminals" || where === "sweep") wires(svg);
   }
-  svg.append(make("text", { x: 10, y: 162, "font-size": 14 }, `back: ${build.back}`));
-  svg.append(make("text", { x: 390, y: 162, "font-size": 14, "text-anchor": "end" }, `front: ${build.front}`));
+  svg.append(make("text", { x: 10, y: 162, "font-size": 15 }, `back: ${build.back}`));
+  svg.append(make("text", { x: 390, y: 162, "font-size": 15, "text-anchor": "end" }, `front: ${build.front}`));
+  findings.forEach((finding, k) => svg.append(make("text", { x: 10, y: 186 + 20 * k, "font-size": 15, "font-weight": 700 }, `▲ ${finding.effect}: ${finding.where}`)));
   home.replaceChildren(svg);
+}
+
+// The leads from disk to analyzer, marked.
+function wires(svg) {
+  svg.append(make("path", { d: "M190 138 v12 h20 v-12", fill: "none", stroke: "var(--warn)", "stroke-width": 6, class: "guilty" }));
 }
 
 export function history(home, points) {

@@ -1,0 +1,134 @@
+"""Fits by hand for the page, in one process of their own: whatever is asked there, neither events nor buttons wait."""
+
+import os
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import lru_cache
+from multiprocessing import get_context
+from threading import Lock
+from typing import Any
+
+import msgspec
+
+from ...fitters.byhand import ByHand, Choices
+from ...fitters.interface import Curve
+from ...models.errors import PzctlError
+from ..byhand import of_measurement
+from ..samples import open_journal
+from .plain import fitted_json, numbers_json
+
+PATIENCE = 120.0
+"""Seconds that an answer may take."""
+_NICE = 10
+
+
+class HandError(PzctlError):
+    """A request by hand that does not say what is wanted, or that came to nothing."""
+
+
+class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the page sends: a measurement, and the choices made on it."""
+
+    measurement: str
+    free: tuple[str, ...] | None = None
+    values: dict[str, float] = {}
+    bands: dict[str, tuple[tuple[float, float], ...]] = {}
+    effects: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def choices(self) -> Choices:
+        """The choices alone."""
+        return Choices(self.free, self.values, self.bands, self.effects)
+
+
+class Hands:
+    """The process that looks and fits; begun when it is first needed. For any number of threads."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._lock = Lock()
+
+    def look(self, words: dict[str, Any]) -> dict[str, Any]:
+        """Return handles, places of effects, and the model's curves of a wish. Raises HandError, FitError."""
+        return self._ask(words, fitting=False)
+
+    def fit(self, words: dict[str, Any]) -> dict[str, Any]:
+        """Return the fit of a wish, and the handles where it has brought them. Raises HandError, FitError."""
+        return self._ask(words, fitting=True)
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            pool, self._pool = self._pool, None
+        if pool is not None:
+            _end(pool)
+
+    def _ask(self, words: dict[str, Any], *, fitting: bool) -> dict[str, Any]:
+        try:
+            wish = msgspec.convert(words, Wish)
+        except msgspec.ValidationError as error:
+            raise HandError(f"choices of a fit by hand: {error}") from None
+        with self._lock:
+            pool = self._pool = self._pool or _begun()
+        try:
+            return pool.submit(_answer, wish, fitting).result(PATIENCE)
+        except (BrokenProcessPool, TimeoutError):
+            with self._lock:
+                self._pool = None if self._pool is pool else self._pool
+            _end(pool)
+            raise HandError(f"the fit by hand gave no answer within {PATIENCE:g} s, or its process ended") from None
+
+
+def _begun() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_polite)
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End a pool at once; what it works on is nobody's any more."""
+    processes: dict[int, Any] = getattr(pool, "_processes", None) or {}
+    workers = [*processes.values()]
+    pool.shutdown(wait=False, cancel_futures=True)
+    for worker in workers:
+        worker.terminate()
+
+
+def _polite() -> None:
+    """Give way to the daemon, and to whoever measures."""
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+
+
+def _answer(wish: Wish, fitting: bool) -> dict[str, Any]:
+    """Do the work, within the process."""
+    journal = open_journal()
+    try:
+        version = (*journal.sweep_ids(wish.measurement), journal.answers(wish.measurement, "mason"))
+    finally:
+        journal.close()
+    hand = _in_hand(wish.measurement, version)
+    if not fitting:
+        return _looked(hand, wish.choices)
+    result, there = hand.fit(wish.choices)
+    made = fitted_json(result, hand.steps[-1])
+    return _looked(hand, there) | {"fit": made}
+
+
+@lru_cache(4)
+def _in_hand(measurement: str, version: tuple[Any, ...]) -> ByHand:
+    return of_measurement(measurement)
+
+
+def _looked(hand: ByHand, choices: Choices) -> dict[str, Any]:
+    look = hand.look(choices)
+    return {
+        "steps": list(hand.steps),
+        "places": hand.places(),
+        "handles": [msgspec.to_builtins(one) for one in look.handles],
+        "chi2_per_dof": look.chi2_per_dof,
+        "curves": [_model(curve) for curve in look.curves if curve.step == hand.steps[-1]],
+    }
+
+
+def _model(curve: Curve) -> dict[str, Any]:
+    """Return the model alone: the page has frequency and measurement already."""
+    return {"fitted": numbers_json(curve.fitted)}
