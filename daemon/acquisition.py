@@ -14,7 +14,7 @@ from ..models.build import Build
 from ..models.errors import PzctlError
 from ..models.plan import SweepPlan
 from ..models.sweep import Sweep
-from .archive import JournalError
+from .store import JournalError
 from .uuid7 import uuid7
 from .wire import Event, Instrument, Payload, ProgressEvent, Sample, StateEvent, SweepEvent, sweep_columns
 
@@ -34,6 +34,8 @@ class Job:
     plan: SweepPlan
     priority: int = 0
     """Higher ones go first."""
+    decides: str | None = None
+    """The measurement whose diagnosis it is to decide."""
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     @property
@@ -161,7 +163,7 @@ class Acquisition:
             log.exception("measurement %s", job.measurement)
             self._state(job, "failed", f"a defect of pzctl, see the daemon's log: {error!r}")
         else:
-            self._state(job, "measured", f"{len(sweeps)} sweep(s)")
+            self._state(job, "measured-aside" if job.decides else "measured", f"{len(sweeps)} sweep(s)")
 
     def _announce(self, job: Job, sweeps: tuple[Sweep, ...]) -> None:
         for k, sweep in enumerate(sweeps, start=1):
@@ -177,6 +179,7 @@ class Acquisition:
                 started=sweep.time,
                 settings=dict(sweep.settings),
                 notes=sweep.notes,
+                decides=job.decides,
                 columns=columns,
             )
             self._publish(event, payload)

@@ -1,23 +1,14 @@
 """Reading the record of everything that was announced, while the daemon goes on writing it."""
 
-import hashlib
-import sqlite3
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from ..models.build import Build
-from ..models.errors import PzctlError
-from .migrations import VERSION
+from .store import JournalError, Place, digest_of, open_store
 from .wire import Sample
-
-
-class JournalError(PzctlError):
-    """The journal cannot be opened, written or read as it should be."""
 
 
 @dataclass(frozen=True)
@@ -31,47 +22,58 @@ class Measurement:
     time: str
 
 
-class Archive:
-    """A journal's folder, opened for reading; any number of processes may.
+@dataclass(frozen=True)
+class History:
+    """A measurement, the ids of its sweeps, and the names of those that answered it with a result."""
 
-    Raises JournalError from every method where the disk or the database does not do what was asked.
+    measurement: Measurement
+    sweeps: tuple[str, ...]
+    fitters: tuple[str, ...]
+
+
+class Archive:
+    """A journal opened for reading, in a folder or at a URL; any number of processes may.
+
+    `station` is whose events are counted and said again; measurements are those of all. Raises JournalError from
+    every method where disk, database or server do not do what was asked.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.arrays = folder / "arrays"
-        with told(folder):
-            self._db = self._open()
-            found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if found != VERSION:
-                self._db.close()
-                raise JournalError(
-                    f"{folder}: a journal of version {found}; version {VERSION} is read here"
-                    + ("; start the daemon once, which brings it up to date" if found < VERSION else "")
-                )
+    def __init__(self, place: Place, station: str = "", *, write: bool = False) -> None:
+        self.station = station
+        self.store = open_store(place, write=write)
+
+    @property
+    def name(self) -> str:
+        """Where it is, in words."""
+        return self.store.name
 
     def close(self) -> None:
-        """Let go of the files."""
-        self._db.close()
+        """Let go of it."""
+        self.store.close()
 
     @property
     def newest(self) -> int:
         """The `seq` of the last event, be it still there or not; 0 where there was none."""
-        row = self._one("SELECT max(seq) FROM (SELECT seq FROM events UNION ALL SELECT seq FROM prunings)")
+        row = self._one(
+            "SELECT max(seq) FROM (SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings)"
+            " AS known WHERE station = ?",
+            self.station,
+        )
         return row[0] or 0 if row else 0
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
         """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""
-        rows = "seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
-        return self._frames(rows, since, self.newest if until is None else until, most)
+        rows = "station = ? AND seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
+        return self._frames(rows, self.station, since, self.newest if until is None else until, most)
 
     def sweeps(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of the sweep events of a measurement, in order."""
-        return self._frames("measurement = ? AND kind = 'sweep' ORDER BY seq", measurement)
+        return self._frames("measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement)
 
     def fits(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of what the fitters answered to a measurement, in order."""
-        return self._frames("seq IN (SELECT seq FROM fits WHERE measurement = ?) ORDER BY seq", measurement)
+        rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
+        return self._frames(rows, measurement)
 
     def measurement(self, found: str) -> Measurement | None:
         """Return the measurement with this id."""
@@ -83,7 +85,7 @@ class Archive:
             "SELECT json FROM builds WHERE hash = (SELECT build FROM measurements WHERE id = ?)", measurement
         )
         if row is None:
-            raise JournalError(f"{self.folder}: no measurement {measurement!r}")
+            raise JournalError(f"{self.name}: no measurement {measurement!r}")
         return msgspec.json.decode(row[0], type=Build)
 
     def latest(self, sample: str, step: str, before: str) -> str | None:
@@ -95,7 +97,7 @@ class Archive:
         )
         return row[0] if row else None
 
-    def measurements(self, where: str = "1", *values: str) -> list[Measurement]:
+    def measurements(self, where: str = "TRUE", *values: str) -> list[Measurement]:
         """Return the measurements for which the SQL condition holds, oldest first."""
         rows = self._all(
             f"SELECT id, run, sample, step, state, time FROM measurements WHERE {where} ORDER BY number",  # noqa: S608
@@ -103,9 +105,28 @@ class Archive:
         )
         return [Measurement(i, run, Sample(sample, step), state, time) for i, run, sample, step, state, time in rows]
 
+    def histories(self, sample: str | None = None) -> list[History]:
+        """Return every measurement, of one sample where it is named, with its sweeps and who answered; oldest first."""
+        where, values = ("sample = ?", [sample]) if sample is not None else ("TRUE", [])
+        of = f"measurement IN (SELECT id FROM measurements WHERE {where})"  # noqa: S608
+        sweeps: dict[str, list[str]] = {}
+        events = f"SELECT measurement, id FROM events WHERE kind = 'sweep' AND {of} ORDER BY station, seq"  # noqa: S608
+        for measurement, event in self._all(events, *values):
+            sweeps.setdefault(measurement, []).append(event)
+        fitters: dict[str, list[str]] = {}
+        fits = f"SELECT DISTINCT measurement, fitter FROM fits WHERE ok = 1 AND {of} ORDER BY fitter"  # noqa: S608
+        for measurement, fitter in self._all(fits, *values):
+            fitters.setdefault(measurement, []).append(fitter)
+        return [
+            History(one, tuple(sweeps.get(one.id, ())), tuple(fitters.get(one.id, ())))
+            for one in self.measurements(where, *values)
+        ]
+
     def sweep_ids(self, measurement: str) -> tuple[str, ...]:
         """Return the ids of a measurement's sweeps, in order."""
-        rows = self._all("SELECT id FROM events WHERE measurement = ? AND kind = 'sweep' ORDER BY seq", measurement)
+        rows = self._all(
+            "SELECT id FROM events WHERE measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement
+        )
         return tuple(row[0] for row in rows)
 
     def has_sweep(self, sweep: str) -> bool:
@@ -114,18 +135,15 @@ class Archive:
 
     def fitters(self, measurement: str) -> tuple[str, ...]:
         """Return the names of those that answered a measurement with a result."""
-        rows = self._all("SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok ORDER BY fitter", measurement)
+        rows = self._all(
+            "SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok = 1 ORDER BY fitter", measurement
+        )
         return tuple(row[0] for row in rows)
 
     def answers(self, measurement: str, fitter: str) -> int:
         """Return how many answers of a fitter to a measurement are kept."""
         row = self._one("SELECT count(*) FROM fits WHERE measurement = ? AND fitter = ?", measurement, fitter)
         return row[0] if row else 0
-
-    @property
-    def database(self) -> sqlite3.Connection:
-        """The open database, to be copied."""
-        return self._db
 
     @property
     def size(self) -> int:
@@ -140,20 +158,19 @@ class Archive:
     def verify(self) -> list[str]:
         """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
         wrong: list[str] = []
-        pruned = (self._one("SELECT max(seq) FROM prunings") or (None,))[0] or 0
-        rows = self._all("SELECT seq, id, hash FROM events ORDER BY seq")
-        for k, (seq, event, digest) in enumerate(rows, start=pruned + 1):
-            if seq != k:
-                return [*wrong, f"event {k} is missing: the next one is {seq}"]
-            path = self.arrays / f"{event}.bin"
-            if digest and not path.exists():
-                wrong.append(f"event {seq}: its array {path} is missing")
-            elif digest and hashlib.sha256(path.read_bytes()).hexdigest() != digest:
-                wrong.append(f"event {seq}: its array {path} is not what was written")
+        last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
+        for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
+            expected = last.get(station, 0) + 1
+            said = f"event {{}} of station {station}" if station else "event {}"
+            if seq != expected:
+                wrong.append(f"{said.format(expected)} is missing: the next one is {seq}")
+            last[station] = seq
+            data = self.store.read_array(event) if digest else None
+            if digest and data is None:
+                wrong.append(f"{said.format(seq)}: its array {event} is missing")
+            elif data is not None and digest_of(data) != digest:
+                wrong.append(f"{said.format(seq)}: its array {event} is not what was written")
         return wrong
-
-    def _open(self) -> sqlite3.Connection:
-        return sqlite3.connect(f"{(self.folder / 'journal.sqlite').absolute().as_uri()}?mode=ro", uri=True)
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
         """Return the frames of the events for which the SQL condition holds."""
@@ -164,29 +181,17 @@ class Archive:
         """Yield an event's raw columns."""
         if digest is None:
             return
-        path = self.arrays / f"{event}.bin"
-        with told(path):
-            data = path.read_bytes()
-        if hashlib.sha256(data).hexdigest() != digest:
-            raise JournalError(f"{path}: these are not the bytes that were written; the file is damaged")
+        data = self.store.read_array(event)
+        if data is None or digest_of(data) != digest:
+            what = "is missing" if data is None else "is not what was written; it is damaged"
+            raise JournalError(f"{self.name}: the array of event {event} {what}")
         begin = 0
         for length in map(int, lengths.split(",")):
             yield data[begin : begin + length]
             begin += length
 
     def _all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        with told(self.folder):
-            return self._db.execute(sql, values).fetchall()
+        return self.store.all(sql, *values)
 
     def _one(self, sql: str, *values: str | int) -> tuple[Any, ...] | None:
-        with told(self.folder):
-            return self._db.execute(sql, values).fetchone()
-
-
-@contextmanager
-def told(where: Path) -> Generator[None]:
-    """Turn the errors of disk and database into a sentence."""
-    try:
-        yield
-    except (OSError, sqlite3.Error) as error:
-        raise JournalError(f"{where}: the journal cannot be read or written: {error}") from error
+        return next(iter(self.store.all(sql, *values)), None)

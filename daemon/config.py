@@ -8,17 +8,20 @@ The file is `config.toml` in the data folder where PZCTL_HOME names one, else in
 """
 
 import os
+import socket
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
 from ..models.errors import PzctlError
 from .limits import Limits
-from .service import Options
+
+if TYPE_CHECKING:
+    from .service import Options
 
 PREFIX = "PZCTL_"
 """Of the environment's variables: PZCTL_RESOURCE, PZCTL_FITTERS (separated by commas) ..."""
@@ -62,6 +65,12 @@ def _not_negative(value: Any) -> float:
     return number
 
 
+def _url(value: Any) -> str:
+    if not _text(value).startswith(("postgresql://", "postgres://")):
+        raise ValueError
+    return value
+
+
 def _form(value: Any) -> str:
     if value not in ("text", "json"):
         raise ValueError
@@ -74,6 +83,8 @@ SETTINGS: Mapping[str, Setting] = {
     "requests": Setting("a ZeroMQ endpoint", _text),
     "fitters": Setting("names of fitters", _names),
     "bench": Setting("host:port", _text),
+    "journal": Setting("a URL such as postgresql://USER@HOST/DATABASE", _url),
+    "station": Setting("the name of this bench", _text),
     "time_scale": Setting("a number from 0 up", _not_negative),
     "seed": Setting("a whole number", int),
     "fit_seconds": Setting("seconds above 0", _positive),
@@ -110,8 +121,16 @@ def settings(flags: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def options(found: Mapping[str, Any]) -> Options:
+def journal_of(found: Mapping[str, Any]) -> tuple[str | None, str]:
+    """Return the URL of the journal, None for the data folder's own, and what this station is called in it."""
+    url = found.get("journal")
+    return url, found.get("station", socket.gethostname()) if url else ""
+
+
+def options(found: Mapping[str, Any]) -> "Options":
     """Return what a daemon is started with, of what `settings` returned."""
+    from .service import Options  # who only looks for the journal needs no daemon
+
     default = Options()
     limits = Limits(
         seconds=found.get("fit_seconds", default.limits.seconds),
@@ -119,6 +138,7 @@ def options(found: Mapping[str, Any]) -> Options:
     )
     simulator = {"time_scale": found.get("time_scale", 1.0), "seed": found.get("seed", 0)}
     own = {name: found[name] for name in ("resource", "events", "requests", "fitters", "bench") if name in found}
+    own["journal"], own["station"] = journal_of(found)
     return Options(**own, simulator=simulator, limits=limits)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from . import requests as ask
 from .acquisition import Acquisition, Job
-from .archive import Measurement
+from .archive import History, Measurement
 from .errand import diagnosis_version
 from .errands import Errand, Errands
 from .guest import GROUP
@@ -20,7 +20,7 @@ from .metrics import Metrics
 from .refusals import RequestError
 from .submissions import checked
 from .supervisor import Supervisor
-from .wire import WIRE, Event, Instrument, Payload, StateEvent
+from .wire import WIRE, Event, Instrument, Payload, Sample, StateEvent
 
 MOST_FITTERS = 100
 """Fitters that are listed."""
@@ -130,12 +130,14 @@ class Desk:
                 f"neither the request nor build {request.build.name!r} says what to sweep",
                 "give a plan, or a [sweep] table in build.toml",
             )
+        if request.decides is not None:
+            self._check_decides(request.decides, Sample(request.build.name, request.step))
         self.lease.check(request.lease)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
         if new:
-            job = Job(measurement, request.build, request.step, plan, request.priority)
+            job = Job(measurement, request.build, request.step, plan, request.priority, request.decides)
             self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
             self.acquisition.add(job)
         return ask.MeasureAnswer(id=request.id, measurement=measurement), []
@@ -167,12 +169,10 @@ class Desk:
 
     @answer.register
     def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        found = self.journal.measurements("sample = ?", request.name) if request.name else self.journal.measurements()
-        names = dict.fromkeys(one.sample.name for one in found)
-        samples = tuple(
-            ask.SampleHistory(name, tuple(self._measured(one) for one in found if one.sample.name == name))
-            for name in names
-        )
+        found: dict[str, list[ask.MeasuredStep]] = {}
+        for one in self.journal.histories(request.name):
+            found.setdefault(one.measurement.sample.name, []).append(_measured(one))
+        samples = tuple(ask.SampleHistory(name, tuple(steps)) for name, steps in found.items())
         return ask.SamplesAnswer(id=request.id, samples=samples), []
 
     @answer.register
@@ -200,8 +200,11 @@ class Desk:
 
     @answer.register
     def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        errand = Errand(request.measurement, None, tuple(sorted({*request.effects})) if request.effects else None)
-        return self._errand(request.id, errand, diagnosis_version(errand.effects)), []
+        for other in request.also:
+            self._known(other)
+        effects = tuple(sorted({*request.effects})) if request.effects else None
+        errand = Errand(request.measurement, None, effects, request.also, request.propose)
+        return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
 
     @answer.register
     def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
@@ -230,21 +233,25 @@ class Desk:
             raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
         return ask.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
 
+    def _check_decides(self, measurement: str, sample: Sample) -> None:
+        of = self._known(measurement).sample
+        if of != sample:
+            raise RequestError(
+                "no-such-measurement",
+                f"measurement {measurement!r} is of {of.name!r} at step {of.step!r}; one of {sample.name!r} at step "
+                f"{sample.step!r} is decided by measuring that step",
+            )
+
     def _known(self, measurement: str) -> Measurement:
         found = self.journal.measurement(measurement)
         if found is None:
             raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
         return found
 
-    def _measured(self, one: Measurement) -> ask.MeasuredStep:
-        return ask.MeasuredStep(
-            measurement=one.id,
-            step=one.sample.step,
-            state=one.state,
-            time=one.time,
-            sweeps=self.journal.sweep_ids(one.id),
-            fitters=self.journal.fitters(one.id),
-        )
+
+def _measured(one: History) -> ask.MeasuredStep:
+    known = one.measurement
+    return ask.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
 
 
 @cache

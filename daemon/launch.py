@@ -4,7 +4,9 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import asdict
+from typing import IO, cast
 
 import msgspec
 
@@ -12,8 +14,8 @@ from ..models.errors import PzctlError
 from .children import last_line
 from .client import Client
 from .connection import DaemonError
+from .folderlock import is_written
 from .frames import to_json
-from .journal import is_written
 from .location import Location, find
 from .logs import begin_log
 from .paths import home, journal_folder, log_file
@@ -55,13 +57,15 @@ def start(options: Options | None = None) -> Location:
         return found
     log = log_file(home(), "daemon")
     with log.open("ab") as output:
-        process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "pzctl.daemon.launch", to_json(asdict(wanted)).decode()],
-            stdin=subprocess.DEVNULL,
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pzctl.daemon.launch"],
+            stdin=subprocess.PIPE,
             stdout=output,
             stderr=output,
             start_new_session=True,
         )
+    with suppress(BrokenPipeError), cast("IO[bytes]", process.stdin) as told:
+        told.write(to_json(asdict(wanted)))  # not as an argument: everybody can read those, and a URL's password
     threading.Thread(target=process.wait, daemon=True).start()  # it outlives us; if it does not, no zombie stays
     while time.monotonic() < deadline:
         where = find(home())
@@ -77,10 +81,10 @@ def start(options: Options | None = None) -> Location:
 
 
 def main() -> None:
-    """Run a daemon with the options given as JSON; used by `start`."""
+    """Run a daemon with the options given as JSON on standard input; used by `start`."""
     begin_log()
     try:
-        run(msgspec.json.decode(sys.argv[1], type=Options))
+        run(msgspec.json.decode(sys.stdin.buffer.read(), type=Options))
     except PzctlError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_status)

@@ -5,8 +5,8 @@ from pathlib import Path
 import msgspec
 
 from .connection import DaemonError
+from .folderlock import is_written
 from .frames import WireError, from_json, to_json
-from .journal import is_written
 from .keys import ClientKey, read_client_key, write_secret
 from .paths import daemon_file, home, journal_folder
 
@@ -22,6 +22,10 @@ class Location(msgspec.Struct, frozen=True):
     resource: str
     bench: str | None
     log: str
+    journal: str | None = None
+    """URL of its journal; None where that is in the data folder."""
+    station: str = ""
+    """What it is called in that journal."""
     key: ClientKey | None = None
     """What lets those in who can read this file, where the daemon asks for keys."""
 

@@ -12,11 +12,11 @@ import zmq.asyncio
 from ..models.errors import PzctlError
 from ..sim.control import bench_command
 from . import requests as ask
-from .archive import JournalError
 from .desk import Desk
 from .frames import MOST_FRAMES, WireError, from_json, to_json
 from .gate import Gate
 from .refusals import RequestError
+from .store import JournalError
 from .wire import WIRE
 
 log = logging.getLogger(__name__)

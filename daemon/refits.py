@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ..fitters.batch import Outcome
 from .client import Client
+from .config import journal_of, settings
 from .journal import Journal
 from .location import find
 from .paths import journal_folder
@@ -26,7 +27,7 @@ def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> 
             for outcome in outcomes:
                 _submit(client, measurements[outcome.sample], outcome)
         return
-    journal = Journal(journal_folder(home))
+    journal = Journal(journal_folder(home), *journal_of(settings({})))
     try:
         for outcome in outcomes:
             _write(journal, measurements[outcome.sample], outcome)

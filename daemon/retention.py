@@ -1,50 +1,59 @@
 """Copying a journal, and removing its oldest part once it has been copied."""
 
-import os
-import shutil
 from pathlib import Path
 
 from ..models.sweep import now_utc
-from .archive import Archive, JournalError, told
+from .archive import Archive
 from .journal import Journal
-from .migrations import copy_database
+from .migrations import TABLES
+from .store import JournalError, Place, without_password
+
+COLUMNS = {
+    "builds": "hash, json",
+    "runs": "id, time, station",
+    "measurements": "id, request, run, sample, step, build, state, time, station",
+    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
+    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
+    "prunings": "seq, time, backup, station",
+}
+"""What is copied of each table: all of it, but for the number of a measurement, which is given anew."""
+
+ORDER = {"measurements": "number", "events": "station, seq"}
 
 
 class Keeper(Journal):
-    """A journal opened to be copied and pruned; no daemon may write it meanwhile."""
+    """A journal opened to be copied and pruned; no daemon may write it, or as this station, meanwhile."""
 
-    def prune(self, before: str, backup: Path) -> int:
-        """Copy the journal to the folder `backup`, then remove what is older; return how many events that was.
+    def prune(self, before: str, backup: Place) -> int:
+        """Copy the journal to `backup`, then remove what is older of this station; return how many events that was.
 
         `before` is RFC 3339, UTC, or the beginning of it, such as `2026-01-01`. Measurements go whole: from the
         oldest one that stays, everything stays. Raises JournalError; then nothing was removed.
         """
         copy_journal(self, backup)
-        stays = self._one("SELECT min(number) FROM measurements WHERE time >= ?", before)
+        stays = self._one("SELECT min(number) FROM measurements WHERE time >= ? AND station = ?", before, self.station)
         number = stays[0] if stays and stays[0] is not None else self._after_last()
-        old = "(SELECT id FROM measurements WHERE number < ?)"
         last = self._one(
-            "SELECT coalesce(min(seq) - 1, (SELECT max(seq) FROM events)) FROM events WHERE measurement IN "
-            "(SELECT id FROM measurements WHERE number >= ?)",
-            number,
+            "SELECT coalesce(min(seq) - 1, (SELECT max(seq) FROM events WHERE station = ?)) FROM events "
+            "WHERE station = ? AND measurement IN (SELECT id FROM measurements WHERE number >= ? AND station = ?)",
+            *(self.station, self.station, number, self.station),
         )
         seq = int(last[0] or 0) if last else 0
-        gone = self._all("SELECT id, hash FROM events WHERE seq <= ?", seq)
+        gone = self._all("SELECT id, hash FROM events WHERE seq <= ? AND station = ?", seq, self.station)
         if not gone:
             return 0
-        with told(self.folder), self._transaction():
-            self._db.execute("DELETE FROM fits WHERE seq <= ?", (seq,))
-            self._db.execute("DELETE FROM events WHERE seq <= ?", (seq,))
-            self._db.execute(
-                f"DELETE FROM measurements WHERE number < ? AND id NOT IN "  # noqa: S608
-                f"(SELECT measurement FROM events WHERE measurement IN {old})",
-                (number, number),
+        with self.store.transaction():
+            self.store.run("DELETE FROM fits WHERE seq <= ? AND station = ?", seq, self.station)
+            self.store.run("DELETE FROM events WHERE seq <= ? AND station = ?", seq, self.station)
+            self.store.run(
+                "DELETE FROM measurements WHERE number < ? AND station = ? AND NOT EXISTS "
+                "(SELECT 1 FROM events WHERE events.measurement = measurements.id)",
+                *(number, self.station),
             )
-            self._db.execute("DELETE FROM builds WHERE hash NOT IN (SELECT build FROM measurements)")
-            self._db.execute("INSERT INTO prunings VALUES (?, ?, ?)", (seq, now_utc(), str(backup)))
-        for event, digest in gone:  # what a kill leaves here is removed at the next start
-            if digest:
-                (self.arrays / f"{event}.bin").unlink(missing_ok=True)
+            self.store.run("DELETE FROM builds WHERE hash NOT IN (SELECT build FROM measurements)")
+            shown = without_password(str(backup))
+            self.store.run("INSERT INTO prunings VALUES (?, ?, ?, ?)", seq, now_utc(), shown, self.station)
+        self.store.drop_arrays([event for event, digest in gone if digest])
         return len(gone)
 
     def _after_last(self) -> int:
@@ -52,32 +61,46 @@ class Keeper(Journal):
         return int(row[0]) if row else 1
 
 
-def copy_journal(source: Archive, target: Path) -> int:
-    """Copy a journal to a new folder, while a daemon may go on writing it, and verify the copy.
+def copy_journal(source: Archive, target: Place, station: str = "") -> int:
+    """Copy a journal to a new folder, or into a database, while a daemon may go on writing it; verify the copy.
 
-    Returns the number of events in it. Raises JournalError where the folder is not empty, or the copy not whole.
+    `station` is what the nameless station of a folder is called in a database. Returns the number of events that were
+    copied. Raises JournalError where the folder is not empty, where the database knows such a station already, or
+    where the copy is not whole.
     """
-    if target.exists() and any(target.iterdir()):
+    if isinstance(target, Path) and target.exists() and any(target.iterdir()):
         raise JournalError(f"{target}: this folder is not empty; a journal is copied to a new one")
-    with told(target):
-        (target / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
-        copy_database(source.database, target / "journal.sqlite")
-    copy = Archive(target)
+    copy = Archive(target, write=True)
     try:
-        for event in copy.with_arrays():
-            with told(target):
-                _copy_file(source.arrays / f"{event}.bin", copy.arrays / f"{event}.bin")
+        with source.store.snapshot():
+            stations = {found or station for (found,) in source.store.all("SELECT DISTINCT station FROM runs")}
+            known = {found for (found,) in copy.store.all("SELECT DISTINCT station FROM runs")}
+            if taken := sorted(stations & known):
+                raise JournalError(f"{copy.name}: station {taken[0]!r} is in this journal already")
+            with copy.store.transaction():
+                copied = {table: _copy_table(source, copy, table, station) for table in TABLES}
         wrong = copy.verify()
         if wrong:
-            raise JournalError(f"{target}: the copy is not whole: {wrong[0]}")
-        return copy.size
+            raise JournalError(f"{copy.name}: the copy is not whole: {wrong[0]}")
+        return copied["events"]
     finally:
         copy.close()
 
 
-def _copy_file(source: Path, target: Path) -> None:
-    """Copy a file that is never written again: by a second name where both are on one disk."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
+def _copy_table(source: Archive, copy: Archive, table: str, station: str) -> int:
+    """Copy the rows of one table, and the arrays of those that have some; return how many rows there were."""
+    columns = COLUMNS[table].split(", ")
+    order = f" ORDER BY {ORDER[table]}" if table in ORDER else ""
+    kept = f"INSERT INTO {table} ({COLUMNS[table]}) VALUES ({', '.join('?' * len(columns))})"  # noqa: S608
+    if table == "builds":  # several stations measure the same
+        kept += " ON CONFLICT (hash) DO NOTHING"
+    count = 0
+    for row in source.store.stream(f"SELECT {COLUMNS[table]} FROM {table}{order}"):  # noqa: S608
+        found = dict(zip(columns, row, strict=True))
+        if found.get("station") == "":
+            found["station"] = station
+        copy.store.run(kept, *found.values())
+        if table == "events" and found["hash"] is not None:
+            copy.store.take_array(found["id"], source.store)
+        count += 1
+    return count

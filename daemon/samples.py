@@ -13,6 +13,8 @@ from ..models.sweep import Sweep
 from .archive import Archive, Measurement
 from .buildfile import read_build
 from .client import fit_of
+from .config import journal_of, settings
+from .location import find
 from .paths import home, journal_folder
 from .wire import FitEvent, decode
 
@@ -48,7 +50,14 @@ class LatestFit:
 
 
 def open_journal() -> Archive:
-    """Return this user's journal, opened for reading. Raises NoSamplesError where nothing was ever measured."""
+    """Return this user's journal, opened for reading: that of the daemon which runs, else that of the settings.
+
+    Raises NoSamplesError where nothing was ever measured.
+    """
+    running = find(home())
+    url, station = (running.journal, running.station) if running else journal_of(settings({}))
+    if url is not None:
+        return Archive(url, station)
     folder = journal_folder(home())
     if not (folder / "journal.sqlite").exists():
         raise NoSamplesError(f"no journal in {folder}: nothing was measured yet; begin with `pzctl measure`")
@@ -63,7 +72,7 @@ def journal_samples(archive: Archive, free: tuple[str, ...] | None = None) -> li
         steps.pop(one.sample.step, None)
         steps[one.sample.step] = one  # so the newest of all stands last
     if not latest:
-        raise NoSamplesError(f"the journal in {archive.folder} holds no complete measurement")
+        raise NoSamplesError(f"the journal in {archive.name} holds no complete measurement")
     return [_journal_sample(archive, name, steps, free) for name, steps in latest.items()]
 
 

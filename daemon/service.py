@@ -36,6 +36,7 @@ from .reception import Reception
 from .requests import FitterState
 from .simulated import simulated_instrument
 from .sockets import bind_events, bind_requests, from_here, gate_for
+from .store import without_password
 from .supervisor import Fate, Supervisor
 from .wire import BeatEvent, Event, FitEvent, Instrument, Payload, StateEvent, encode
 
@@ -58,6 +59,10 @@ class Options:
     requests: str = "tcp://127.0.0.1:*"
     fitters: tuple[str, ...] = ("mason", "mason-nelder-mead")
     """Those the daemon keeps: entry points of `pzctl.fitters`, or `module:Class`."""
+    journal: str | None = None
+    """URL of a PostgreSQL database; None keeps the journal in the data folder."""
+    station: str = ""
+    """What this daemon is called in a journal that several write."""
     bench: str | None = None
     """`host:port` of the simulator's bench, where the resource is a simulated instrument."""
     simulator: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -83,7 +88,7 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
     """Open everything, serve, and close everything in the opposite order, whatever happens."""
     resource = options.resource or ""
     async with AsyncExitStack() as stack:
-        journal = Journal(journal_folder(folder))
+        journal = Journal(journal_folder(folder), options.journal, options.station)
         stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
         withdraw(folder)  # what a killed daemon left
         stack.callback(withdraw, folder)
@@ -110,6 +115,8 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
             resource=resource,
             bench=options.bench,
             log=str(log_file(folder, "daemon")),
+            journal=options.journal,
+            station=options.station,
             key=gate.local if gate else None,
         )
         announce(folder, where)
@@ -159,7 +166,7 @@ class Daemon:
             instrument=instrument,
             endpoints=endpoints,
             bench=options.bench,
-            settings=asdict(options),
+            settings=asdict(options) | {"journal": options.journal and without_password(options.journal)},
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,

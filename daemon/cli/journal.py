@@ -28,19 +28,30 @@ def verify() -> None:
 
 
 @app.command("backup")
-def backup(folder: Annotated[Path, typer.Argument(help="A new folder.")]) -> None:
-    """Copy the journal to a new folder and verify the copy; a daemon may go on measuring meanwhile.
+def backup(
+    target: Annotated[str, typer.Argument(help="A new folder, or the URL of a PostgreSQL database.")],
+    station: Annotated[str | None, typer.Option(help="What a folder's journal is called in a database.")] = None,
+) -> None:
+    """Copy the journal and verify the copy; a daemon may go on measuring meanwhile.
 
     The copy is a journal: `PZCTL_HOME` may name the folder above one that is called `journal`.
 
-    Example: pzctl journal backup /mnt/archive/2026-11/journal
+    Examples: pzctl journal backup /mnt/archive/2026-11/journal
+
+    pzctl journal backup postgresql://pzctl@lab-server/pzctl --station bench1
     """
+    from ..config import journal_of
     from ..retention import copy_journal
     from ..samples import open_journal
+    from ..store import without_password
 
+    to_url = target.startswith(("postgresql://", "postgres://"))
+    named = {"station": station} if station else {}
+    called = journal_of({"journal": target} | named)[1] if to_url else ""
     journal = open_journal()
     try:
-        print(f"{copy_journal(journal, folder)} events copied to {folder} and verified")
+        copied = copy_journal(journal, target if to_url else Path(target), called)
+        print(f"{copied} events copied to {without_password(target)} and verified")
     finally:
         journal.close()
 
@@ -56,6 +67,7 @@ def prune(
     """
     from datetime import date
 
+    from ..config import journal_of, settings
     from ..paths import home, journal_folder
     from ..retention import Keeper
     from .fit import UsageError
@@ -64,7 +76,7 @@ def prune(
         day = date.fromisoformat(before)
     except ValueError:
         raise UsageError(f"--before {before}: a day is needed, such as 2026-01-01") from None
-    keeper = Keeper(journal_folder(home()))
+    keeper = Keeper(journal_folder(home()), *journal_of(settings({})))
     try:
         print(f"{keeper.prune(day.isoformat(), backup_to)} events removed; all that was is in {backup_to}")
     finally:

@@ -85,7 +85,7 @@ def _constants(journal: "Archive", fitter: str | None, step: str | None, as_json
     if not fits:
         of_step = f" of step {step!r}" if step else ""
         raise NoSamplesError(
-            f"the journal in {journal.folder} holds no fit{of_step} by {fitter!r}; "
+            f"the journal in {journal.name} holds no fit{of_step} by {fitter!r}; "
             f"`pzctl fit --all --fitter {fitter}` makes them"
         )
     found = population({name: fit.result for name, fit in fits.items()}, sheets_of(fit.build for fit in fits.values()))

@@ -13,6 +13,12 @@ def daemon(
     requests: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that requests are taken on.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to keep running; may be repeated.")] = None,
     bench: Annotated[str | None, typer.Option(help="host:port of the bench of a simulated instrument.")] = None,
+    journal: Annotated[
+        str | None, typer.Option(help="URL of a PostgreSQL database that keeps the record; none: the data folder.")
+    ] = None,
+    station: Annotated[
+        str | None, typer.Option(help="What this bench is called in a shared record; none: the name of this computer.")
+    ] = None,
     time_scale: Annotated[float | None, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
@@ -37,6 +43,7 @@ def daemon(
     from ..service import run
 
     flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
+    flags |= {"journal": journal, "station": station}
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
     found = settings(flags | {"log": log})
     begin_log(found.get("log", "text"))

@@ -10,9 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pzctl.daemon.archive import Archive, JournalError
-from pzctl.daemon.journal import Journal, is_written
+from pzctl.daemon.archive import Archive
+from pzctl.daemon.folderlock import is_written
+from pzctl.daemon.journal import Journal
 from pzctl.daemon.reports import FitReport, NoiseReport
+from pzctl.daemon.store import JournalError
 from pzctl.daemon.uuid7 import uuid7
 from pzctl.daemon.wire import FitEvent, Instrument, Sample, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.models.build import Build
@@ -105,18 +107,18 @@ def test_the_rest_of_an_interrupted_write_goes(journal: Journal, build: Build, t
     again.close()
 
 
-def test_damage_is_found(journal: Journal, build: Build) -> None:
+def test_damage_is_found(journal: Journal, build: Build, tmp_path: Path) -> None:
     one, other = put_sweep(journal, build, "m"), put_sweep(journal, build, "m")
-    path = journal.arrays / f"{one.id}.bin"
+    path = tmp_path / "journal" / "arrays" / f"{one.id}.bin"
     path.write_bytes(b"\x01" + path.read_bytes()[1:])
-    (journal.arrays / f"{other.id}.bin").unlink()
+    (tmp_path / "journal" / "arrays" / f"{other.id}.bin").unlink()
     assert [line[:8] for line in journal.verify()] == ["event 1:", "event 2:"]
-    with pytest.raises(JournalError, match="the file is damaged"):
+    with pytest.raises(JournalError, match="it is damaged"):
         journal.sweeps("m")
 
 
-def test_what_cannot_be_written_is_not_counted(journal: Journal, build: Build) -> None:
-    journal.arrays.rmdir()
+def test_what_cannot_be_written_is_not_counted(journal: Journal, build: Build, tmp_path: Path) -> None:
+    (tmp_path / "journal" / "arrays").rmdir()
     with pytest.raises(JournalError, match="the journal cannot be read or written"):
         put_sweep(journal, build, "m")
     assert journal.last_seq == 0
@@ -128,7 +130,7 @@ def test_a_later_journal_is_not_touched(journal: Journal, tmp_path: Path) -> Non
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
     db.close()
-    with pytest.raises(JournalError, match="a journal of version 9; version 2 is read here"):
+    with pytest.raises(JournalError, match="a journal of version 9; version 3 is read here"):
         Journal(tmp_path / "journal")
 
 

@@ -11,10 +11,13 @@ from pathlib import Path
 import pytest
 
 from pzctl import connect
-from pzctl.daemon.archive import Archive, JournalError
+from pzctl.daemon.archive import Archive
 from pzctl.daemon.journal import Journal
+from pzctl.daemon.migrations import _STEPS
 from pzctl.daemon.paths import journal_folder
-from pzctl.daemon.retention import Keeper, copy_journal
+from pzctl.daemon.retention import COLUMNS, Keeper, copy_journal
+from pzctl.daemon.store import JournalError
+from pzctl.daemon.wire import Sample, StateEvent
 from pzctl.models.build import Build
 
 
@@ -44,7 +47,7 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
     assert archive.measurements() == []
     assert archive.verify() == []
     assert archive.newest >= newest
-    assert not list(archive.arrays.iterdir())
+    assert not list((journal_folder(tmp_path) / "arrays").iterdir())
     archive.close()
     kept = Archive(tmp_path / "all")
     assert (len(kept.measurements()), kept.verify()) == (1, [])
@@ -60,7 +63,6 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
 
 def test_only_the_older_measurements_go(tmp_path: Path, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
     from pzctl.daemon import journal as module
-    from pzctl.daemon.wire import Sample, StateEvent
 
     keeper = Keeper(tmp_path / "journal")
     ids = []
@@ -98,14 +100,25 @@ def test_a_journal_of_version_1_is_copied_and_brought_up_to_date(tmp_path: Path,
     folder = tmp_path / "journal"
     journal = Journal(folder)
     measurement, _ = journal.begin_measurement("r", build, "disk")
+    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(build.name, "disk")))[1]
     journal.close()
-    with sqlite3.connect(folder / "journal.sqlite") as db:
-        db.executescript("DROP TABLE prunings; PRAGMA user_version=1")
-    db.close()
-    with pytest.raises(JournalError, match="a journal of version 1; version 2 is read here; start the daemon once"):
+    with sqlite3.connect(folder / "journal.sqlite") as new, sqlite3.connect(tmp_path / "v1.sqlite") as old:
+        old.executescript(_STEPS[0] + "PRAGMA user_version=1")
+        for table, columns in COLUMNS.items():
+            if table != "prunings":
+                names = columns.removesuffix(", station")
+                marks = ", ".join("?" * len(names.split(", ")))
+                rows = new.execute(f"SELECT {names} FROM {table}").fetchall()  # noqa: S608
+                old.executemany(f"INSERT INTO {table} ({names}) VALUES ({marks})", rows)  # noqa: S608
+    new.close()
+    old.close()
+    shutil.copy(tmp_path / "v1.sqlite", folder / "journal.sqlite")
+    with pytest.raises(JournalError, match="a journal of version 1; version 3 is read here; start the daemon once"):
         Archive(folder)
     journal = Journal(folder)
     assert [one.id for one in journal.measurements()] == [measurement]
+    assert journal.replay(1, None, 10) == [said]
+    assert journal.append(StateEvent(state="started"))[0].seq == 2
     assert journal.verify() == []
     journal.close()
     shutil.copy(folder / "journal.sqlite.v1", tmp_path / "old.sqlite")

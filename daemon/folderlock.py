@@ -1,0 +1,40 @@
+"""One daemon for one data folder: a lock held for as long as its process lives, however that ends."""
+
+import sqlite3
+from pathlib import Path
+
+from .store import JournalError
+
+LOCK = "writer.lock"
+"""Held by the process that writes."""
+
+
+def take_lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
+    """Take the lock, until what is returned is closed: a transaction of SQLite, which works on every platform.
+
+    Waits `patience` seconds, so that a daemon that is just ending does not keep the next one out. Raises JournalError.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock = sqlite3.connect(folder / LOCK, timeout=patience, isolation_level=None)
+    except (OSError, sqlite3.Error) as error:
+        raise JournalError(f"{folder}: the journal cannot be read or written: {error}") from error
+    try:
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        lock.close()
+        if "locked" in str(error):
+            raise JournalError(f"{folder}: another daemon writes this journal; only one can") from None
+        raise JournalError(f"{folder / LOCK}: the journal cannot be locked: {error}") from error
+    return lock
+
+
+def is_written(folder: Path) -> bool:
+    """Return whether a living process has the journal open for writing."""
+    if not (folder / LOCK).exists():
+        return False
+    try:
+        take_lock(folder, patience=0).close()
+    except JournalError:
+        return True
+    return False

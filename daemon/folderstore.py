@@ -1,0 +1,181 @@
+"""A journal in a folder: SQLite (WAL) beside a folder of arrays.
+
+An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file no row
+speaks of; it is removed when the journal is opened for writing again.
+"""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .migrations import check_version, migrate_sqlite
+from .store import JournalError, Store
+
+LEAST_FREE = 64 << 20
+"""Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
+
+DATABASE = "journal.sqlite"
+
+
+class FolderStore(Store):
+    """A journal's folder. Who writes it holds the lock of `folderlock`."""
+
+    def __init__(self, folder: Path, *, write: bool) -> None:
+        self.name = str(folder)
+        self._folder = folder
+        self._arrays = folder / "arrays"
+        with _told(folder):
+            self._db = _opened(folder) if write else _readable(folder)
+            found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
+        try:
+            check_version(self.name, found)
+        except JournalError:
+            self._db.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the files."""
+        self._db.close()
+
+    def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        """Return the rows that a statement finds."""
+        with _told(self._folder):
+            return self._db.execute(sql, values).fetchall()
+
+    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows that a statement finds."""
+        with _told(self._folder):
+            yield from self._db.execute(sql)
+
+    def run(self, sql: str, *values: Any) -> None:
+        """Run a statement that changes something."""
+        with _told(self._folder):
+            self._db.execute(sql, values)
+
+    @contextmanager
+    def transaction(self) -> Generator[None]:
+        """All or nothing; synced when it is left."""
+        with self._within("BEGIN IMMEDIATE"):
+            yield
+
+    @contextmanager
+    def snapshot(self) -> Generator[None]:
+        """Everything that is read inside is of one moment."""
+        with self._within("BEGIN"):
+            yield
+
+    @contextmanager
+    def _within(self, begin: str) -> Generator[None]:
+        self.run(begin)
+        try:
+            yield
+        except BaseException:
+            self.run("ROLLBACK")
+            raise
+        self.run("COMMIT")
+
+    def write_array(self, event: str, data: bytes) -> None:
+        """Write raw columns so that the file is whole or not there."""
+        path = self._path(event)
+        part = path.with_suffix(".part")
+        with _told(self._folder):
+            with part.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+            _sync_folder(self._arrays)
+
+    def read_array(self, event: str) -> bytes | None:
+        """Return an event's raw columns; None where there are none."""
+        path = self._path(event)
+        with _told(path):
+            return path.read_bytes() if path.exists() else None
+
+    def take_array(self, event: str, source: Store) -> None:
+        """Keep the raw columns that another store has: by a second name where both are files on one disk."""
+        if isinstance(source, FolderStore):
+            with _told(self._folder):
+                _copy_file(source._path(event), self._path(event))  # noqa: SLF001
+        else:
+            data = source.read_array(event)
+            if data is not None:
+                self.write_array(event, data)
+
+    def drop_arrays(self, events: Sequence[str]) -> None:
+        """Remove files; those that a kill leaves here are removed at the next start."""
+        with _told(self._folder):
+            for event in events:
+                self._path(event).unlink(missing_ok=True)
+
+    def tidy(self) -> None:
+        """Remove the files that no row speaks of."""
+        known = {row[0] for row in self.all("SELECT id FROM events WHERE hash IS NOT NULL")}
+        with _told(self._folder):
+            for path in self._arrays.iterdir():
+                if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known):
+                    path.unlink()
+
+    def check_room(self) -> None:
+        """Raise JournalError where the disk is nearly full."""
+        with _told(self._folder):
+            free = shutil.disk_usage(self._folder).free
+        if free < LEAST_FREE:
+            raise JournalError(
+                f"{self.name}: {free >> 20} MB are free on its disk; {LEAST_FREE >> 20} MB are needed to measure on"
+            )
+
+    def claim(self, station: str) -> None:
+        """Do nothing: the folder's lock keeps every other writer out."""
+
+    def _path(self, event: str) -> Path:
+        return self._arrays / f"{event}.bin"
+
+
+def _opened(folder: Path) -> sqlite3.Connection:
+    """Open a database to be written, its tables made or brought up to date."""
+    (folder / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
+    db = sqlite3.connect(folder / DATABASE, isolation_level=None)
+    try:
+        db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
+        migrate_sqlite(db, folder)
+        db.execute("PRAGMA foreign_keys=ON")
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def _readable(folder: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+
+
+@contextmanager
+def _told(where: Path) -> Generator[None]:
+    """Turn the errors of disk and database into a sentence."""
+    try:
+        yield
+    except (OSError, sqlite3.Error) as error:
+        raise JournalError(f"{where}: the journal cannot be read or written: {error}") from error
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename last; Windows neither can nor needs it."""
+    if os.name == "posix":
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _copy_file(source: Path, target: Path) -> None:
+    """Copy a file that is never written again: by a second name where both are on one disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)

@@ -1,0 +1,151 @@
+"""A journal in a PostgreSQL database, which several benches share: each writes as a station of its own.
+
+Psycopg 3 rather than SQLAlchemy: the journal's dozen statements read the same in both databases, so a second layer
+over `sqlite3` would cost time at every sweep and at every start of a command, and save nothing.
+
+The connection that writes holds advisory locks: one of its station, so that no other daemon writes as that station,
+and a shared one of the tables, so that nobody changes them under a daemon that runs. They go with the connection,
+and so does the right to write.
+"""
+
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import psycopg
+
+from .migrations import check_version, migrate_postgres
+from .store import JournalError, Store, without_password
+
+PATIENCE = 5.0
+"""Seconds that a writer waits for the one before it to go."""
+
+SESSION = (
+    "SET statement_timeout = '20s'",
+    "SET lock_timeout = '10s'",
+    "SET tcp_keepalives_idle = 10",
+    "SET tcp_keepalives_interval = 5",
+    "SET tcp_keepalives_count = 3",
+    "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'",
+)
+"""Of a connection that writes: a server that has gone is an error within seconds, a writer that has gone lets go of
+its locks within half a minute, and what is committed is on disk."""
+
+
+class PostgresStore(Store):
+    """A database, by a URL such as `postgresql://pzctl@lab-server/pzctl`."""
+
+    def __init__(self, url: str, *, write: bool) -> None:
+        self.name = without_password(url)
+        with self._told():
+            self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=10_000)
+        try:
+            with self._told():
+                if write:
+                    self._prepare()
+                found = self._version()
+            check_version(self.name, found)
+        except JournalError:
+            self._db.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the connection."""
+        self._db.close()
+
+    def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        """Return the rows that a statement finds."""
+        with self._told():
+            return self._db.execute(_theirs(sql), values).fetchall()
+
+    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows that a statement finds, a few at a time."""
+        with self._told(), self._db.cursor(name="pzctl") as cursor:
+            cursor.itersize = 100
+            yield from cursor.execute(_theirs(sql))
+
+    def run(self, sql: str, *values: Any) -> None:
+        """Run a statement that changes something."""
+        with self._told():
+            self._db.execute(_theirs(sql), values)
+
+    @contextmanager
+    def transaction(self) -> Generator[None]:
+        """All or nothing; synced by the server when it is left."""
+        with self._told(), self._db.transaction():
+            yield
+
+    @contextmanager
+    def snapshot(self) -> Generator[None]:
+        """Everything that is read inside is of one moment."""
+        with self._told(), self._db.transaction():
+            self._db.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
+            yield
+
+    def write_array(self, event: str, data: bytes) -> None:
+        """Keep raw columns beside their event's row, in the same transaction."""
+        self.run("INSERT INTO arrays VALUES (?, ?)", event, data)
+
+    def read_array(self, event: str) -> bytes | None:
+        """Return an event's raw columns; None where there are none."""
+        rows = self.all("SELECT data FROM arrays WHERE event = ?", event)
+        return rows[0][0] if rows else None
+
+    def take_array(self, event: str, source: Store) -> None:
+        """Keep the raw columns that another store has."""
+        data = source.read_array(event)
+        if data is not None:
+            self.write_array(event, data)
+
+    def drop_arrays(self, events: Sequence[str]) -> None:
+        """Do nothing: they go with their events."""
+
+    def tidy(self) -> None:
+        """Do nothing: an interrupted transaction leaves nothing."""
+
+    def check_room(self) -> None:
+        """Do nothing: a server does not say how full its disk is, and refuses what it cannot keep."""
+
+    def claim(self, station: str) -> None:
+        """Become the only writer of a station, for as long as the connection lives."""
+        deadline = time.monotonic() + PATIENCE
+        while not self.all("SELECT pg_try_advisory_lock(hashtextextended(current_schema() || ?, 1))", station)[0][0]:
+            if time.monotonic() > deadline:
+                raise JournalError(
+                    f"{self.name}: another daemon writes this journal as station {station!r}; "
+                    "give this one another name (`--station`)"
+                )
+            time.sleep(0.1)
+
+    def _prepare(self) -> None:
+        """Settle how this connection writes, and bring the tables up to date."""
+        for statement in SESSION:
+            self._db.execute(statement)
+        if self._setting("fsync") != "on":
+            raise JournalError(f"{self.name}: this server does not sync what it writes (fsync = off)")
+        migrate_postgres(self._db, self._version)
+
+    def _setting(self, name: str) -> str:
+        found = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()
+        return found[0] if found else ""
+
+    def _version(self) -> int:
+        """Return the version of the tables; 0 where there are none."""
+        if not self.all("SELECT 1 WHERE to_regclass('pzctl_version') IS NOT NULL"):
+            return 0
+        return self.all("SELECT version FROM pzctl_version")[0][0]
+
+    @contextmanager
+    def _told(self) -> Generator[None]:
+        """Turn the errors of the server, and of the way to it, into a sentence."""
+        try:
+            yield
+        except psycopg.Error as error:
+            says = " ".join(str(error).split()) or type(error).__name__
+            raise JournalError(f"{self.name}: the journal cannot be read or written: {says}") from error
+
+
+def _theirs(sql: str) -> Any:
+    """Return a statement as psycopg wants it."""
+    return sql.replace("?", "%s")
