@@ -5,12 +5,6 @@ from typing import Annotated
 
 import typer
 
-from ...models.errors import PzctlError
-
-
-class PageError(PzctlError):
-    """The page cannot be served."""
-
 
 def page(
     build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
@@ -25,15 +19,12 @@ def page(
 
     Example: pzctl page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    try:
-        import uvicorn
+    from ..page.serve import check_installed, serve
 
-        from ..page.guard import is_loopback, new_token
-        from ..page.server import page_app
-    except ModuleNotFoundError as error:
-        raise PageError(f"{error.name} is not installed; the page needs it: pip install 'pzctl[web]'") from None
+    check_installed()
     from ..buildfile import read_build
     from ..launch import running, start
+    from ..page.guard import is_loopback, new_token
     from ..service import Options
     from ..terminal import console
 
@@ -46,10 +37,4 @@ def page(
         token = new_token()
     end = f"/?token={token}" if token else "/"
     screen.print(f"page: http://{host}:{port}{end}", highlight=False, soft_wrap=True, markup=False)
-    config = uvicorn.Config(
-        page_app(known, token), host, port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
-    )
-    try:
-        uvicorn.Server(config).run()
-    except SystemExit:  # uvicorn says the reason in its log, and leaves
-        raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None
+    serve(known, host, port, token)

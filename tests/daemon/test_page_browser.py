@@ -1,151 +1,24 @@
 """The live page in a real Chromium: a measurement from the button to the constants, with pictures of it.
 
-The browser is driven by its own protocol over a pipe (file descriptors 3 and 4), so no driver is needed. Set
-PZCTL_SCREENSHOTS to a folder to keep the pictures.
+Set PZCTL_SCREENSHOTS to a folder to keep the pictures.
 """
 
-import base64
-import itertools
-import json
 import os
 import re
-import shutil
-import socket
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from pzctl.daemon.client import connect
-from pzctl.daemon.launch import start
-from pzctl.daemon.service import Options
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-needs_chromium = pytest.mark.skipif(
-    CHROMIUM is None or sys.platform == "win32", reason="no chromium is installed (Debian: apt-get install chromium)"
-)
-PATIENCE = 30.0
-
-
-class Browser:
-    """One tab of a headless Chromium."""
-
-    def __init__(self, profile: Path, width: int, height: int) -> None:
-        to_browser, self._out = os.pipe()
-        self._in, from_browser = os.pipe()
-        words = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", f"--user-data-dir={profile}"]
-
-        def wire() -> None:  # it reads commands from descriptor 3 and writes answers to 4
-            os.dup2(to_browser, 3)
-            os.dup2(from_browser, 4)
-
-        self._process = subprocess.Popen(
-            [str(CHROMIUM), *words, f"--window-size={width},{height}", "about:blank"],
-            preexec_fn=wire,  # noqa: PLW1509
-            pass_fds=(3, 4),
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(to_browser)
-        os.close(from_browser)
-        self._numbers = itertools.count(1)
-        self._rest = b""
-        self.problems: list[str] = []
-        target = next(one for one in self._send("Target.getTargets")["targetInfos"] if one["type"] == "page")
-        attached = self._send("Target.attachToTarget", targetId=target["targetId"], flatten=True)
-        self._session: str | None = attached["sessionId"]
-        for domain in ("Page", "Runtime", "Log"):
-            self._send(f"{domain}.enable")
-        self.size(width, height)
-
-    _session: str | None = None
-
-    def close(self) -> None:
-        self._process.terminate()
-        self._process.wait(20)
-        os.close(self._out)
-        os.close(self._in)
-
-    def size(self, width: int, height: int) -> None:
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-        self._send("Emulation.setDeviceMetricsOverride", **metrics)
-
-    def open(self, address: str) -> None:
-        self._send("Page.navigate", url=address)
-
-    def run(self, script: str) -> Any:
-        answer = self._send("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-        return answer["result"].get("value")
-
-    def wait(self, script: str) -> Any:
-        """Return the script's value as soon as it is true."""
-        deadline = time.monotonic() + PATIENCE
-        while not (found := self.run(script)):
-            assert time.monotonic() < deadline, f"{script} did not become true; {self.run('document.body.innerText')}"
-            time.sleep(0.1)
-        return found
-
-    def key(self, name: str) -> None:
-        code = {"Tab": 9, "Enter": 13, "ArrowRight": 39}[name]
-        text = {"text": "\r"} if name == "Enter" else {}
-        for kind in ("keyDown", "keyUp"):
-            self._send("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code, **text)
-
-    def picture(self, path: Path) -> int:
-        """Take a picture of the whole page; return its size in bytes."""
-        shot = self._send("Page.captureScreenshot", captureBeyondViewport=True)
-        path.write_bytes(base64.b64decode(shot["data"]))
-        return path.stat().st_size
-
-    def _send(self, method: str, **words: Any) -> dict[str, Any]:
-        number = next(self._numbers)
-        message = {"id": number, "method": method, "params": words}
-        if self._session:
-            message["sessionId"] = self._session
-        os.write(self._out, json.dumps(message).encode() + b"\0")
-        while True:
-            while b"\0" not in self._rest:
-                self._rest += os.read(self._in, 1 << 20)
-            text, self._rest = self._rest.split(b"\0", 1)
-            heard = json.loads(text)
-            if heard.get("method") == "Runtime.exceptionThrown":
-                self.problems.append(json.dumps(heard["params"]["exceptionDetails"])[:500])
-            if heard.get("method") == "Log.entryAdded" and heard["params"]["entry"]["level"] == "error":
-                self.problems.append(heard["params"]["entry"]["text"] + " " + heard["params"]["entry"].get("url", ""))
-            if heard.get("id") == number:
-                assert "error" not in heard, f"{method}: {heard['error']}"
-                return heard["result"]
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+from .chromium import Browser, live_page, needs_chromium
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a page beside a daemon with a simulated 4294A."""
-    home = tmp_path_factory.mktemp("page")
-    port = free_port()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PZCTL_HOME", str(home))
-        start(Options(fitters=("mason",), simulator={"time_scale": 0.01}))
-        command = [Path(sys.executable).with_name("pzctl"), "page", "--port", str(port)]
-        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        assert server.stderr is not None
-        try:
-            assert f"page: http://127.0.0.1:{port}/" in server.stderr.readline()
-            yield f"http://127.0.0.1:{port}/"
-        finally:
-            server.terminate()
-            server.wait(20)
-            server.stderr.close()
-            with connect() as lab:
-                lab.shutdown()
+    with live_page(tmp_path_factory.mktemp("page")) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -165,11 +38,6 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 @needs_chromium
 def test_from_the_button_to_the_constants(page: str, browser: Browser, pictures: Path) -> None:
-    for _ in range(100):  # the server begins to listen just after it said where
-        with socket.socket() as line:
-            if not line.connect_ex(("127.0.0.1", int(page.rstrip("/").rpartition(":")[2]))):
-                break
-        time.sleep(0.1)
     browser.open(page)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     assert "4294A" in browser.run("document.getElementById('device').textContent")
@@ -196,7 +64,7 @@ def test_from_the_button_to_the_constants(page: str, browser: Browser, pictures:
         assert browser.picture(pictures / f"page-{theme}.png") > 50_000
     browser.size(820, 1180)
     browser.wait("document.documentElement.scrollWidth <= 820")
-    browser.wait("document.querySelector('#plot-z canvas').clientWidth > 600")  # drawn anew for this width
+    browser.wait("document.querySelector('#plot-z canvas').clientWidth < 420")  # drawn anew for this width
     browser.picture(pictures / "page-tablet.png")
     assert browser.problems == []
 

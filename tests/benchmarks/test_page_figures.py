@@ -1,0 +1,80 @@
+"""The live page in figures: from the end of a sweep to its picture on the screen, and what the page costs acquisition.
+
+Run with `make bench`, or this file with `pytest -s`.
+"""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pzctl.daemon.buildfile import read_build
+from pzctl.daemon.client import Client, connect
+from pzctl.models.build import Build
+from pzctl.models.plan import Segment, SweepPlan
+
+from ..daemon.chromium import Browser, live_page, needs_chromium
+
+BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
+ROUNDS = 9
+
+
+def seconds(lab: Client, build: Build, plan: SweepPlan) -> float:
+    began = time.perf_counter()
+    lab.measure(build, "disk", plan)
+    return time.perf_counter() - began
+
+
+@needs_chromium
+def test_from_the_end_of_a_sweep_to_its_picture(tmp_path: Path) -> None:
+    build = read_build(BUILD)
+    with live_page(tmp_path / "home", 0.0) as address, connect() as lab:
+        browser = Browser(tmp_path / "profile", 1600, 1100)
+        browser.open(address)
+        browser.wait("document.getElementById('daemon-light').classList.contains('on')")
+        for points in (801, 10_000 // 801 * 801):
+            segments = tuple(Segment(1e6 + k * 1e6, 2e6 + k * 1e6, 801) for k in range(points // 801))
+            lags: list[float] = []
+            for _ in range(ROUNDS):
+                browser.run("delete document.body.dataset.lag")
+                lab.measure(build, "disk", SweepPlan(segments))
+                browser.wait("document.body.dataset.lag !== undefined")
+                lags.append(float(browser.run("document.body.dataset.lag")))
+            print(
+                f"\n{points} points: from announced to painted, median {np.median(lags):.0f} ms, worst {max(lags):.0f}"
+            )
+        browser.close()
+
+
+@needs_chromium
+def test_sliders_do_not_slow_acquisition(tmp_path: Path) -> None:
+    build = read_build(BUILD)
+    plan = SweepPlan((Segment(1e6, 6e6, 801),))
+    with live_page(tmp_path / "home") as address, connect() as lab:
+        lab.measure(build, "disk")
+        browser = Browser(tmp_path / "profile", 1600, 1100)
+        browser.open(address)
+        browser.wait("document.getElementById('constants').tBodies[0].rows.length >= 5")
+        browser.run("document.getElementById('hand-open').click()")
+        browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
+        drag = "const s = document.querySelector('[data-handle=\"disk.c33D\"]'); s.value = 400 + 200 * Math.random();"
+        stop, moves = threading.Event(), [0]
+
+        def dragging() -> None:
+            while not stop.is_set():
+                browser.run(f"(() => {{ {drag} s.dispatchEvent(new Event('input')); }})()")
+                moves[0] += 1
+
+        alone = [seconds(lab, build, plan) for _ in range(ROUNDS)]
+        # the measurements have become the newest on the page: take the last one in hand
+        browser.run("document.getElementById('hand-open').click()")
+        browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
+        hand = threading.Thread(target=dragging)
+        hand.start()
+        dragged = [seconds(lab, build, plan) for _ in range(ROUNDS)]
+        stop.set()
+        hand.join()
+        browser.close()
+    ratio = float(np.median(dragged) / np.median(alone))
+    print(f"\na sweep with somebody dragging a slider ({moves[0]} moves) takes {ratio:.2f} times as long as without")
