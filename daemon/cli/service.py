@@ -1,5 +1,7 @@
 """`pzctl daemon`: the lab service in the foreground."""
 
+import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,13 +26,16 @@ def daemon(
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
     fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
     log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
+    page: Annotated[bool, typer.Option("--page", help="Serve the live page beside it, on this machine only.")] = False,
+    page_port: Annotated[int, typer.Option(help="Port of the page; 0 takes any free one.")] = 8294,
+    build: Annotated[Path | None, typer.Option(help="build.toml that the page's buttons measure.")] = None,
     stop: Annotated[bool, typer.Option("--stop", help="End the daemon that runs, and exit.")] = False,
 ) -> None:
     """Own the analyzer: measure on request, keep every sweep, publish it, and let fitters answer. Until Ctrl-C.
 
     What no flag says is taken from the environment (PZCTL_RESOURCE ...), then from config.toml: see docs/service.md.
 
-    Example: pzctl daemon --resource TCPIP0::192.168.0.17::5025::SOCKET
+    Example: pzctl daemon --page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
     if stop:
         from ..client import connect
@@ -47,4 +52,11 @@ def daemon(
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
     found = settings(flags | {"log": log})
     begin_log(found.get("log", "text"))
-    run(options(found))
+    if not page:
+        run(options(found))
+        return
+    from ..page.serve import served_beside
+
+    with served_beside(build or Path(__file__).parents[1] / "thesis.toml", page_port) as address:
+        print(f"page: {address}", file=sys.stderr)
+        run(options(found))
