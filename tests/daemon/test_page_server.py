@@ -1,7 +1,15 @@
 """Who may see the live page and command it, and what it answers; without a browser."""
 
 import asyncio
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
 from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import pytest
 
@@ -106,3 +114,37 @@ def test_what_is_not_there_is_a_sentence() -> None:
 )
 def test_what_is_this_machine(host: str, here: bool) -> None:
     assert is_loopback(host) == here
+
+
+def test_by_hand_a_wish_that_cannot_be_is_a_sentence() -> None:
+    headers = {"origin": "http://127.0.0.1:8294"}
+    status, _, body = ask("/api/look", method="POST", **headers)
+    assert (status, b"missing required field `measurement`" in body) == (404, True)
+
+
+def reached(address: str) -> bool:
+    try:
+        with urlopen(address, timeout=2) as answer:  # noqa: S310
+            return answer.status == 200
+    except (URLError, ConnectionError, TimeoutError):
+        return False
+
+
+def test_a_page_beside_the_daemon_ends_with_it_even_when_that_is_killed() -> None:
+    command = [Path(sys.executable).with_name("pzctl"), "daemon", "--page", "--page-port", "0", "--time-scale", "0"]
+    daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ)
+    assert daemon.stderr is not None
+    try:
+        address = daemon.stderr.readline().split()[-1]
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", address)
+        deadline = time.monotonic() + 30
+        while not reached(f"{address}api/now"):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+    finally:
+        daemon.kill()
+        daemon.wait(20)
+        daemon.stderr.close()
+    while reached(address):
+        assert time.monotonic() < deadline, "the page outlived its daemon"
+        time.sleep(0.1)
