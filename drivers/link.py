@@ -7,19 +7,17 @@ where its length says (0x0A occurs inside blocks).
 """
 
 import contextlib
-import select
-import socket
 import time
 from collections.abc import Callable, Generator
-from typing import Any, NamedTuple
+from typing import Any
 
 from pyvisa import VisaIOError
-from pyvisa.constants import InterfaceType, ResourceAttribute, StatusCode
+from pyvisa.constants import InterfaceType, StatusCode
 from pyvisa.errors import InvalidSession
-from pyvisa.resources import MessageBasedResource
 
 from . import replies, service_request
 from .analyzer import InstrumentError
+from .session import Session, hung_up, prepared
 
 SLICE_SECONDS = 0.25
 """Over a network an answer is awaited in slices this long; between them a lost connection is noticed."""
@@ -32,14 +30,6 @@ LONGEST_LINE_BYTES = 4096
 
 class ConnectionLost(InstrumentError):
     """Nobody is at the other end any more; a new session may find somebody."""
-
-
-class Session(NamedTuple):
-    """An open VISA session to an instrument."""
-
-    instrument: MessageBasedResource
-    bridge: MessageBasedResource | None = None
-    """The adapter the instrument is reached through, where there is one: it must be open as long as the instrument."""
 
 
 class Link:
@@ -162,7 +152,7 @@ class Link:
 
     def _open(self) -> None:
         self._resource, self._bridge = self._opener()
-        self._socket = _prepared(self._resource, self._bridge)
+        self._socket = prepared(self._resource, self._bridge)
         self._wait = service_request.waiter(self._resource, self._bridge)
 
     def _send(self, message: str) -> None:
@@ -201,7 +191,7 @@ class Link:
         except VisaIOError as error:
             if error.error_code != StatusCode.error_timeout:
                 raise ConnectionLost(f"{lost}: {_plain(error)}") from None
-            if _hung_up(self._socket):
+            if hung_up(self._socket):
                 raise ConnectionLost(f"{lost}: the connection was lost") from None
         except OSError as error:
             raise ConnectionLost(f"{lost}: {_plain(error)}") from None
@@ -218,35 +208,6 @@ class Link:
             return action()
         except (VisaIOError, OSError, ValueError, InvalidSession) as error:
             raise ConnectionLost(f"{self.name}: {doing} failed: {_plain(error)}") from None
-
-
-def _prepared(instrument: MessageBasedResource, bridge: MessageBasedResource | None) -> socket.socket | None:
-    """Set the session up for whole answers; return the socket below it, None where there is none."""
-    (bridge or instrument).read_termination = "\n"
-    line = underlying_socket(bridge or instrument)
-    if line is not None:
-        # What came before a timeout is then handed over instead of being dropped with it.
-        (bridge or instrument).set_visa_attribute(ResourceAttribute.suppress_end_enabled, False)
-        # Else a message is held back until the peer acknowledges the one before, 40 ms later.
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return line
-
-
-def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
-    """Return the socket below a session of pyvisa-py; None where there is none, or another library runs."""
-    sessions: dict[Any, Any] = getattr(resource.visalib, "sessions", {})
-    interface = getattr(sessions.get(resource.session), "interface", None)
-    return interface if isinstance(interface, socket.socket) else None
-
-
-def _hung_up(line: socket.socket | None) -> bool:
-    """Tell whether the peer closed the connection. pyvisa-py (0.8) takes that for silence."""
-    if line is None:
-        return False
-    try:
-        return bool(select.select([line], [], [], 0)[0]) and line.recv(1, socket.MSG_PEEK) == b""
-    except (OSError, ValueError):
-        return True
 
 
 def _short(message: str) -> str:

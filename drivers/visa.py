@@ -12,7 +12,7 @@ from .analyzer import Analyzer, InstrumentError
 if TYPE_CHECKING:
     from pyvisa.resources import MessageBasedResource
 
-    from .link import Session
+    from .session import Session
 
 ALLOWED = (
     "GPIB0::17::INSTR, TCPIP0::HOST::5025::SOCKET, HOST:5025, PROLOGIX::HOST:1234::17, PROLOGIX::/dev/ttyUSB0::17 "
@@ -80,7 +80,7 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
 
 def open_session(name: str) -> "Session":
     """Return an open VISA session to `name`, a result of `resource_name`. Raises InstrumentError."""
-    from .link import Session
+    from .session import Session
 
     found = _PROLOGIX.fullmatch(name)
     if not found:
@@ -135,7 +135,7 @@ def _check_host(name: str) -> None:
 
 def _check_connected(name: str, resource: "MessageBasedResource") -> None:
     """Find a refused connection: pyvisa-py (0.8) takes it for a connected one until the first byte is sent."""
-    from .link import underlying_socket
+    from .session import underlying_socket
 
     line = underlying_socket(resource)
     if line is not None and (code := line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)):

@@ -59,19 +59,17 @@ def _bias(instrument: Instrument, unit: Unit) -> None:
 
 
 def _edit_list(instrument: Instrument, _: Unit) -> None:
-    instrument.state.editing = True
+    instrument.state.table.editing = True
 
 
 def _end_edit(instrument: Instrument, _: Unit) -> None:
-    instrument.state.editing, instrument.state.draft = False, None
+    instrument.state.table.editing, instrument.state.table.draft = False, None
     if instrument.state["SWPT"] == "LIST":
         instrument.new_axis()
         instrument.sweeper.restart()
 
 
 def _clear_list(instrument: Instrument, _: Unit) -> None:
-    if not instrument.state.editing:
-        raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
     if instrument.state["SWPT"] == "LIST":
         raise CommandError(-221, "SETTINGS CONFLICT; LIST SWEEP IS ON")
     instrument.state.table.clear()
@@ -86,7 +84,7 @@ LIST_EDITOR: Mapping[str, Entry] = {
     "CLEL": Entry(_clear_list),
     "SADD": Entry(lambda i, _: i.state.begin_segment()),
     "SEDI": Entry(lambda i, u: i.state.begin_segment(_whole(u.arguments[0], 0, 99)), 1, 1),
-    "SDON": Entry(lambda i, _: i.state.finish_segment()),
+    "SDON": Entry(lambda i, _: i.state.table.finish()),
     "EDITDONE": Entry(_end_edit),
 }
 """Commands that edit the list-sweep table [those of the 4395A: no public source gives the 4294A's]."""

@@ -85,7 +85,7 @@ class Instrument:
         return self.state["SWPP"], self.state["SWPT"], self.state["POIN"], *self.state.edges.values()
 
     def _after_change(self, mnemonic: str, before: tuple[Value | tuple[float, float], ...]) -> None:
-        if self.state.draft is not None or mnemonic not in RESTARTS_SWEEP:
+        if self.state.table.draft is not None or mnemonic not in RESTARTS_SWEEP:
             return
         if mnemonic in AXIS_SETTINGS and self._shape() != before:
             self.new_axis()

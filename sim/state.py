@@ -1,17 +1,11 @@
 """The settings as they stand: values by mnemonic, those whose range depends on others, and the list-sweep table."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from .axis import Axis, Segment, limits, list_axis, moved_edges, plain_axis
+from .listtable import EDGES, ListTable, edge
 from .messages import CommandError
-from .settings import PER_TRACE, TABLE, Number, Setting, Value, number
-
-EDGES = ("STAR", "STOP", "CENT", "SPAN")
-SEGMENT_POINTS = 201
-LIST_POINTS = 801
-SEGMENTS = 18
+from .settings import PER_TRACE, TABLE, Number, Setting, Value
 
 
 @dataclass
@@ -24,11 +18,8 @@ class State:
     levels: dict[str, float] = field(default_factory=dict[str, float])
     """Oscillator level by POWMOD (V, A)."""
     form: int = 4
-    table: list[Segment] = field(default_factory=list[Segment])
-    draft: Segment | None = None
-    """The list-sweep segment that is being edited."""
-    draft_at: int = 0
-    editing: bool = False
+    table: ListTable = field(default_factory=ListTable)
+    """Of the list sweep."""
     circuit: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """R1, L1, C1, C0 of the equivalent circuit, SI."""
 
@@ -43,7 +34,7 @@ class State:
             p: (limits("STAR", p, "LIN").default, limits("STOP", p, "LIN").default) for p in ("FREQ", "OLEV", "DCB")
         }
         self.levels = {"VOLT": 0.5, "CURR": 200e-6}
-        self.form, self.table, self.draft, self.editing = 4, [], None, False
+        self.form, self.table = 4, ListTable()
         self.circuit = (0.0, 0.0, 0.0, 0.0)
 
     def __getitem__(self, mnemonic: str) -> Value:
@@ -67,8 +58,8 @@ class State:
 
     def set(self, mnemonic: str, argument: bytes) -> None:
         """Set one setting; numbers are clamped. Raises CommandError for what cannot be read or is not possible."""
-        if self.draft is not None and mnemonic in _SEGMENT_FIELDS:
-            self._set_in_segment(self.draft, mnemonic, argument)
+        if self.table.edits(mnemonic):
+            self.table.set(mnemonic, argument, self._level_kind())
         elif mnemonic in EDGES:
             parameter = str(self["SWPP"])
             self.edges[parameter] = moved_edges(mnemonic, argument, *self.edges[parameter], self._edge_kind(mnemonic))
@@ -88,19 +79,19 @@ class State:
         )
         if frequency_only:
             raise CommandError(-221, "SETTINGS CONFLICT")
-        if mnemonic == "SWPT" and value == "LIST" and not self.table:
+        if mnemonic == "SWPT" and value == "LIST" and not self.table.segments:
             raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")
 
     def query(self, mnemonic: str) -> str:
         """Return the reply to a setting's query; while a segment is edited, what that has."""
-        if self.draft is not None and mnemonic in _SEGMENT_FIELDS:
-            return self._query_segment(self.draft, mnemonic)
+        if self.table.edits(mnemonic):
+            return self.table.query(mnemonic, self._level_kind())
         if mnemonic in EDGES:
             return Number(0, 0, 0, "HZ" if self["SWPP"] == "FREQ" else "V").answer(self._edge_value(mnemonic))
         if mnemonic == "POWE":
             return self._level_kind().answer(self.levels[str(self["POWMOD"])])
         if mnemonic == "POIN" and self["SWPT"] == "LIST":
-            return str(sum(s.points for s in self.table))
+            return str(sum(s.points for s in self.table.segments))
         setting: Setting = TABLE[mnemonic]
         return setting.answer(self.values[self._key(mnemonic)])
 
@@ -109,10 +100,10 @@ class State:
 
     def _edge_value(self, mnemonic: str) -> float:
         if self["SWPT"] == "LIST":
-            start, stop = self.table[0].start, self.table[-1].stop
+            start, stop = self.table.segments[0].start, self.table.segments[-1].stop
         else:
             start, stop = self.edges[str(self["SWPP"])]
-        return _edge(mnemonic, start, stop)
+        return edge(mnemonic, start, stop)
 
     def _edge_kind(self, mnemonic: str) -> Number:
         edge = mnemonic if mnemonic in ("STAR", "STOP") else "STAR"
@@ -134,64 +125,15 @@ class State:
         )
         self.edges[parameter] = (start, stop)
 
-    # list sweep ------------------------------------------------------------------------------------------------
-
     def begin_segment(self, at: int | None = None) -> None:
-        """Open the segment with this number (from 1) for editing, or a new one. Raises CommandError."""
-        if not self.editing:
-            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
-        if at is None:
-            if len(self.table) >= SEGMENTS:
-                raise CommandError(-223, "TOO MUCH DATA")
-            start, stop = self.edges["FREQ"]
-            self.draft_at = len(self.table)
-            self.draft = Segment(
-                start, stop, 2, self.count("BWFACT"), self.levels[str(self["POWMOD"])], self.real("DCV"), 1
-            )
-        elif 1 <= at <= len(self.table):
-            self.draft_at, self.draft = at - 1, self.table[at - 1]
-        else:
-            raise CommandError(-222, "DATA OUT OF RANGE")
-
-    def _set_in_segment(self, draft: Segment, mnemonic: str, argument: bytes) -> None:
-        have = vars(draft).copy()
-        if mnemonic in EDGES:
-            kind = limits("STAR", "FREQ", "LIN")
-            have["start"], have["stop"] = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
-        elif mnemonic == "POIN":
-            have["points"] = round(min(max(number(argument), 2), SEGMENT_POINTS))
-        elif mnemonic == "POWE":
-            have["level"] = self._level_kind().parse(argument)
-        else:
-            have[_SEGMENT_FIELDS[mnemonic]] = TABLE[mnemonic].parse(argument)
-        self.draft = Segment(**have)
-
-    def _query_segment(self, draft: Segment, mnemonic: str) -> str:
-        if mnemonic in EDGES:
-            return limits("STAR", "FREQ", "LIN").answer(_edge(mnemonic, draft.start, draft.stop))
-        if mnemonic == "POWE":
-            return self._level_kind().answer(draft.level)
-        return TABLE[mnemonic].answer(vars(draft)[_SEGMENT_FIELDS[mnemonic]])
-
-    def finish_segment(self) -> None:
-        """Put the edited segment into the table. Raises CommandError where the table would not be a sweep."""
-        if self.draft is None:
-            raise CommandError(-221, "SETTINGS CONFLICT; NO SEGMENT IS BEING EDITED")
-        table = self.table.copy()
-        table[self.draft_at : self.draft_at + 1] = [self.draft]
-        self.draft = None
-        if sum(s.points for s in table) > LIST_POINTS:
-            raise CommandError(-223, "TOO MUCH DATA")
-        if any(b.start < a.stop for a, b in pairwise(table)):
-            raise CommandError(-221, "SETTINGS CONFLICT; SEGMENTS OVERLAP")
-        self.table = table
-
-    # what a sweep measures -------------------------------------------------------------------------------------
+        """Open a segment of the list-sweep table for editing; see `ListTable.begin`. Raises CommandError."""
+        level = self.levels[str(self["POWMOD"])]
+        self.table.begin(Segment(*self.edges["FREQ"], 2, self.count("BWFACT"), level, self.real("DCV"), 1), at)
 
     def axis(self) -> Axis:
         """Return the axis of the sweep that is set up. Raises CommandError for an empty list-sweep table."""
         if self["SWPT"] == "LIST":
-            return list_axis(tuple(self.table))
+            return list_axis(tuple(self.table.segments))
         parameter = str(self["SWPP"])
         start, stop = self.edges[parameter]
         return plain_axis(
@@ -205,17 +147,3 @@ class State:
             bandwidth=self.count("BWFACT"),
             point_average=self.count("PAVERFACT") if self.on("PAVER") else 1,
         )
-
-
-def _edge(mnemonic: str, start: float, stop: float) -> float:
-    return {"STAR": start, "STOP": stop, "CENT": (start + stop) / 2, "SPAN": stop - start}[mnemonic]
-
-
-_SEGMENT_FIELDS: Mapping[str, str] = {
-    **dict.fromkeys(EDGES, ""),
-    "POIN": "points",
-    "BWFACT": "bandwidth",
-    "POWE": "level",
-    "DCV": "bias",
-    "PAVERFACT": "point_average",
-}

@@ -16,9 +16,9 @@ def snapshot(state: State) -> bytes:
 
 
 def _lines(state: State) -> Iterator[str]:
-    if state.table:
+    if state.table.segments:
         yield "EDITLIST"
-        for s in state.table:
+        for s in state.table.segments:
             yield (
                 f"SADD;STAR {s.start};STOP {s.stop};POIN {s.points};BWFACT {s.bandwidth};POWE {s.level};DCV {s.bias};"
                 f"PAVERFACT {s.point_average};SDON"
@@ -51,13 +51,13 @@ def recall(state: State, content: bytes) -> None:
 
 def _apply(state: State, mnemonic: str, arguments: tuple[bytes, ...]) -> None:
     if mnemonic == "EDITLIST":
-        state.editing = True
+        state.table.editing = True
     elif mnemonic == "SADD":
         state.begin_segment()
     elif mnemonic == "SDON":
-        state.finish_segment()
+        state.table.finish()
     elif mnemonic == "EDITDONE":
-        state.editing = False
+        state.table.editing = False
     elif len(arguments) == 1 and state.knows(mnemonic) and mnemonic != "DCO":
         state.set(mnemonic, arguments[0])
     else:

@@ -12,6 +12,7 @@ from ..analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..link import ConnectionLost, Link
 from . import compensation, files, grid, limits, list_sweep, state
 from .compensation import Compensation, Standard
+from .course import Course
 from .joined import joined
 from .record import record
 from .sweeping import expected_seconds, sweep
@@ -71,7 +72,7 @@ class Agilent4294A:
 
         def sweep_all(identity: Identity, found: state.Found) -> tuple[Sweep, ...]:
             if not plan.joined:
-                return self._one_by_one(plan, identity, _Course(self._one_by_one_seconds(plan), progress, cancelled))
+                return self._one_by_one(plan, identity, Course(self._one_by_one_seconds(plan), progress, cancelled))
             why = list_sweep.why_not(plan) or self._no_list
             if not why and found.values["SWPT"] == "LIST":
                 why = "its list-sweep table is in use"
@@ -80,7 +81,7 @@ class Agilent4294A:
                     return self._by_list(plan, identity, progress, cancelled)
                 except list_sweep.ListRefused as error:
                     why = self._no_list = str(error)
-            course = _Course(self._one_by_one_seconds(plan), progress, cancelled)
+            course = Course(self._one_by_one_seconds(plan), progress, cancelled)
             return (joined(self._one_by_one(plan, identity, course), 0, why),)
 
         sweeps, left = self._as_found(sweep_all)
@@ -132,7 +133,7 @@ class Agilent4294A:
         """Return how long each of the sweeps takes where every segment is swept by itself."""
         return [expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment)]
 
-    def _one_by_one(self, plan: SweepPlan, identity: Identity, course: "_Course") -> tuple[Sweep, ...]:
+    def _one_by_one(self, plan: SweepPlan, identity: Identity, course: Course) -> tuple[Sweep, ...]:
         return tuple(
             record(
                 [sweep(self._link, part, plan, course.next()) for part in _sweeps_of(segment)], segment, plan, identity
@@ -149,7 +150,7 @@ class Agilent4294A:
     ) -> tuple[Sweep, ...]:
         """Return the one recording of a joined plan. Raises ListRefused as well."""
         batches = list_sweep.batches(plan)
-        course = _Course([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
+        course = Course([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
         sweeps = [
             record([raw], segment, plan, identity)
             for batch in batches
@@ -211,32 +212,6 @@ class Agilent4294A:
         except InstrumentError:
             self._link.doubt()
             action()
-
-
-class _Course:
-    """How far a plan is, told sweep by sweep."""
-
-    def __init__(
-        self, seconds: Sequence[float], progress: Callable[[Progress], None], cancelled: Callable[[], bool]
-    ) -> None:
-        self._seconds = seconds
-        self._progress = progress
-        self._cancelled = cancelled
-        self._number = 0
-
-    def next(self) -> Callable[[float], None]:
-        """Return the tick of the next sweep: it reports progress, and raises Cancelled where that is wished."""
-        total, before, expected = sum(self._seconds), sum(self._seconds[: self._number]), self._seconds[self._number]
-        self._number += 1
-        what = f"sweep {self._number} of {len(self._seconds)}"
-
-        def tick(passed: float) -> None:
-            if self._cancelled():
-                raise Cancelled(f"{what} was cancelled after {passed:.0f} s; the instrument is in HOLD, its bias off")
-            done = before + min(passed, expected)
-            self._progress(Progress(done / total, max(total - done, 0.0), what))
-
-        return tick
 
 
 def _sweeps_of(segment: Segment) -> tuple[Segment, ...]:
