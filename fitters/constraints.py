@@ -1,6 +1,7 @@
 """Constants that are not free as physics leaves them: kept between bounds, or one and the same in several layers."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,7 +34,7 @@ def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
         x[at] = np.arcsin(np.clip((x[at] - middle) / reach, -_EDGE, _EDGE))
         return x
 
-    return Block(block.coordinates, block.parameters, forward, inverse)
+    return replace(block, forward=forward, inverse=inverse)
 
 
 def shared(leader: str, followers: tuple[str, ...]) -> Block:

@@ -33,6 +33,8 @@ class Block:
     """Coordinates, shape (C,), to parameters, shape (P,), and d parameter / d coordinate, shape (P, C)."""
     inverse: Callable[[Reals], Reals]
     """Parameters, shape (P,), to coordinates, shape (C,)."""
+    log_losses: tuple[str, ...] = ()
+    """Names of the coordinates that are the logarithm of a loss tangent."""
 
 
 def _exp(x: Reals) -> tuple[Reals, Reals]:
@@ -97,6 +99,7 @@ def thickness_constants(layer: str) -> Block:
         tuple(f"{layer}.{name}.{part}" for name in names for part in ("re", "im")),
         _thickness_forward,
         _thickness_inverse,
+        (f"{layer}.c33D.loss", f"{layer}.eps33S.loss"),
     )
 
 
@@ -163,6 +166,9 @@ class Coordinates:
         moving = [k for k, name in enumerate(self.names) if name in free]
         self.moving = np.array(moving, dtype=np.intp)
         self.free = tuple(self.names[k] for k in moving)
+        logs = {name for block in blocks for name in block.log_losses}
+        self.log_losses = [k for k, name in enumerate(self.free) if name in logs]
+        """Which of the moving coordinates are the logarithm of a loss tangent."""
 
     @property
     def x(self) -> Reals:

@@ -11,7 +11,7 @@ from .coordinates import Coordinates
 from .objective import Objective, Posterior, Prior, Recording
 
 _MAX_EVALUATIONS = 200
-_ROUGH, _FINE = 1e-4, 1e-10
+ROUGH, _FINE = 1e-4, 1e-10
 # Relative tolerances: enough to see where a descent leads, and enough for the minimum that is reported.
 _ROUNDS = 8
 _DESCRIBED = 1.3
@@ -100,7 +100,7 @@ def settle(
     evaluations = 0
     start, now = x, tuple(recordings)
     for _ in range(_ROUNDS):
-        rough = descend(Objective(now, coordinates, priors), x, _ROUGH)
+        rough = descend(Objective(now, coordinates, priors), x, ROUGH)
         evaluations, x, before = evaluations + rough.evaluations, rough.x, now
         now = tuple(map(softened, before, rough.objective.log_ratios(x)))
         if _settled(before, now):

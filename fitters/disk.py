@@ -19,10 +19,10 @@ from .assembly import stack_of
 from .bare_disk import BareDisk, bare_disk
 from .coordinates import Coordinates, positive
 from .derived import derived_of
-from .descent import Descent, settle
+from .descent import ROUGH, Descent, descend, settle
 from .disk_coordinates import ARM_CONSTANTS, PLATE_CONSTANTS, both_modes_constants
 from .interface import FitError, FitResult, FitTask
-from .objective import Recording
+from .objective import Objective, Recording
 from .planar_answer import Named, disk_priors, passivity_says, planar_answer, plate_priors, radial_named
 from .radial import radial_band, radial_start
 from .radial_coordinates import plate_blocks
@@ -132,9 +132,9 @@ def _descend(disk: BareDisk, model: BothModes, free: tuple[str, ...] | None) -> 
         for sweep, noise in zip(part.sweeps, part.noises, strict=True)
     ]
     priors = disk_priors(disk, (*PLATE_CONSTANTS, *ARM_CONSTANTS))
-    # The thickness correction joins last: far from the minimum it would take the overtone's error upon itself.
-    held = coordinates.without(*plate)
-    first = settle(recordings, held, priors, held.x)
-    begin = coordinates.inverse(held.forward(first.x)[0])
-    last = settle(recordings, coordinates, priors, begin)
+    # Sizes and thickness correction join last: far from the minimum they would take other constants' errors upon
+    # themselves, and a density that has drifted off by ten standard uncertainties comes back slowly.
+    held = coordinates.without(*plate, *sizes)
+    first = descend(Objective(recordings, held, priors), held.x, ROUGH)
+    last = settle(recordings, coordinates, priors, coordinates.inverse(held.forward(first.x)[0]))
     return replace(last, start=coordinates.x, evaluations=first.evaluations + last.evaluations)

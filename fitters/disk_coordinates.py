@@ -15,14 +15,16 @@ PLATE_CONSTANTS = ("c33D", "h33", "eps33S")
 ARM_CONSTANTS = ("s11E", "s12E", "d31")
 _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
-_H_UNIT = 1e8
+_H_UNIT = 1e7
+# V/m. h31p moves as a logarithm above it, as all it goes with does: sizes scale every constant by a power of their own,
+# so along what they leave open a fit goes straight.
 _PLATE = thickness_constants("")
 
 
 def both_modes_constants(layer: str) -> Block:
     """Return c33D h33 eps33S s11E s12E d31 of a disk, passive whatever the coordinates are; Pa V/m F/m 1/Pa C/N.
 
-    x = those of `thickness_constants`, then ln C', ln(C''/C'), ln M', ln(M''/M'), H'/1e8, angle, with M = c11p - c12p
+    x = those of `thickness_constants`, then ln C', ln(C''/C'), ln M', ln(M''/M'), asinh(H'/1e7), angle, M = c11p - c12p
     and H'' = -sin(angle) sqrt(C'' (1/eps33p)''/2). The last six make all three radial constants together.
     """
     names = (*PLATE_CONSTANTS, *ARM_CONSTANTS)
@@ -31,6 +33,7 @@ def both_modes_constants(layer: str) -> Block:
         tuple(f"{layer}.{name}.{part}" for name in names for part in ("re", "im")),
         _forward,
         _inverse,
+        tuple(f"{layer}.{name}.loss" for name in ("c33D", "eps33S", "s11E", "s12E")),
     )
 
 
@@ -48,10 +51,10 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
     C_re, C_im, M_re, M_im = np.exp([x[6], x[6] + x[7], x[8], x[8] + x[9]]).tolist()
     C, M = complex(C_re, C_im), complex(M_re, M_im)
     bound = float(np.sqrt(C_im * beta.imag / 2))
-    H = complex(_H_UNIT * x[10], -np.sin(x[11]) * bound)
+    H = complex(_H_UNIT * np.sinh(x[10]), -np.sin(x[11]) * bound)
     unit = np.eye(12)
     dC, dM = C * unit[6] + 1j * C_im * unit[7], M * unit[8] + 1j * M_im * unit[9]
-    dH = _H_UNIT * unit[10] - 1j * np.cos(x[11]) * bound * unit[11]
+    dH = _H_UNIT * np.cosh(x[10]) * unit[10] - 1j * np.cos(x[11]) * bound * unit[11]
     dH = dH + 0.5j * H.imag * (unit[6] + unit[7] + dbeta.imag / beta.imag)
     N = beta * C - 2 * H**2
     dN = C * dbeta + beta * dC - 4 * H * dH
@@ -73,5 +76,5 @@ def _inverse(values: Reals) -> Reals:
     bound = np.sqrt(C.real * losses[0] * beta.imag / 2)
     limit = np.sin(_ANGLE_LIMIT)
     angle = np.arcsin(np.clip(-H.imag / bound, -limit, limit))
-    plane = [np.log(C.real), np.log(losses[0]), np.log(M.real), np.log(losses[1]), H.real / _H_UNIT, angle]
+    plane = [np.log(C.real), np.log(losses[0]), np.log(M.real), np.log(losses[1]), np.arcsinh(H.real / _H_UNIT), angle]
     return np.concatenate([_PLATE.inverse(values[:6]), plane])

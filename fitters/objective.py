@@ -14,10 +14,10 @@ from .coordinates import Coordinates
 
 LOADS = ("back.z", "front.z")
 _NOWHERE = 1e8
-_LOSSES = (".c33D.loss", ".eps33S.loss")
 _LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
 # Logarithm of a loss tangent before any measurement: from 1e-4 to 1 within two standard deviations. A recording tells
-# it a thousand times better; where a wrong model would want a negative loss, this keeps the logarithm from running off.
+# it a thousand times better; where a model that is wrong, or not right yet, would want a negative loss, this keeps the
+# logarithm from running off to where nothing pulls it back.
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Objective:
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
         self._owned = [self._owned_by(recording) for recording in self.recordings]
         told = {name for posterior in self.posteriors for name in posterior.names}
-        self._losses = [k for k, name in enumerate(coordinates.free) if name.endswith(_LOSSES) and name not in told]
+        self._losses = [k for k in coordinates.log_losses if coordinates.free[k] not in told]
         self._told = [self._told_by(posterior) for posterior in self.posteriors]
         self._rows = 2 * self.points + len(self.priors) + len(self._losses) + sum(len(root) for root, _ in self._told)
         self._moving = np.zeros(0)

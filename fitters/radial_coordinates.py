@@ -28,6 +28,7 @@ def radial_constants_block(layer: str) -> Block:
         tuple(f"{layer}.{name}.{part}" for name in RADIAL_CONSTANTS for part in ("re", "im")),
         _forward,
         _inverse,
+        (f"{layer}.s11E.loss", f"{layer}.eps33T.loss"),
     )
 
 

@@ -56,3 +56,21 @@ def test_one_mode_alone_is_refused(build, swept):
         Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[0]),)}))
     with pytest.raises(FitError, match="no radial resonance in 2000-9000 kHz"):
         Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[1]),)}))
+
+
+@pytest.mark.parametrize(("material", "off"), [("Pz27 Bergen", 0.06), ("PIC255", -0.12), ("NCE51", 0.15)])
+def test_sizes_that_are_all_uncertain_do_not_drift(disk_build, swept, material, off):
+    """Sizes scale every constant by a power; losses that a half-made fit wants negative find back."""
+    told = disk_build(material, (16.0, 0.512, 7700.0), (0.05, 0.01, 100.0))
+    truth = disk_build(material, (16.04, 0.505, 7790.0), (0.0, 0.0, 0.0))
+    model = both_modes(truth)
+    parts = {name: value for name, value in model.parameters().items() if name.endswith(("s11E.re", "c33D.re"))}
+    model = model.replace({name: (1 + off) * value for name, value in parts.items()})
+    result = Disk().fit(FitTask(told, {"disk": (swept(model, np.linspace(50e3, 8e6, 1601), 2e-4),)}))
+    assert result.converged
+    assert result.chi2_per_dof < 1.2
+    assert result.evaluations < 110
+    true = model.parameters()
+    for name in ("c33D", "h33", "eps33S", "s11E", "s12E", "d31"):
+        found = result.constants[f"disk.{name}"]
+        assert abs(found.re - true[f"disk.{name}.re"]) < 4 * found.u_re, name
