@@ -199,7 +199,7 @@ async def _followed(
                 progress(event)
             case SweepEvent(measurement=m) if m == measurement:
                 sweeps.append(heard.sweep())
-            case StateEvent(measurement=m, state="measured") if m == measurement:
+            case StateEvent(measurement=m, state="measured" | "measured-aside") if m == measurement:
                 return Measurement(measurement, tuple(sweeps))
             case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
                 m == measurement

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import zmq
 
-from ..fitters.interface import FitResult
+from ..fitters.interface import Curve, FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
 from ..models.sweep import Sweep
@@ -24,6 +24,7 @@ from .awaiting import Answers, diagnosis_of, fit_of, require
 from .connection import Asker, DaemonError, Subscription
 from .keys import ClientKey
 from .location import address
+from .mismatch import DIAGNOSIS
 from .reports import curve_columns, report_of
 from .uuid7 import uuid7
 from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
@@ -146,15 +147,16 @@ class Client:
         *,
         priority: int = 0,
         lease: str | None = None,
+        decides: str | None = None,
     ) -> Measurement:
         """Measure a step of a build and wait for it; Ctrl-C cancels the measurement.
 
         `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first; `lease` is needed
-        while the instrument is leased. Raises DaemonError with the daemon's sentence where the
-        measurement failed or was cancelled.
+        while the instrument is leased; `decides` is the measurement whose diagnosis it is to decide. Raises
+        DaemonError with the daemon's sentence where the measurement failed or was cancelled.
         """
         subscription = self._subscribed()
-        measurement = self.begin(build, step, plan, priority=priority, lease=lease)
+        measurement = self.begin(build, step, plan, priority=priority, lease=lease, decides=decides)
         try:
             return self._follow(subscription, measurement, progress)
         except KeyboardInterrupt:
@@ -163,10 +165,19 @@ class Client:
             raise
 
     def begin(
-        self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
+        self,
+        build: Build,
+        step: str,
+        plan: SweepPlan | None = None,
+        *,
+        priority: int = 0,
+        lease: str | None = None,
+        decides: str | None = None,
     ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
+        request = ask.Measure(
+            id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease, decides=decides
+        )
         return self._asker.ask(request, ask.MeasureAnswer).measurement
 
     @contextmanager
@@ -205,18 +216,35 @@ class Client:
         return fit_of(self._answer(measurement, fitter, None, patience))
 
     def diagnose(
-        self, measurement: str, effects: Sequence[str] | None = None, patience: float = 1200.0
+        self,
+        measurement: str,
+        effects: Sequence[str] | None = None,
+        patience: float = 1200.0,
+        *,
+        also: Sequence[str] = (),
+        propose: bool = False,
     ) -> dict[str, Any]:
         """Have a measurement diagnosed; return the object that `pzctl diagnose --json` prints.
 
-        Raises FitError where it cannot be, DaemonError where an effect is not known or no answer comes in time.
+        `also` are measurements that were made to decide it; `propose` asks which measurements would decide what stays
+        open: they are `would_measure` in what is returned. Raises FitError where it cannot be, DaemonError where an
+        effect is not known or no answer comes in time.
         """
         self._subscribed()
-        request = ask.Diagnose(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
+        request = ask.Diagnose(id=uuid7(), measurement=measurement, **_wishes(effects, also, propose))
         wanted = self._asker.ask(request, ask.ErrandAnswer)
         self._answers.note(self.fits(measurement))
         self._answers.forget_given_up(measurement, wanted.fitter)
         return diagnosis_of(self._answer(measurement, wanted.fitter, wanted.version, patience))
+
+    def wait_diagnosis(self, measurement: str, patience: float = 300.0) -> dict[str, Any]:
+        """Return the diagnosis of a measurement that the daemon makes by itself, waiting for it.
+
+        Raises FitError where it cannot be diagnosed, DaemonError where no answer comes in time.
+        """
+        self._subscribed()
+        self._answers.note(self.fits(measurement))
+        return diagnosis_of(self._answer(measurement, DIAGNOSIS, None, patience))
 
     def submit(
         self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, answer: FitResult | str
@@ -234,10 +262,19 @@ class Client:
         self._asker.ask(request, ask.Answer, raw)
 
     def submit_diagnosis(
-        self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, diagnosis: dict[str, Any]
+        self,
+        measurement: str,
+        sweeps: Sequence[str],
+        fitter: str,
+        version: str,
+        diagnosis: dict[str, Any],
+        curves: Sequence[Curve] = (),
     ) -> None:
-        """Hand in a diagnosis: the object that `pzctl diagnose --json` prints."""
-        self._asker.ask(self._submission(measurement, sweeps, fitter, version, diagnosis=diagnosis), ask.Answer)
+        """Hand in a diagnosis: the object that `pzctl diagnose --json` prints, and the curves of its picture."""
+        columns, raw = curve_columns(curves)
+        steps = tuple(curve.step for curve in curves)
+        found = {"diagnosis": diagnosis, "curves": steps, "columns": columns}
+        self._asker.ask(self._submission(measurement, sweeps, fitter, version, **found), ask.Answer, raw)
 
     @staticmethod
     def _submission(measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any) -> ask.Submit:
@@ -263,7 +300,7 @@ class Client:
                     progress(event)
                 case SweepEvent(measurement=m) if m == measurement and heard:
                     sweeps.append(heard.sweep())
-                case StateEvent(measurement=m, state="measured") if m == measurement:
+                case StateEvent(measurement=m, state="measured" | "measured-aside") if m == measurement:
                     return Measurement(measurement, tuple(sweeps))
                 case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
                     m == measurement
@@ -291,3 +328,7 @@ class Client:
             self._answers.note([heard] if heard else [])
             if heard is None and time.monotonic() > deadline:
                 raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer")
+
+
+def _wishes(effects: Sequence[str] | None, also: Sequence[str], propose: bool) -> dict[str, Any]:
+    return {"effects": tuple(effects) if effects else None, "also": tuple(also), "propose": propose}

@@ -19,6 +19,7 @@ import platformdirs
 
 from ..models.errors import PzctlError
 from .limits import Limits
+from .mismatch import ASKED, AUTO
 
 if TYPE_CHECKING:
     from .service import Options
@@ -71,6 +72,12 @@ def _url(value: Any) -> str:
     return value
 
 
+def _when(value: Any) -> str:
+    if value not in (AUTO, ASKED):
+        raise ValueError
+    return value
+
+
 def _form(value: Any) -> str:
     if value not in ("text", "json"):
         raise ValueError
@@ -89,6 +96,7 @@ SETTINGS: Mapping[str, Setting] = {
     "seed": Setting("a whole number", int),
     "fit_seconds": Setting("seconds above 0", _positive),
     "fit_memory_MB": Setting("megabytes above 0", lambda value: int(_positive(value))),
+    "diagnose": Setting("auto or asked", _when),
     "log": Setting("text or json", _form),
 }
 """All settings; each is a flag, a variable and a key of the file by this name."""
@@ -137,7 +145,11 @@ def options(found: Mapping[str, Any]) -> "Options":
         memory_MB=found.get("fit_memory_MB", default.limits.memory_MB),
     )
     simulator = {"time_scale": found.get("time_scale", 1.0), "seed": found.get("seed", 0)}
-    own = {name: found[name] for name in ("resource", "events", "requests", "fitters", "bench") if name in found}
+    own = {
+        name: found[name]
+        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose")
+        if name in found
+    }
     own["journal"], own["station"] = journal_of(found)
     return Options(**own, simulator=simulator, limits=limits)
 

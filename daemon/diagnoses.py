@@ -1,14 +1,17 @@
 """A diagnosis as the JSON object that `pzctl diagnose --json` prints, and as words for the terminal."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from ..fitters.diagnosis.findings import Diagnosis, Finding, Fitted, Size
+from ..fitters.diagnosis.findings import Diagnosis, Finding, Fitted
+from ..fitters.interface import Curve
 from .answers import constants_json, number
-from .numbers import with_uncertainty
+from .numbers import complex_with_uncertainty, with_uncertainty
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -42,57 +45,91 @@ def _finding(finding: Finding) -> dict[str, Any]:
     return made | {name: number(made[name]) for name in numbers}
 
 
-def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
-    """Print the verdict that anyone understands, then the evidence."""
-    console.print(diagnosis.says[0], style="bold", highlight=False)
-    for finding in diagnosis.findings:
-        console.print(f"- {finding.says}", style="yellow", highlight=False)
-    if diagnosis.findings:
-        console.print(_findings_table(diagnosis))
-    if diagnosis.not_decidable:
+def diagnosis_curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
+    """Return each recording with the fit without effects as `start` and the one with them as `fitted`."""
+    return tuple(
+        replace(after, start=before.fitted) for before, after in zip(diagnosis.before, diagnosis.after, strict=True)
+    )
+
+
+def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
+    """Print a diagnosis (the object of `diagnosis_json`): the verdict that anyone understands, then the evidence."""
+    console.print(found["says"][0], style="bold", highlight=False)
+    findings: list[dict[str, Any]] = found["findings"]
+    for finding in findings:
+        console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
+    for sentence in found.get("compared", ()):
+        console.print(f"- {sentence}", highlight=False)
+    if findings:
+        console.print(_findings_table(findings))
+    if found["not_decidable"]:
         console.print("May be there unseen, because the constants absorb it:", highlight=False)
-        console.print(_open_table(diagnosis))
-    before, after = diagnosis.baseline, diagnosis.final
+        console.print(_open_table(found["not_decidable"]))
+    before, after = found["baseline"], found["final"]
     console.print(
-        f"chi2/dof {before.chi2_per_dof:.4g} -> {after.chi2_per_dof:.4g}, on bands that took no part in the fit "
-        f"{before.held_out:.4g} -> {after.held_out:.4g}; {diagnosis.seconds:.1f} s",
+        f"chi2/dof {_fall(before, after, 'chi2_per_dof')}, on bands that took no part in the fit "
+        f"{_fall(before, after, 'held_out')}; {found['seconds']:.1f} s",
         highlight=False,
     )
 
 
-def _findings_table(diagnosis: Diagnosis) -> Table:
+def print_constants(console: Console, diagnosis: Diagnosis) -> None:
+    """Print the constants without what was found, and with it; and what their uncertainties count, where it is said."""
+    table = Table(title="Constants", title_justify="left", header_style="bold")
+    found = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
+    columns = ("constant", *(("without the findings",) if found else ()), "with them" if found else "fitted", "unit")
+    for column in columns:
+        table.add_column(column)
+    for name, after in diagnosis.final.constants.items():
+        before = diagnosis.baseline.constants.get(name)
+        if after.free:
+            shown = [one for one in ((before, after) if found else (after,)) if one is not None]
+            values = (complex_with_uncertainty(one.re, one.im, one.u_re, one.u_im) for one in shown)
+            table.add_row(name, *values, after.unit)
+    console.print(table)
+    for sentence in diagnosis.says[1 + len(diagnosis.findings) :]:
+        console.print(sentence, highlight=False)
+
+
+def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(header_style="bold")
     for column in ("effect", "where", "step", "probability", "size", "chi2/dof", "bands (MHz)", "or else"):
         table.add_column(column)
-    for finding in diagnosis.findings:
-        bands = ", ".join(f"{low / 1e6:.3g}-{high / 1e6:.3g}" for low, high in finding.bands_Hz[:3])
-        rivals = [one for one in finding.alternatives if one.probability > 0.005]
+    for finding in findings:
+        bands = ", ".join(f"{low / 1e6:.3g}-{high / 1e6:.3g}" for low, high in finding["bands_Hz"][:3])
+        rivals = [one for one in finding["alternatives"] if one["probability"] > 0.005]
+        before, after = ({"chi2": finding[f"chi2_per_dof_{side}"]} for side in ("before", "after"))
         table.add_row(
-            finding.effect,
-            finding.where,
-            finding.step,
-            f"{finding.probability:.3f}",
-            "\n".join(f"{name} {_size(size)}" for name, size in finding.parameters.items()),
-            f"{finding.chi2_per_dof_before:.4g} -> {finding.chi2_per_dof_after:.4g}",
+            finding["effect"],
+            finding["where"],
+            finding["step"],
+            f"{finding['probability'] or 0:.3f}",
+            "\n".join(f"{name} {_size(size)}" for name, size in finding["parameters"].items()),
+            _fall(before, after, "chi2"),
             bands,
-            "\n".join(f"{one.effect} at {one.where} ({one.probability:.2f})" for one in rivals),
+            "\n".join(f"{one['effect']} at {one['where']} ({one['probability']:.2f})" for one in rivals),
         )
     return table
 
 
-def _size(size: Size) -> str:
-    return f"{with_uncertainty(size.value, size.u)}{'' if size.unit == '1' else f' {size.unit}'}"
+def _fall(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> str:
+    return " -> ".join("infinite" if side[name] is None else f"{side[name]:.4g}" for side in (before, after))
 
 
-def _open_table(diagnosis: Diagnosis) -> Table:
+def _size(size: Mapping[str, Any]) -> str:
+    return f"{with_uncertainty(size['value'], size['u'])}{_unit(size)}"
+
+
+def _unit(size: Mapping[str, Any]) -> str:
+    return "" if size["unit"] == "1" else f" {size['unit']}"
+
+
+def _open_table(entries: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(header_style="bold")
     for column in ("effect", "where", "at most", "would shift", "would decide"):
         table.add_column(column)
-    for entry in diagnosis.not_decidable:
-        limit = "\n".join(
-            f"{name} {size.value:.2g}{'' if size.unit == '1' else f' {size.unit}'}"
-            for name, size in entry.upper_limit.items()
-        )
-        shifts = "\n".join(f"{name} {100 * shift:+.2g} %" for name, shift in list(entry.shifts.items())[:4])
-        table.add_row(entry.effect, entry.where, limit, shifts, entry.would_decide)
+    for entry in entries:
+        limit = "\n".join(f"{name} {size['value']:.2g}{_unit(size)}" for name, size in entry["upper_limit"].items())
+        shifts = "\n".join(f"{name} {100 * shift:+.2g} %" for name, shift in list(entry["shifts"].items())[:4])
+        table.add_row(entry["effect"], entry["where"], limit, shifts, entry["would_decide"])
     return table

@@ -1,94 +1,118 @@
 """A diagnosis as a picture: residuals before and after, the build with the guilty places, what else it could be."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..fitters.diagnosis.findings import Diagnosis
+from ..fitters.interface import Curve
+from ..fitters.noise import noise_from_smoothness
+from ..models.arrays import Reals
 from ..models.build import Build
+from ..models.sweep import Sweep
+from .sketch_picture import draw_sketch
 
-_BEFORE, _AFTER, _GUILTY = "tab:red", "tab:blue", "#ffd9b0"
+BEFORE, AFTER, GUILTY, MARK, FAINT = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98"
+_SMOOTH = 9
+"""Points over which the heavy line is averaged."""
+_MOST_PANELS, _MOST_BARS = 6, 9
 
 
-def diagnosis_picture(diagnosis: Diagnosis, build: Build, path: Path) -> Path:
-    """Draw the diagnosis; return the path of the PNG or SVG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    rows = len(diagnosis.before)
-    figure: Any = Figure(figsize=(12, 2.6 * rows + 3.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[*[1.0] * rows, 1.1])
-    for k in range(rows):
-        _residuals(figure.add_subplot(grid[k, :]), diagnosis, k)
-    _layers(figure.add_subplot(grid[rows, 0]), diagnosis, build)
-    _candidates(figure.add_subplot(grid[rows, 1]), diagnosis)
-    figure.suptitle(f"{build.name}: {diagnosis.says[0]}")
+def diagnosis_picture(found: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
+    """Draw a diagnosis (the object of `diagnosis_json`, and its curves) into a PNG, SVG or PDF; return the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    diagnosis_figure(found, curves, build).savefig(path, dpi=160)
     return path
 
 
-def _residuals(axes: Any, diagnosis: Diagnosis, k: int) -> None:
-    before, after = diagnosis.before[k], diagnosis.after[k]
-    f = before.frequency / 1e6
-    for curve, colour, label in ((before, _BEFORE, "without effects"), (after, _AFTER, "with them")):
-        size = np.abs(np.log(curve.fitted / curve.measured))
-        axes.semilogy(f, np.maximum(size, 1e-7), color=colour, linewidth=0.8, label=label)
-    for finding in diagnosis.findings:
-        if finding.step == before.step:
-            for low, high in finding.bands_Hz:
-                axes.axvspan(low / 1e6, high / 1e6, color=_GUILTY, zorder=0)
-    axes.set_ylabel(f"{before.step}: |ln Z_model/Z|")
-    axes.set_xlabel("frequency (MHz)")
-    axes.legend(fontsize="small", loc="upper right")
+def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:
+    """Return the figure. `curves` have the fit without effects as `start` and the one with them as `fitted`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = curves[:_MOST_PANELS]
+    columns = 1 if len(shown) == 1 else 2
+    rows = -(-len(shown) // columns)
+    bars = min(_MOST_BARS, sum(1 + len(_rivals(one)) for one in found["findings"])) or 1
+    bottom = max(2.1, 0.9 + 0.34 * bars)
+    figure: Any = Figure(figsize=(10.5, 2.9 * rows + bottom + 0.7), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, below = figure.subfigures(2, 1, height_ratios=[2.9 * rows + 0.7, bottom])
+    panels = above.subplots(rows, columns, squeeze=False)
+    for k, axes in enumerate(panels.flat):
+        if k < len(shown):
+            _residuals(axes, shown[k], found["findings"], legend=k == 0)
+        else:
+            axes.set_axis_off()
+    above.suptitle(f"{build.name}: {found['says'][0]}", fontweight="bold", fontsize=11.5)
+    sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
+    draw_sketch(sketch, build, list(dict.fromkeys(curve.step for curve in curves)), _guilty(found))
+    _candidates(chances, found["findings"])
+    return figure
 
 
-def _layers(axes: Any, diagnosis: Diagnosis, build: Build) -> None:
-    """Draw the layers back to front, thin ones widened, with the guilty places in colour."""
-    guilty = {finding.where for finding in diagnosis.findings}
-    widths = np.array([layer.values["thickness"].re for layer in build.layers]) ** 0.4
-    edges = np.concatenate([[0.0], np.cumsum(widths / widths.sum())])
-    for layer, left, right in zip(build.layers, edges, edges[1:], strict=False):
-        colour = _GUILTY if f"layer:{layer.name}" in guilty else "0.92"
-        axes.add_patch(_rectangle(left, right, colour))
-        axes.text((left + right) / 2, 0.5, layer.name, ha="center", va="center", rotation=90, fontsize="small")
-    names = [layer.name for layer in build.layers]
-    places = {"face:back": 0.0, "face:front": 1.0}
-    for where in guilty:
-        if where.startswith("interface:"):
-            behind, _, before = where.removeprefix("interface:").partition("|")
-            places[where] = float((edges[names.index(behind) + 1] + edges[names.index(before)]) / 2)
-        if where in places:
-            axes.plot([places[where]] * 2, [0.15, 0.85], color=_BEFORE, linewidth=4)
-    for name in ("terminals", "sweep"):
-        if name in guilty:
-            axes.text(0.5, 0.93, f"the mismatch sits in the {name}", ha="center", color=_BEFORE)
-    axes.set_xlim(-0.05, 1.05)
-    axes.set_ylim(0, 1)
-    axes.set_axis_off()
-    axes.set_title("back to front, thin layers widened", fontsize="small")
+def _guilty(found: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(finding["where"]) for finding in found["findings"]))
 
 
-def _rectangle(left: float, right: float, colour: str) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((left, 0.2), right - left, 0.6, facecolor=colour, edgecolor="black", linewidth=0.8)
+def _rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [one for one in finding["alternatives"] if one["probability"] >= 0.005]
 
 
-def _candidates(axes: Any, diagnosis: Diagnosis) -> None:
+def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *, legend: bool) -> None:
+    """Draw the size of the residuals over frequency: every point faint, their running mean heavy."""
+    f = curve.frequency / 1e6
+    noise = noise_from_smoothness(Sweep(curve.frequency, curve.measured))
+    floor = 1e-7 if noise is None else 0.2 * float(np.median(noise))
+    drawn = [(curve.start, BEFORE, "without the finding"), (curve.fitted, AFTER, "with it")] if findings else []
+    for Z, colour, label in drawn or [(curve.fitted, AFTER, "model against recording")]:
+        size = np.abs(np.log(Z / curve.measured))
+        axes.semilogy(f, np.maximum(size, floor), color=colour, linewidth=0.5, alpha=0.35)
+        axes.semilogy(f, np.maximum(_running(size), floor), color=colour, linewidth=1.5, label=label)
+    if noise is not None:
+        axes.fill_between(f, floor, np.sqrt(2) * noise, color="0.85", linewidth=0, zorder=0, label="noise")
+    for finding in findings:
+        if finding["step"] == curve.step:
+            for low, high in finding["bands_Hz"]:
+                if high > curve.frequency[0] and low < curve.frequency[-1]:
+                    axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
+    axes.set_xlim(f[0], f[-1])
+    axes.set_ylim(bottom=floor)
+    axes.set_title(f"step {curve.step}", loc="left", fontsize=9)
+    axes.set_ylabel("|ln(model / measured)|", fontsize=9)
+    axes.set_xlabel("frequency (MHz)", fontsize=9)
+    axes.tick_params(labelsize=8.5)
+    axes.spines[["top", "right"]].set_visible(False)
+    if legend:
+        axes.legend(fontsize=8.5, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+
+
+def _running(size: Reals) -> Reals:
+    """Return the running root mean square, shape (N,)."""
+    kernel = np.ones(_SMOOTH)
+    weight = np.convolve(np.ones_like(size), kernel, mode="same")
+    return np.sqrt(np.convolve(size**2, kernel, mode="same") / weight)
+
+
+def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
+    """Draw each finding with what else could stand in its place, and how likely each is."""
     bars = [
-        (f"{one.effect} at {one.where}", one.probability)
-        for finding in diagnosis.findings
-        for one in (finding, *finding.alternatives)
-    ]
+        (f"{one['effect']}, {one['where']}", one["probability"] or 0.0, MARK if one is finding else FAINT)
+        for finding in findings
+        for one in (finding, *_rivals(finding))
+    ][:_MOST_BARS]
     if not bars:
-        axes.text(0.5, 0.5, "nothing left out that this recording could show", ha="center", va="center")
+        axes.text(0.5, 0.5, "nothing left out\nthat this recording could show", ha="center", va="center", fontsize=10)
         axes.set_axis_off()
         return
-    labels, sizes = zip(*bars[::-1], strict=True)
-    axes.barh(range(len(bars)), sizes, color=_AFTER)
-    axes.set_yticks(range(len(bars)), labels, fontsize="small")
-    axes.set_xlim(0, 1)
-    axes.set_xlabel("probability")
+    for k, (_, size, colour) in enumerate(bars):
+        axes.barh(-k, size, color=colour, height=0.62)
+        axes.text(size + 0.015, -k, f"{size:.2f}", va="center", fontsize=8.5)
+    axes.set_yticks([-k for k in range(len(bars))], [label for label, *_ in bars], fontsize=8.5)
+    axes.set_ylim(-max(len(bars), 3) + 0.5, 0.6)
+    axes.set_xlim(0, 1.1)
+    axes.set_xticks([0, 0.5, 1])
+    axes.tick_params(labelsize=8.5)
+    axes.set_xlabel("probability", fontsize=9)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -5,6 +5,7 @@ python -m pzctl.daemon.errand MEASUREMENT --fitter mason --events tcp://... --re
 
 import argparse
 import logging
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -15,17 +16,15 @@ from .children import end_with_parent
 from .client import Client
 from .guest import load_fitter, task_of
 from .limits import Limits, limit_memory
+from .mismatch import DIAGNOSIS
 from .tending import guest_client
-from .wire import Heard
-
-DIAGNOSIS = "diagnosis"
-"""Under this name a diagnosis is handed in, as a fit is under its fitter's."""
+from .wire import Heard, SweepEvent
 
 
-def diagnosis_version(effects: Sequence[str] | None) -> str:
-    """Return what a diagnosis is known by beside its sweeps: pzctl's version, and the effects it was limited to."""
-    own = version("pzctl")
-    return own if effects is None else f"{own} {','.join(effects)}"
+def diagnosis_version(effects: Sequence[str] | None, also: Sequence[str] = (), propose: bool = False) -> str:
+    """Return what a diagnosis is known by: pzctl's version, the effects it was limited to, and what decided it."""
+    words = [version("pzctl"), ",".join(effects or ()), " ".join(("with", *also)) if also else ""]
+    return " ".join(word for word in (*words, "proposing" if propose else "") if word)
 
 
 def fit(client: Client, measurement: str, fitter: str) -> None:
@@ -40,23 +39,40 @@ def fit(client: Client, measurement: str, fitter: str) -> None:
     client.submit(measurement, _ids(heard), fitter, loaded.version, found)
 
 
-def diagnose(client: Client, measurement: str, effects: Sequence[str] | None) -> None:
+def diagnose(
+    client: Client, measurement: str, effects: Sequence[str] | None, also: Sequence[str] = (), propose: bool = False
+) -> None:
     """Diagnose a measurement; hand in what was found, or why it cannot be. Raises EffectError, DaemonError."""
     from ..fitters.diagnosis.diagnose import diagnose as find_out
-    from .diagnoses import diagnosis_json
+    from .deciding import deciding_json
+    from .diagnoses import diagnosis_curves, diagnosis_json
 
-    heard = client.sweeps(measurement)
-    key = (measurement, _ids(heard), DIAGNOSIS, diagnosis_version(effects))
+    own = client.sweeps(measurement)
+    further = [one for other in also for one in client.sweeps(other) if _measurement_of(one) == other]
+    heard = [*own, *further]
+    key = (measurement, _ids(heard), DIAGNOSIS, diagnosis_version(effects, also, propose))
     try:
-        found = diagnosis_json(find_out(task_of(heard), effects))
+        task = task_of(heard)
+        diagnosis = find_out(task, effects)
+        found = diagnosis_json(diagnosis) | deciding_json(task, diagnosis, task_of(own), propose)
     except FitError as error:
         client.submit(*key, str(error))
     else:
-        client.submit_diagnosis(*key, found)
+        client.submit_diagnosis(*key, found, diagnosis_curves(diagnosis))
+
+
+def _measurement_of(heard: Heard) -> str | None:
+    return heard.event.measurement if isinstance(heard.event, SweepEvent) else None
 
 
 def _ids(heard: Sequence[Heard]) -> list[str]:
     return [one.event.id for one in heard]
+
+
+def _step_back() -> None:
+    """Let acquisition and fits go first: people wait for constants, and a diagnosis takes seconds."""
+    if sys.platform != "win32":
+        os.nice(10)
 
 
 def main() -> None:
@@ -65,6 +81,8 @@ def main() -> None:
     parser.add_argument("measurement")
     parser.add_argument("--fitter", help="the fitter; without one it is a diagnosis")
     parser.add_argument("--effects", help="consider only these, as cable,bond-layer")
+    parser.add_argument("--also", help="measurements made to decide the diagnosis, separated by commas")
+    parser.add_argument("--propose", action="store_true", help="say which measurements would decide")
     parser.add_argument("--events", required=True)
     parser.add_argument("--requests", required=True)
     parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB)
@@ -77,7 +95,10 @@ def main() -> None:
             if given.fitter:
                 fit(client, given.measurement, given.fitter)
             else:
-                diagnose(client, given.measurement, given.effects.split(",") if given.effects else None)
+                _step_back()
+                effects = given.effects.split(",") if given.effects else None
+                also = given.also.split(",") if given.also else ()
+                diagnose(client, given.measurement, effects, also, given.propose)
     except PzctlError as error:
         print(error, file=sys.stderr)
         sys.exit(1)

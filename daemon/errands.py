@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .archive import Measurement
-from .errand import DIAGNOSIS
 from .keys import ClientKey
 from .limits import Limits
+from .mismatch import DIAGNOSIS
 from .paths import log_file
 from .tending import tend
 from .wire import FitEvent
@@ -35,6 +35,9 @@ class Errand:
     measurement: str
     fitter: str | None
     effects: tuple[str, ...] | None = None
+    also: tuple[str, ...] = ()
+    """Measurements that were made to decide the diagnosis."""
+    propose: bool = False
 
     @property
     def name(self) -> str:
@@ -45,7 +48,9 @@ class Errand:
     def arguments(self) -> list[str]:
         """For `daemon/errand.py`."""
         fitter = [] if self.fitter is None else ["--fitter", self.fitter]
-        return [self.measurement, *fitter, *(["--effects", ",".join(self.effects)] if self.effects else [])]
+        effects = ["--effects", ",".join(self.effects)] if self.effects else []
+        also = ["--also", ",".join(self.also)] if self.also else []
+        return [self.measurement, *fitter, *effects, *also, *(["--propose"] if self.propose else [])]
 
 
 @dataclass

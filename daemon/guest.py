@@ -74,7 +74,7 @@ class Guest:
         for measurement in self._client.unanswered(self._name):
             self.answer(measurement)
         for heard in events:
-            if isinstance(heard.event, SweepEvent) and heard.event.segment == heard.event.segments:
+            if isinstance(heard.event, SweepEvent) and _completes(heard.event):
                 self.answer(heard.event.measurement)
 
     def answer(self, measurement: str) -> None:
@@ -105,6 +105,11 @@ class Guest:
                 raise
             says = f"fitter {self._name!r}: its answer was refused: {error}"
             self._client.submit(measurement, sweeps, self._name, self._fitter.version, says)
+
+
+def _completes(event: SweepEvent) -> bool:
+    """Return whether a step's own measurement is complete with this sweep."""
+    return event.segment == event.segments and event.decides is None
 
 
 def main() -> None:

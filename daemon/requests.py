@@ -57,6 +57,8 @@ class Measure(Request, frozen=True, kw_only=True, tag="measure"):
     """Higher ones go first; what is being measured is finished."""
     lease: str | None = None
     """Needed while the instrument is leased."""
+    decides: str | None = None
+    """The measurement of this step whose diagnosis it is to decide: kept, but no record of the step, and not fitted."""
 
 
 class Lease(Request, frozen=True, kw_only=True, tag="lease"):
@@ -130,6 +132,10 @@ class Diagnose(Request, frozen=True, kw_only=True, tag="diagnose"):
     measurement: str
     effects: tuple[str, ...] | None = None
     """Consider only these of the catalogue; all where none is given."""
+    also: Annotated[tuple[Id, ...], msgspec.Meta(max_length=20)] = ()
+    """Measurements that were made to decide it, whose sweeps count as further recordings of their step."""
+    propose: bool = False
+    """Whether to say which measurements would decide what stays open: `would_measure` in the diagnosis."""
 
 
 class Unanswered(Request, frozen=True, kw_only=True, tag="unanswered"):

@@ -24,13 +24,14 @@ from ..models.sweep import now_utc
 from .acquisition import Acquisition, AnalyzerThread
 from .audience import Audience
 from .desk import Desk
-from .errands import Errands
+from .errands import Errand, Errands
 from .gate import Gate
 from .journal import Journal
 from .ledger import Ledger
 from .limits import Limits
 from .location import Location, announce, withdraw
 from .metrics import Metrics
+from .mismatch import AUTO, DIAGNOSIS, is_significant
 from .paths import home, journal_folder, keys_folder, log_file
 from .reception import Reception
 from .requests import FitterState
@@ -69,6 +70,8 @@ class Options:
     """Fields of `SimOptions` for the simulated 4294A, such as `{"time_scale": 0}`."""
     limits: Limits = field(default_factory=Limits)
     """What each fitter may use."""
+    diagnose: str = AUTO
+    """`auto`: a diagnosis follows a fit of the first fitter that leaves a mismatch; `asked`: only a request."""
 
 
 def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:
@@ -181,8 +184,19 @@ class Daemon:
         self._metrics.lasted("publish", time.monotonic() - began)
         self._metrics.note(event)
         self._ledger.note(event)
+        if isinstance(event, FitEvent):
+            self._follow_up(event)
         if isinstance(event, StateEvent):
             log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)
+
+    def _follow_up(self, fit: FitEvent) -> None:
+        """Have a fit that leaves a mismatch diagnosed, once for each measurement, in the background."""
+        report = fit.report
+        if report is None or not is_significant(report.chi2_per_dof, fit.fitter, asdict(self._options)):
+            return
+        known = self._journal.measurement(fit.measurement)
+        if known is not None and not self._journal.answers(known.id, DIAGNOSIS):
+            self._errands.begin(Errand(known.id, None), known, self._journal.sweep_ids(known.id))
 
     async def serve(self) -> None:
         """Serve until told to end. Raises JournalError where the journal fails."""

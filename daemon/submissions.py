@@ -53,6 +53,7 @@ def _event(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent
             version=request.version,
             sweeps=request.sweeps,
             diagnosis=request.diagnosis,
+            curves=request.curves,
             columns=request.columns,
         )
     return FitEvent(

@@ -97,6 +97,8 @@ class SweepEvent(Sampled, frozen=True, kw_only=True, tag="sweep"):
     settings: dict[str, Any]
     """As read back from the instrument."""
     notes: tuple[str, ...] = ()
+    decides: str | None = None
+    """The measurement whose diagnosis this one is to decide; it is no record of its step then."""
 
 
 class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
@@ -110,8 +112,9 @@ class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
 class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     """Something began or ended.
 
-    Of the daemon: `started`, `stopping`. Of a measurement: `queued`, `measuring`, then one of `measured`, `failed`,
-    `cancelled`, `abandoned`. Of a fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
+    Of the daemon: `started`, `stopping`. Of a measurement: `queued`, `measuring`, then one of `measured`,
+    `measured-aside` (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`. Of a
+    fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
     """
 
     state: str
@@ -142,12 +145,17 @@ class FitEvent(Sampled, frozen=True, kw_only=True, tag="fit"):
 
 
 class DiagnosisEvent(Sampled, frozen=True, kw_only=True, tag="diagnosis"):
-    """What a diagnosis found: the object that `pzctl diagnose --json` prints."""
+    """What a diagnosis found: the object that `pzctl diagnose --json` prints.
+
+    Columns as of a fit: `K.start` is the model without what was found, `K.fitted` the one with it.
+    """
 
     fitter: str
     version: str
     sweeps: tuple[str, ...]
     diagnosis: dict[str, Any]
+    curves: tuple[str, ...] = ()
+    """The step that curve K belongs to."""
 
 
 class BeatEvent(Event, frozen=True, kw_only=True, tag="beat"):

@@ -13,7 +13,10 @@ def diagnose(
     recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
     build: Annotated[Path, typer.Option(help="build.toml")],
     effects: Annotated[str | None, typer.Option(help="Only these effects, as cable,bond-layer.")] = None,
-    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png or .svg.")] = None,
+    unseen: Annotated[
+        bool, typer.Option("--unseen", help="Let the uncertainties count what may be there unseen.")
+    ] = False,
+    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Say where recordings and model differ, which physics was left out, and what cannot be decided.
@@ -21,10 +24,12 @@ def diagnose(
     Example: pzctl diagnose --build build.toml disk=disk.csv ml1=ml1.csv
     """
     from ...fitters.diagnosis.diagnose import diagnose as find_out
+    from ...fitters.diagnosis.widened import widened
     from ...fitters.interface import FitTask
     from ...models.effects import find_effect
     from ..buildfile import read_build
-    from ..diagnoses import diagnosis_json, print_diagnosis
+    from ..diagnoses import diagnosis_curves, diagnosis_json, print_constants, print_diagnosis
+    from ..diagnosis_picture import diagnosis_picture
     from ..terminal import console
 
     chosen = tuple(find_effect(name.strip()).name for name in effects.split(",")) if effects else None
@@ -33,14 +38,17 @@ def diagnose(
     task = FitTask(known, read_steps(recordings))
     with screen.status("diagnosing") as status:
         diagnosis = find_out(task, chosen, status.update)
+    if unseen:
+        diagnosis = widened(diagnosis)
+    found = diagnosis_json(diagnosis)
     if as_json:
-        print(json.dumps(diagnosis_json(diagnosis)))
+        print(json.dumps(found))
     else:
-        print_diagnosis(console(), diagnosis)
+        print_diagnosis(console(), found)
+        if found["findings"] or unseen:
+            print_constants(console(), diagnosis)
     if picture is None and as_json:
         return
-    from ..diagnosis_picture import diagnosis_picture
-
     target = picture or Path(f"{known.name}-diagnosis.png")
-    drawn = diagnosis_picture(diagnosis, known, target)
+    drawn = diagnosis_picture(found, diagnosis_curves(diagnosis), known, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)

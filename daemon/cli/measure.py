@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ...models.build import Build
     from ...models.plan import SweepPlan
     from ..client import Client, Measurement
+    from .decide import Diagnoser
 
 _STORY_TIME_SCALE = 0.02
 """The simulated story runs fifty times faster than a real 4294A, which needs over four minutes a step."""
@@ -32,6 +33,7 @@ class Report:
     build: str
     measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    diagnoses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     truth: dict[str, Any] | None = None
     """What a simulated bench knows of its device; None for a real one."""
 
@@ -48,6 +50,10 @@ def measure(
     adaptive: Annotated[
         bool, typer.Option("--adaptive", help="Look first, then measure where the resonances are, in the same time.")
     ] = False,
+    diagnose: Annotated[
+        bool, typer.Option("--diagnose", help="Say what is wrong after each step, and propose what would decide.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --diagnose: measure what is proposed, unasked.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
@@ -68,9 +74,14 @@ def measure(
     screen = console(stderr=as_json)
     report = Report(known.name)
     with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
+        diagnoser = _diagnoser(lab, known, screen, yes) if diagnose else None
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)
             _one_step(lab, known, name, wanted, screen, report, adaptive)
+            if diagnoser is not None:
+                report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
+        if diagnoser is None:
+            report.diagnoses += _in_the_background(lab, report, screen)
         if simulated:
             report.truth = lab.bench({"command": "truth"})["constants"]
         if report.truth and report.fits:
@@ -141,6 +152,34 @@ def _one_step(
         _show(lab.wait_fit(fitter, measurement.id), build, ended, console, report)
 
 
+def _diagnoser(lab: "Client", build: "Build", console: "Console", yes: bool) -> "Diagnoser":
+    from .decide import Diagnoser
+
+    def sweep(plan: "SweepPlan", step: str, decides: str) -> "Measurement":
+        return _sweep(lab, build, step, plan, console, decides)
+
+    return Diagnoser(lab, build, console, sweep, yes)
+
+
+def _in_the_background(lab: "Client", report: Report, console: "Console") -> list[dict[str, Any]]:
+    """Return what the daemon finds by itself about fits that left a mismatch, and print the verdicts."""
+    from ..mismatch import is_significant
+
+    found: list[dict[str, Any]] = []
+    wanted = [fit for fit in report.fits if is_significant(fit["chi2_per_dof"], fit["fitter"], lab.settings())]
+    for fit in wanted:
+        step = fit["steps"][-1]
+        measurement = next(one["id"] for one in report.measurements if one["step"] == step)
+        with console.status(f"{step}: chi2/dof is {fit['chi2_per_dof']:.3g}; the daemon is finding out why"):
+            one = lab.wait_diagnosis(measurement)
+        found.append(one | {"step": step, "measurement": measurement})
+        for sentence in one["says"]:
+            console.print(f"{step}: {sentence}", style="yellow", highlight=False)
+    if found:
+        console.print("more: pzctl report, the live page, or pzctl measure --diagnose", style="dim")
+    return found
+
+
 def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
     """Bring the device to its step: the simulated bench glues, a person is asked."""
     from ..connection import DaemonError
@@ -154,7 +193,14 @@ def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> N
         typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
 
 
-def _sweep(lab: "Client", build: "Build", step: str, plan: "SweepPlan | None", console: "Console") -> "Measurement":
+def _sweep(
+    lab: "Client",
+    build: "Build",
+    step: str,
+    plan: "SweepPlan | None",
+    console: "Console",
+    decides: str | None = None,
+) -> "Measurement":
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     from ..wire import ProgressEvent
@@ -166,7 +212,7 @@ def _sweep(lab: "Client", build: "Build", step: str, plan: "SweepPlan | None", c
         def show(event: ProgressEvent) -> None:
             progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
 
-        return lab.measure(build, step, plan, progress=show)
+        return lab.measure(build, step, plan, progress=show, decides=decides)
 
 
 def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:

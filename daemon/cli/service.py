@@ -25,6 +25,9 @@ def daemon(
     seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
     fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
+    diagnose: Annotated[
+        str | None, typer.Option(help="auto: diagnose by itself what a fit leaves over; asked: only on request.")
+    ] = None,
     log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
     page: Annotated[bool, typer.Option("--page", help="Serve the live page beside it, on this machine only.")] = False,
     page_port: Annotated[int, typer.Option(help="Port of the page; 0 takes any free one.")] = 8294,
@@ -50,7 +53,7 @@ def daemon(
     flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
     flags |= {"journal": journal, "station": station}
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
-    found = settings(flags | {"log": log})
+    found = settings(flags | {"diagnose": diagnose, "log": log})
     begin_log(found.get("log", "text"))
     if not page:
         run(options(found))
