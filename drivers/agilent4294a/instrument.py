@@ -29,7 +29,7 @@ class Agilent4294A:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._no_list = ""
-        """Why this instrument does no list sweep, once it has been tried."""
+        """Why this instrument does no list sweep, where one was tried to its end in vain."""
 
     @property
     def hears_requests(self) -> bool:
@@ -80,7 +80,8 @@ class Agilent4294A:
                 try:
                     return self._by_list(plan, identity, progress, cancelled)
                 except list_sweep.ListRefused as error:
-                    why = self._no_list = str(error)
+                    why = str(error)
+                    self._no_list = why if error.swept else ""
             course = Course(self._one_by_one_seconds(plan), progress, cancelled)
             return (joined(self._one_by_one(plan, identity, course), 0, why),)
 

@@ -34,6 +34,11 @@ _OF_A_LINE = ("STAR", "STOP", "POIN", "BWFACT", "POWE")
 class ListRefused(InstrumentError):
     """The instrument did not take a list sweep as it was meant; the segments can be swept one by one."""
 
+    def __init__(self, says: str, swept: bool = False) -> None:
+        super().__init__(says)
+        self.swept = swept
+        """Whether that came out only after the sweep: not to be tried again, as it costs as much each time."""
+
 
 def why_not(plan: SweepPlan) -> str:
     """Return why `plan` is no list sweep, as a clause; "" where it is one."""
@@ -92,7 +97,7 @@ def sweep(
     except ConnectionLost:
         raise
     except InstrumentError as error:
-        raise ListRefused(str(error)) from None
+        raise ListRefused(str(error), swept=True) from None
     sweeping.check_untouched(link, {name: value for name, value in got.items() if name not in _OF_A_LINE})
     return tuple(
         sweeping.RawSweep(

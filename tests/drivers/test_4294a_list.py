@@ -1,8 +1,11 @@
 """The list sweep: used where the instrument proves that it took every line, and never otherwise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import pzctl.sim.state
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.agilent4294a.list_sweep import batches, lines
 from pzctl.drivers.analyzer import InstrumentError
@@ -88,6 +91,20 @@ def test_an_instrument_that_takes_the_words_for_others_is_found_out(play):
     sent = ";".join(peer.log)
     assert "SADD" in sent
     assert "SWPT LIST" not in sent
+
+
+def test_an_axis_that_is_not_the_plans_is_found_out_and_swept_anew(sim, monkeypatch):
+    right = measured(sim)
+    real = pzctl.sim.state.list_axis
+    monkeypatch.setattr(
+        "pzctl.sim.state.list_axis", lambda table: real(tuple(replace(one, start=one.start + 0.01) for one in table))
+    )
+    analyzer = open_analyzer(sim.resource)
+    for _ in range(2):  # the second time it is known
+        (sweep,) = analyzer.measure(JOINED)
+        assert "OUTPSWPRM?: point 1 is at 1000000.01 Hz" in sweep.settings["no_list_sweep"]
+        np.testing.assert_allclose(sweep.impedance, right.impedance, rtol=1e-6)
+    analyzer.close()
 
 
 def test_batches_hold_what_a_table_holds():
