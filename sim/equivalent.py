@@ -36,8 +36,8 @@ def fitted(frequency: Frequencies, z: Impedances) -> Reals:
     y: Complexes = 1 / z
     w = 2 * np.pi * frequency
     top = int(np.argmax(y.real))
-    above = np.flatnonzero(y.real >= y.real[top] / 2)
-    width = w[above[-1]] - w[above[0]]
+    above = w[y.real >= y.real[top] / 2]
+    width = float(np.ptp(above)) if above.size else 0.0
     C0 = float(np.median(y.imag / w))
     if not (0 < top < z.size - 1 and width > 0 and y.real[top] > 0 and C0 > 0):
         raise CommandError(-221, "SETTINGS CONFLICT; NO RESONANCE IN THE SWEEP")

@@ -86,8 +86,10 @@ def test_a_table_that_is_in_use_is_left_alone(sim):
 def test_an_instrument_that_takes_the_words_for_others_is_found_out(play):
     """It knows every mnemonic without an error, and has one STAR, one POIN and one level: no table at all."""
     peer = play({"OUTPSWPRM?": [b"nothing\n"]})
+    analyzer = open_analyzer(peer.resource, timeout_seconds=0.2)
     with pytest.raises(InstrumentError, match=r"OUTPSWPRM\?"):  # of the plain sweep, for which it has no data
-        open_analyzer(peer.resource, timeout_seconds=0.2).measure(JOINED)
+        analyzer.measure(JOINED)
+    analyzer.close()
     sent = ";".join(peer.log)
     assert "SADD" in sent
     assert "SWPT LIST" not in sent
