@@ -17,8 +17,9 @@ from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
 from .candidates import candidates
 from .decide import DESCRIBED, null_refit, polish, pursue, without_idle
+from .disturbed import of_the_data, verdict_with
 from .findings import Bands, Diagnosis, Finding, Fitted, Leftover, Size, Verdict
-from .gates import put_right
+from .gates.gate import gate
 from .problem import Candidate, Problem
 from .proof import held_out_chi2
 from .score import scores
@@ -44,9 +45,10 @@ def diagnose(
     cannot be fitted at all, EffectError for an effect that is not known.
     """
     began = time.perf_counter()
-    sweeps, turned = put_right(task.sweeps)
+    progress("checking the data")
+    gated = gate(task.sweeps)
     progress("fitting without effects")
-    problem = Problem.of(solve(replace(task, sweeps=sweeps), progress), task.free)
+    problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
     stages = pursue(problem, choice, null, progress)
@@ -59,15 +61,14 @@ def diagnose(
         stages, final, held_after = [], null, held_before
     weighed = weigh(problem, final, stages)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
-    findings = [*_polarity(turned, null, held_before), *findings]
+    findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     if verdict in ("unexplained", "partly-explained"):
         findings.append(_unknown(final, held_after))
     constants = _constants(problem, final)
     progress("asking what stays open")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     taken = {finding.effect for finding in findings}
-    if turned and verdict == "no-mismatch":
-        verdict = "explained"
+    verdict = verdict_with(gated, verdict)
     return Diagnosis(
         verdict=verdict,
         baseline=Fitted(null.chi2_per_dof, held_before, _constants(problem, null)),
@@ -78,6 +79,7 @@ def diagnose(
         says=_says(verdict, findings),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.start, final.descent.x),
+        data=gated.checks,
         seconds=time.perf_counter() - began,
     )
 
@@ -159,27 +161,6 @@ def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
         more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
         sizes[name] = Size(value, abs(more - value), unit)
     return sizes
-
-
-def _polarity(turned: dict[str, str], null: Refit, held: float) -> list[Finding]:
-    chi2 = null.chi2_per_dof
-    return [
-        Finding(
-            effect="polarity",
-            where="terminals",
-            step=step,
-            probability=0.995,
-            bands_Hz=(),
-            parameters={},
-            chi2_per_dof_before=float("inf"),
-            chi2_per_dof_after=chi2,
-            held_out_before=float("inf"),
-            held_out_after=held,
-            alternatives=(),
-            says=f"The recording of {step} is {how}: it was turned round before anything was fitted.",
-        )
-        for step, how in turned.items()
-    ]
 
 
 def _unknown(final: Refit, held: float) -> Finding:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..interface import Constant, Curve
+from .gates.report import DataCheck
 
 Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
 Bands = tuple[tuple[float, float], ...]
@@ -91,4 +92,6 @@ class Diagnosis:
     before: tuple[Curve, ...]
     """Measured and fitted by the baseline; `start` is the baseline too."""
     after: tuple[Curve, ...]
+    data: tuple[DataCheck, ...]
+    """What the gates found of each recording."""
     seconds: float

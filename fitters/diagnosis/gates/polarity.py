@@ -1,11 +1,11 @@
-"""What must be right with the data before any physics is blamed."""
+"""Recordings that are turned: Z with the wrong sign, or its complex conjugate."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from ...models.sweep import Sweep
+from ....models.sweep import Sweep
 
 _MOSTLY = 0.9
 

@@ -1,0 +1,24 @@
+"""How many points fall within the width of the sharpest resonance."""
+
+import numpy as np
+
+from ....models.arrays import Frequencies
+from .rational import PoleFit, linear_fit
+
+_PAYS = 100.0
+"""Fall of chi2 that makes a pole a resonance one can be sure of."""
+
+
+def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, float] | None:
+    """Return the least number of points within f/Q of any resonance in the band, and its Hz; None for no resonance."""
+    s = np.asarray(fit.frame.s.imag, np.float64)
+    steps = 2 * fit.frame.least_width
+    best: tuple[float, float] | None = None
+    for k in np.flatnonzero((fit.poles.imag > s[0]) & (fit.poles.imag < s[-1])):
+        pole = fit.poles[int(k)]
+        points = float(-2 * pole.real / np.interp(pole.imag, s, steps))
+        if best is not None and points >= best[0]:
+            continue
+        if linear_fit(fit.frame, np.delete(fit.poles, int(k))).cost - fit.cost > _PAYS * max(1.0, fit.chi2_per_dof):
+            best = points, float(np.interp(pole.imag, s, frequency))
+    return best
