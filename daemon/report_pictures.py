@@ -162,5 +162,5 @@ def _svg(figure: Any, prefix: str) -> str:
     with context({"svg.fonttype": "none", "svg.hashsalt": prefix}):
         figure.savefig(memory, format="svg", metadata={"Date": None}, transparent=True)
     prefix, text = re.sub(r"\W", "_", prefix), memory.getvalue()
-    text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{prefix}-", text[text.index("<svg") :])
+    text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{prefix}_", text[text.index("<svg") :])
     return re.sub(r'width="([\d.]+)pt" height="[\d.]+pt"', r'role="img" width="\1pt"', text, count=1)
