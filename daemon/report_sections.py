@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -17,6 +17,8 @@ from .reported import SampleRecord, StepRecord
 DERIVED_SHOWN = ("kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay")
 """What is derived from the constants and asked for."""
 
+_FEW = 8
+"""Numbers of one setting that are written out."""
 _BAD, _GOOD = 2.0, 1.2
 """Misfits per degree of freedom: above the first the model lacks something, below the second it lacks nothing."""
 
@@ -182,8 +184,16 @@ def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
         for sweep in one.sweeps:
             digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
             rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
-            rows.append(("settings as read back", json.dumps(dict(sweep.settings), default=str)))
+            rows.append(("settings as read back", json.dumps(_short(sweep.settings), default=str)))
     return _table(("what", "value"), rows)
+
+
+def _short(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings to be read by people: of a column of numbers, how many it holds; all are in the journal."""
+    return {
+        name: f"{len(value)} values" if isinstance(value, list | tuple) and len(value) > _FEW else value  # pyright: ignore[reportUnknownArgumentType]
+        for name, value in settings.items()
+    }
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[str] = ()) -> str:
