@@ -6,20 +6,25 @@ from typing import Annotated
 
 import typer
 
+from .fit import UsageError
+
+KINDS = (".html", ".pdf")
+"""What the file's name may end with."""
+
 
 def report(
     sample: Annotated[str, typer.Argument(help="Name of a sample, id of a measurement, or its build.toml.")],
-    out: Annotated[Path | None, typer.Option(help="The file; SAMPLE.html where not given.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The file, .html or .pdf; SAMPLE.html where not given.")] = None,
     fitter: Annotated[str | None, typer.Option(help="Whose fits; the first that answered where not given.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write a report of a sample: measured, constants, uncertainties, mismatch, provenance. Needs no daemon.
 
-    The file needs nothing else: pictures are inside. A browser prints it as PDF.
+    The file needs nothing else: pictures are inside. One whose name ends with .pdf is a PDF.
 
-    Exit status: 0 written, 1 nothing was measured or fitted, 2 no such sample.
+    Exit status: 0 written, 1 nothing was measured or fitted, 2 no such sample, or no such kind of file.
 
-    Example: pzctl report S4 --out S4.html
+    Example: pzctl report S4 --out S4.pdf
     """
     from ..report import report_html
     from ..reported import sample_record
@@ -30,6 +35,8 @@ def report(
         from ..buildfile import read_build
 
         sample = read_build(Path(sample)).name
+    if out is not None and out.suffix.lower() not in KINDS:
+        raise UsageError(f"--out {out}: the name ends with {out.suffix!r}; allowed are {', '.join(KINDS)}")
     journal = open_journal()
     try:
         record = sample_record(journal, sample)
@@ -43,10 +50,12 @@ def report(
         console().print(f"report: {target}", highlight=False, soft_wrap=True, markup=False)
 
 
-def _write(target: Path, text: str) -> None:
+def _write(target: Path, html: str) -> None:
     from ...models.errors import PzctlError
+    from ..report_pdf import report_pdf
 
+    data = report_pdf(html) if target.suffix.lower() == ".pdf" else html.encode()
     try:
-        target.write_text(text, encoding="utf-8")
+        target.write_bytes(data)
     except OSError as error:
         raise PzctlError(f"{target}: the report cannot be written: {error.strerror or error}") from None

@@ -20,6 +20,7 @@ from ...models.errors import PzctlError
 from ..client import connect
 from ..connection import DaemonError
 from ..report import report_html
+from ..report_pdf import report_pdf
 from ..reported import SampleRecord, sample_record
 from ..samples import NoSamplesError, open_journal
 from .guard import Guard
@@ -63,6 +64,7 @@ def page_app(build: Build, token: str | None = None) -> Starlette:
         Route("/api/fit", _answering(lambda words: JSONResponse(hands.fit(words))), methods=["POST"]),
         Route("/download/{measurement}/{segment:int}.csv", _answering(desk.download)),
         Route("/report/{name:path}", _answering(desk.report)),
+        Route("/pdf/{name:path}", _answering(desk.pdf)),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token)])
@@ -164,6 +166,10 @@ class _Desk:
         """Answer the report of a sample; its style stands inside, so the page's own rule is loosened for it."""
         policy = "default-src 'none'; style-src 'unsafe-inline'"
         return HTMLResponse(report_html(_record(words["name"])), headers={"Content-Security-Policy": policy})
+
+    def pdf(self, words: dict[str, Any]) -> Response:
+        """Answer the report of a sample as PDF."""
+        return Response(report_pdf(report_html(_record(words["name"]))), media_type="application/pdf")
 
 
 def _record(asked: str) -> SampleRecord:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+import zlib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -109,3 +110,19 @@ def test_a_browser_draws_it(reported: Path) -> None:
     )
     assert done.returncode == 0
     assert picture.stat().st_size > 100_000, "an empty page makes a small picture"
+
+
+def test_as_pdf_it_says_the_same(reported: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PZCTL_HOME", str(reported))
+        target = reported / "report.pdf"
+        assert run("report", "thesis", "--out", target).exit_code == 0
+        refused = run("report", "thesis", "--out", reported / "report.doc")
+    assert (refused.exit_code, "allowed are .html, .pdf" in str(refused.exception)) == (1, True)
+    data = target.read_bytes()
+    assert data.startswith(b"%PDF-")
+    assert data.count(b"/Type /Page\n") >= 4
+    parts = re.findall(rb"FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", data, re.DOTALL)
+    streams = [zlib.decompress(part) for part in parts if part[:1] == b"x"]
+    curves = [part for part in streams if part.count(b" l\n") + part.count(b" l ") > 2000]
+    assert curves, "the curves are lines, not pixels"

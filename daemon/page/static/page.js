@@ -114,6 +114,7 @@ function nextStep() {
 
 function showDownloads() {
   const links = view.sweeps.map((_, k) => element("a", `sweep ${k + 1} (CSV)`, { href: `/download/${view.measurement}/${k + 1}.csv` }));
+  if (view.sample) links.push(element("a", "report (PDF)", { href: `/pdf/${encodeURIComponent(view.sample)}`, target: "_blank" }));
   if (view.sample) links.push(element("a", "report", { href: `/report/${encodeURIComponent(view.sample)}`, target: "_blank" }));
   $("downloads").replaceChildren("Download: ", ...links.flatMap((link, k) => (k ? [" · ", link] : [link])));
 }

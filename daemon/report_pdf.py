@@ -1,0 +1,139 @@
+"""The report as PDF: the very sections of the HTML report, set on pages by fpdf2, with vector pictures.
+
+fpdf2 is plain Python, so that a PDF comes out on any machine that pip has served; a browser would do, but is not
+always there.
+"""
+
+import io
+import logging
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+from fpdf import FPDF, FontFace
+
+_FAMILY = "DejaVu Sans"
+_TEXT, _SMALL = 9.5, 7.0
+"""Sizes in points."""
+_HEADS = {"h1": 18.0, "h2": 13.0}
+_COLOURS = {"near": (227, 243, 230), "off": (253, 243, 211), "far": (251, 220, 214)}
+"""Of the deviation's cell, as in the HTML report."""
+_DEVIATION = 4
+_PICTURE = re.compile(r"(<svg.*?</svg>)", re.DOTALL)
+_BOX = re.compile(r'viewBox="[^"]*"')
+_MM = 25.4 / 72
+"""Millimetres in a point."""
+_LONG = 40
+"""Characters from which a column is set wide."""
+
+
+def report_pdf(html: str) -> bytes:
+    """Return the report `report_html` made as a PDF file."""
+    logging.getLogger("fpdf").setLevel(logging.ERROR)
+    logging.getLogger("fontTools").setLevel(logging.ERROR)
+    paper = _Paper(format="A4")
+    paper.set_margins(15, 15)
+    paper.set_auto_page_break(auto=True, margin=18)
+    for style, name in (("", "DejaVuSans.ttf"), ("B", "DejaVuSans-Bold.ttf")):
+        paper.add_font(_FAMILY, style, _fonts() / name)
+    paper.add_page()
+    reader = _Reader(paper)
+    for part in _PICTURE.split(html):  # a picture is XML, and goes as it is
+        if part.startswith("<svg"):
+            reader.picture(part)
+        else:
+            reader.feed(part)
+    return bytes(paper.output())
+
+
+def _fonts() -> Path:
+    """Return the folder of matplotlib's fonts: they know Greek letters and are there with it."""
+    import matplotlib as mpl
+
+    return Path(mpl.get_data_path()) / "fonts" / "ttf"
+
+
+class _Paper(FPDF):
+    """A4 pages with their number below."""
+
+    def footer(self) -> None:
+        """Write the page's number below."""
+        self.set_y(-12)
+        self.set_font(_FAMILY, "", _SMALL)
+        self.cell(0, 5, f"{self.page_no()}", align="C")
+
+
+class _Reader(HTMLParser):
+    """Takes the report apart: headings, paragraphs, tables and pictures in their order."""
+
+    def __init__(self, paper: FPDF) -> None:
+        super().__init__()
+        self._paper = paper
+        self._text: list[str] = []
+        self._rows: list[tuple[str, list[str]]] = []
+        self._inside = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Begin an element."""
+        if tag == "table":
+            self._rows = []
+        elif tag == "tr":
+            self._rows.append((dict(attrs).get("class") or "", []))
+        elif tag in ("h1", "h2", "p", "td", "th", "style", "title"):
+            self._inside, self._text = tag, []
+
+    def handle_data(self, data: str) -> None:
+        """Keep text."""
+        self._text.append(data)
+
+    def handle_endtag(self, tag: str) -> None:
+        """Set what is complete."""
+        if tag in ("td", "th"):
+            self._rows[-1][1].append("".join(self._text))
+        elif tag == "table":
+            self._table()
+        elif tag in _HEADS:
+            self._heading(tag)
+        elif tag == "p" and self._inside == "p":
+            self._paper.set_font(_FAMILY, "", _TEXT)
+            self._paper.multi_cell(0, 5, "".join(self._text), align="L", new_x="LMARGIN", new_y="NEXT")
+            self._paper.ln(1)
+
+    def _heading(self, tag: str) -> None:
+        if self._paper.will_page_break(30):
+            self._paper.add_page()
+        self._paper.set_font(_FAMILY, "B", _HEADS[tag])
+        self._paper.ln(3)
+        self._paper.multi_cell(0, 8, "".join(self._text), align="L", new_x="LMARGIN", new_y="NEXT")
+
+    def _table(self) -> None:
+        paper = self._paper
+        paper.set_font(_FAMILY, "", _SMALL)
+        widths = _widths([cells for _, cells in self._rows])
+        with paper.table(
+            col_widths=widths, borders_layout="HORIZONTAL_LINES", text_align="LEFT", line_height=4
+        ) as table:
+            for classed, cells in self._rows:
+                row = table.row()
+                for k, cell in enumerate(cells):
+                    colour = _COLOURS.get(classed) if k == _DEVIATION else None
+                    row.cell(cell, style=FontFace(fill_color=colour) if colour else None)
+        paper.ln(2)
+
+    def picture(self, svg: str) -> None:
+        """Set a picture, as wide as the page at most."""
+        width, height = (float(x) for x in re.findall(r"[\d.]+", _BOX.findall(svg)[0])[2:4])
+        wide = min(self._paper.epw, width * _MM)
+        tall = wide * height / width
+        if tall > self._paper.eph:
+            wide, tall = wide * self._paper.eph / tall, self._paper.eph
+        if self._paper.will_page_break(tall + 2):
+            self._paper.add_page()
+        self._paper.image(io.BytesIO(svg.encode()), w=wide, h=tall)
+        self._paper.ln(2)
+
+
+def _widths(rows: list[list[str]]) -> tuple[float, ...]:
+    """Return relative widths of columns by what stands in them."""
+    columns = list(zip(*rows, strict=False))
+    return tuple(float(min(_LONG, max(9, *(len(cell) for cell in column)))) for column in columns) or (1.0,)
