@@ -68,6 +68,8 @@ class Gate:
         """Raise RequestError where who asks with this key may not ask for this."""
         who = self._who(key or "")
         needed = NEEDED.get(type(request), "watch")
+        if isinstance(request, ask.Hello) and request.fitter is not None:
+            needed = "measure"  # who comes as a fitter is waited for
         if who is None:
             raise RequestError("not-allowed", "this key has been revoked", "ask who runs the daemon for a new one")
         if RIGHTS.index(who.right) < RIGHTS.index(needed):

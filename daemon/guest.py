@@ -6,7 +6,8 @@ python -m pzctl.daemon.guest mason --events tcp://127.0.0.1:5470 --requests tcp:
 import argparse
 import logging
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 
@@ -16,14 +17,18 @@ from ..models.sweep import Sweep
 from .children import end_with_parent
 from .client import Client
 from .connection import DaemonError
+from .keys import ClientKey
 from .limits import Limits, limit_memory
 from .tending import guest_client
-from .wire import Heard, SweepEvent
+from .wire import Heard, StateEvent, SweepEvent
 
 log = logging.getLogger(__name__)
 
 GROUP = "pzctl.fitters"
 """The entry point group of the fitters."""
+
+PAUSE = 5.0
+"""Seconds until a visitor knocks again at a daemon that has gone."""
 
 GIVEN_UP = 2
 """The exit status that says: starting me again is of no use."""
@@ -74,6 +79,8 @@ class Guest:
         for measurement in self._client.unanswered(self._name):
             self.answer(measurement)
         for heard in events:
+            if isinstance(heard.event, StateEvent) and heard.event.state == "started":  # the daemon, anew
+                self._client.hello(self._name, self._fitter.version)
             if isinstance(heard.event, SweepEvent) and _completes(heard.event):
                 self.answer(heard.event.measurement)
 
@@ -110,6 +117,25 @@ class Guest:
 def _completes(event: SweepEvent) -> bool:
     """Return whether a step's own measurement is complete with this sweep."""
     return event.segment == event.segments and event.decides is None
+
+
+def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Callable[[str], None]) -> None:
+    """Run a fitter for a daemon that did not start it, on another machine say, for ever; come back after the daemon.
+
+    `told` is given a sentence when it comes and when the daemon has gone. Raises FitterError, and DaemonError where
+    the key has no right to hand in fits.
+    """
+    fitter = load_fitter(name)
+    while True:
+        try:
+            with Client(events, requests, key) as client:
+                told(f"fitter {name!r} waits for sweeps of the daemon at {requests}")
+                Guest(name, fitter, client).serve()
+        except DaemonError as error:
+            if error.code != "unreachable":
+                raise
+            told(f"{error}; trying again")
+        time.sleep(PAUSE)
 
 
 def main() -> None:

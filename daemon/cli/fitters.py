@@ -1,14 +1,33 @@
-"""`pzctl fitters`: what is installed."""
+"""`pzctl fitters`: what is installed; and one of them at work for a daemon elsewhere."""
 
 import json
+import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 
-def fitters(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
-    """List the installed fitters, broken ones included."""
+def fitters(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    run: Annotated[
+        str | None, typer.Option(help="Run this fitter for a daemon that runs already, until Ctrl-C.")
+    ] = None,
+    events: Annotated[str | None, typer.Option(help="With --run: the daemon's events, tcp://HOST:PORT.")] = None,
+    requests: Annotated[str | None, typer.Option(help="With --run: the daemon's requests, tcp://HOST:PORT.")] = None,
+    key: Annotated[Path | None, typer.Option(help="With --run: file of a key with the right to measure.")] = None,
+) -> None:
+    """List the installed fitters, broken ones included; or run one for a daemon on another machine.
+
+    Example: pzctl fitters --run mason --events tcp://lab:5470 --requests tcp://lab:5471 --key farm.key
+    """
+    if run is not None:
+        from ..guest import visit
+        from ..location import address
+
+        visit(run, *address(events, requests, key), lambda says: print(says, file=sys.stderr, flush=True))
+        return
     from ...fitters.plugins import list_fitters
 
     listed = list_fitters()
