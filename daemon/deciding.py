@@ -55,9 +55,11 @@ def _why(one: Proposal, diagnosis: Diagnosis) -> str:
     if not one.separation:
         return "to tell whether what nothing explains sits in the device or in the sweep"
     found = " and ".join(f"{finding.effect} at {finding.where}" for finding in diagnosis.findings)
-    unseen = [_named(question) for question in one.decides if question.size]
-    others = [_named(question) for question in one.decides if not question.size]
-    words: list[str] = []
+    unseen, others, once = (
+        [_named(question) for question in one.decides if question.kind == kind]
+        for kind in ("unseen", "instead", "seen once")
+    )
+    words = [f"to see whether {_listed(once)} really depends on the sweep, as it should"] if once else []
     if others:
         words.append(f"to tell {found} from {_listed(others)}")
     if unseen:

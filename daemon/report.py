@@ -7,6 +7,7 @@ from ..models.errors import CannotError
 from ..models.sweep import now_utc
 from . import report_pictures as draw
 from . import report_sections as sections
+from .report_diagnosis import guilty
 from .reported import SampleRecord, StepRecord
 
 _STYLE = """
@@ -45,11 +46,11 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     fits = [result for _, result in chosen]
     parts = [
         ("What was measured", sections.measured(record)),
-        ("The transducer", draw.stack_svg(record.build, _present(record, one), sections.guilty(one))),
+        ("The transducer", draw.stack_svg(record.build, _present(record, one), guilty(one))),
         ("Constants", sections.constants(fit, record.build)),
         ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
         ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),
-        ("Mismatch, and what it means", sections.mismatch(one, fit)),
+        ("Mismatch, and what it means", sections.mismatch(one, fit, record.build)),
         ("From step to step", _history(fits)),
         ("Uncertainty budget", sections.budget(fit)),
         ("Correlations", sections.correlations(fit)),

@@ -35,7 +35,7 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
         axes[row, 0].set_ylabel(label)
     axes[0, 0].legend(frameon=False, fontsize="small")
     axes[3, 0].legend(frameon=False, fontsize="small", ncols=2)
-    return _svg(figure, f"curves-{curves[0].step}")
+    return svg_of(figure, f"curves-{curves[0].step}")
 
 
 def _curve(axes: Any, curve: Curve, noise: float) -> None:
@@ -64,7 +64,7 @@ def circle_svg(curves: Sequence[Curve]) -> str:
         axes.set_xlabel("G (mS)")
         axes.set_ylabel("B (mS)")
         axes.set_aspect("equal", adjustable="datalim")
-    return _svg(figure, "circle")
+    return svg_of(figure, "circle")
 
 
 def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
@@ -81,7 +81,7 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize="small")
     axes.set_yticks(range(len(names)), names, fontsize="small")
     figure.colorbar(image, ax=axes, label="correlation", shrink=0.8)
-    return _svg(figure, "correlation")
+    return svg_of(figure, "correlation")
 
 
 def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
@@ -99,7 +99,7 @@ def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
         axes.set_xlim(-0.5, len(steps) - 0.5)
         axes.set_title(f"{name} ({values[0][1].unit})", fontsize="small")
         axes.tick_params(labelsize="small")
-    return _svg(figure, "history")
+    return svg_of(figure, "history")
 
 
 def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> str:
@@ -123,7 +123,7 @@ def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> st
     axes.text(1.01, 0.5, f"front: {build.front.name}", ha="left", va="center", fontsize="small")
     axes.set_xlim(-0.12, 1.12)
     axes.set_axis_off()
-    return _svg(figure, "stack")
+    return svg_of(figure, "stack")
 
 
 def _edge(where: str, names: list[str], edges: Any) -> float | None:
@@ -154,7 +154,7 @@ def _figure(width: float, height: float) -> Any:
     return figure
 
 
-def _svg(figure: Any, prefix: str) -> str:
+def svg_of(figure: Any, prefix: str) -> str:
     """Return the figure as one `<svg>`; its ids begin with `prefix`, so that several may stand in one page."""
     import matplotlib as mpl
 

@@ -11,7 +11,9 @@ from ..fitters.interface import FitResult
 from ..models.build import Build, Quantity
 from . import report_pictures as draw
 from .frames import to_json
-from .numbers import complex_with_uncertainty, with_uncertainty
+from .numbers import complex_with_uncertainty
+from .report_diagnosis import diagnosed
+from .report_table import table
 from .reported import SampleRecord, StepRecord
 
 DERIVED_SHOWN = ("kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay")
@@ -38,7 +40,7 @@ def measured(record: SampleRecord) -> str:
         for one in record.steps
         for sweep in one.sweeps
     ]
-    return _table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
+    return table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
 
 
 def _drive(settings: Any) -> str:
@@ -69,7 +71,7 @@ def constants(fit: FitResult, build: Build) -> str:
             continue
         rows.append((name, complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
         classes.append("held")
-    return _table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
+    return table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
 
 
 def _deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) -> tuple[str, str]:
@@ -99,7 +101,7 @@ def budget(fit: FitResult) -> str:
     note = (
         "<p>Standard uncertainties in the constant's own unit. The first three, squared, make up the square of u.</p>"
     )
-    return note + _table(heads, rows)
+    return note + table(heads, rows)
 
 
 def _most(share: Any) -> str:
@@ -119,7 +121,7 @@ def correlations(fit: FitResult) -> str:
     return words + draw.correlation_svg(fit.correlation)
 
 
-def mismatch(one: StepRecord, fit: FitResult) -> str:
+def mismatch(one: StepRecord, fit: FitResult, build: Build) -> str:
     """Return how well the model describes the recording, and what that means."""
     chi2 = fit.chi2_per_dof
     if chi2 > _BAD:
@@ -138,39 +140,7 @@ def mismatch(one: StepRecord, fit: FitResult) -> str:
     html = "".join(f"<p>{escape(word)}</p>" for word in words)
     if one.diagnosis is None:
         return html + "<p>No diagnosis of this measurement is in the journal.</p>"
-    return html + _diagnosis(one.diagnosis.diagnosis)
-
-
-def guilty(one: StepRecord) -> tuple[str, ...]:
-    """Return the places that the diagnosis found guilty."""
-    findings: list[dict[str, Any]] = one.diagnosis.diagnosis.get("findings", []) if one.diagnosis else []
-    return tuple(str(finding.get("where")) for finding in findings)
-
-
-def _diagnosis(found: dict[str, Any]) -> str:
-    html = f"<p class='verdict'>Diagnosis: {escape(str(found.get('verdict', '')))}</p>"
-    findings: list[dict[str, Any]] = found.get("findings", [])
-    rows = [
-        (
-            str(f.get("effect")),
-            str(f.get("where")),
-            f"{f.get('probability') or 0:.2f}",
-            "; ".join(_size(name, size) for name, size in f.get("parameters", {}).items()),
-            str(f.get("says", "")),
-        )
-        for f in findings
-    ]
-    if rows:
-        html += _table(("effect", "where", "probability", "size", "what it means"), rows)
-    hidden: list[dict[str, Any]] = found.get("not_decidable", [])
-    if hidden:
-        rows = [(str(n.get("effect")), str(n.get("where")), str(n.get("would_decide", ""))) for n in hidden]
-        html += "<p>May be there unseen:</p>" + _table(("effect", "where", "would decide"), rows)
-    return html
-
-
-def _size(name: str, size: dict[str, Any]) -> str:
-    return f"{name} {with_uncertainty(float(size['value']), size.get('u'))} {size.get('unit', '')}"
+    return html + diagnosed(one.diagnosis.diagnosis, one.diagnosis_curves, build)
 
 
 def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
@@ -185,7 +155,7 @@ def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
             digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
             rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
             rows.append(("settings as read back", json.dumps(_short(sweep.settings), default=str)))
-    return _table(("what", "value"), rows)
+    return table(("what", "value"), rows)
 
 
 def _short(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -194,12 +164,3 @@ def _short(settings: Mapping[str, Any]) -> dict[str, Any]:
         name: f"{len(value)} values" if isinstance(value, list | tuple) and len(value) > _FEW else value  # pyright: ignore[reportUnknownArgumentType]
         for name, value in settings.items()
     }
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[str] = ()) -> str:
-    head = "".join(f"<th scope='col'>{escape(one)}</th>" for one in heads)
-    body = "".join(
-        f"<tr class='{classes[k] if classes else ''}'>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
-        for k, row in enumerate(rows)
-    )
-    return f"<div class='wide'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

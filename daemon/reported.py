@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from ..fitters.interface import FitResult
+from ..fitters.interface import Curve, FitResult
 from ..models.build import Build
 from ..models.errors import PzctlError
 from ..models.sweep import Sweep
 from .archive import Archive, Measurement
 from .client import fit_of
+from .reports import curves_of
 from .wire import DiagnosisEvent, FitEvent, SweepEvent, decode
 
 
@@ -30,6 +31,8 @@ class StepRecord:
     """Why a fitter gave none, a sentence each."""
     diagnosis: DiagnosisEvent | None
     """The latest; its `diagnosis` is the object of `pzctl diagnose --json`."""
+    diagnosis_curves: tuple[Curve, ...]
+    """Of its picture; none where it came without."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +79,15 @@ def _step(archive: Archive, one: Measurement) -> StepRecord:
     fits: dict[str, FitResult] = {}
     refusals: dict[str, str] = {}
     diagnosis: DiagnosisEvent | None = None
+    curves: tuple[Curve, ...] = ()
     for answer in map(decode, archive.fits(one.id)):
         event = answer.event
         if isinstance(event, DiagnosisEvent):
-            diagnosis = event
+            diagnosis, curves = event, curves_of(event.curves, answer.arrays)
         elif isinstance(event, FitEvent) and event.report is not None:
             fits[event.fitter] = fit_of(answer)
         elif isinstance(event, FitEvent):
             refusals[event.fitter] = event.error or "no reason was given"
     idn = next((h.event.instrument.idn for h in heard if isinstance(h.event, SweepEvent)), "")
     sentences = tuple(f"{name}: {why}" for name, why in refusals.items() if name not in fits)
-    return StepRecord(one, tuple(h.sweep() for h in heard), idn, tuple(fits.values()), sentences, diagnosis)
+    return StepRecord(one, tuple(h.sweep() for h in heard), idn, tuple(fits.values()), sentences, diagnosis, curves)

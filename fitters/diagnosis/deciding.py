@@ -7,11 +7,14 @@ worth. A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57 (T-optimal disc
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from ...models.arrays import Frequencies, Impedances, Reals
-from ...models.effects import Device
+from ...models.effects import Conditions, Device
+from ...models.effects.effect import Stage
+from ...models.model import Model
 from ...models.plan import SweepPlan
 from ...models.sweep import Sweep
 from ..interface import FitTask
@@ -52,8 +55,11 @@ class Question:
 
     effect: str
     where: str
-    size: str
-    """Of something that may be there unseen, in words; empty for another name of what was found."""
+    kind: Literal["instead", "unseen", "seen once"]
+    """Another name of what was found; something that the constants absorb; or what was found, known by its shape in one
+    recording only, though it should change with level, pace or time."""
+    size: str = ""
+    """Of something unseen: how large it may be, in words."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,8 @@ class _Rival:
     question: Question
     objective: Objective
     x: Reals
+    frozen: bool = False
+    """Whether it says that nothing depends on how a sweep runs."""
 
 
 def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tuple[Proposal, ...]:
@@ -88,7 +96,8 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tu
     known = {(one.effect.name, one.where, one.step): one for one in candidates(problem)}
     found = [known[f.effect, f.where, f.step] for f in diagnosis.findings if (f.effect, f.where, f.step) in known]
     accepted = _accepted(problem, diagnosis, found)
-    rivals = [*_renamed(problem, diagnosis, known, accepted), *_unseen(problem, diagnosis, known, accepted)]
+    rivals = _renamed(problem, diagnosis, known, accepted)
+    rivals += [*_unseen(problem, diagnosis, known, accepted), *_seen_once(problem, step, accepted)]
     tried = [(one, [_separation(one, step, accepted, rival, instrument) for rival in rivals]) for one in choice]
     return _chosen(tried, rivals, instrument)
 
@@ -96,7 +105,7 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tu
 def _unexplained(choice: Sequence[Experiment], instrument: Instrument) -> tuple[Proposal, ...]:
     """Return what tells device from sweep, where no model predicts anything."""
     telling = [one for one in choice if one.kind in ("direction", "lower level")]
-    open_question = (Question("unknown", "any", ""),)
+    open_question = (Question("unknown", "any", "instead"),)
     return tuple(Proposal(one, instrument.seconds(one.plan), open_question, 0.0) for one in telling)
 
 
@@ -130,7 +139,7 @@ def _renamed(
             if other.probability < _LIKELY or candidate is None or not candidate.knobs:
                 continue
             fitted = _fitted(problem, (*rest, candidate), accepted.values, candidate.knobs[0].typical)
-            question = Question(other.effect, other.where, "")
+            question = Question(other.effect, other.where, "instead")
             made.append(_Rival(question, fitted.objective, fitted.descent.x))
     return made
 
@@ -151,9 +160,23 @@ def _unseen(
         held = {one.name: one.null for one in candidate.knobs} | {knob.name: limit.value}
         with_it = replace(problem, recordings=tuple(_holding(one, candidate, held) for one in problem.recordings))
         fitted = _fitted(with_it, accepted.effects, accepted.values, None)
-        question = Question(entry.effect, entry.where, f"{limit.value:.2g} {limit.unit}".removesuffix(" 1"))
+        question = Question(entry.effect, entry.where, "unseen", f"{limit.value:.2g} {limit.unit}".removesuffix(" 1"))
         made.append(_Rival(question, fitted.objective, fitted.descent.x))
     return made
+
+
+def _seen_once(problem: Problem, step: str, accepted: Refit) -> list[_Rival]:
+    """Return the doubts about effects of the sweep that only one way of sweeping has shown.
+
+    The rival describes the recordings as well, to the last digit; but what it describes does not depend on the sweep.
+    """
+    ran = [one.model.conditions for one in problem.recordings if one.step == step and isinstance(one.model, Device)]
+    alike = len({(one.level_V, one.direction, round(one.pace, 6)) for one in ran}) == 1
+    return [
+        _Rival(Question(one.effect.name, one.where, "seen once"), accepted.objective, accepted.descent.x, frozen=True)
+        for one in accepted.effects
+        if one.effect.stage == Stage.RECORD and step in one.steps and alike
+    ]
 
 
 def _holding(recording: Recording, candidate: Candidate, values: dict[str, float]) -> Recording:
@@ -173,7 +196,8 @@ def _separation(one: Experiment, step: str, accepted: Refit, rival: _Rival, inst
     expected = _under(accepted.objective.models(accepted.descent.x)[own[0]], ran).impedance(f)
     sigma = np.hypot(instrument.noise(one.plan, f, expected), _FLOOR)
     template = rival.objective.recordings[own[0]]
-    recording = Recording(step, Sweep(f, expected), _under(template.model, ran), sigma, renamed=template.renamed)
+    model = template.model if rival.frozen else _under(template.model, ran)
+    recording = Recording(step, Sweep(f, expected), model, sigma, renamed=template.renamed)
     seen = Objective([recording], rival.objective.coordinates, ())
     n = 2 * f.size
     d, J_new = seen.residual(rival.x)[:n], seen.jacobian(rival.x)[:n]
@@ -185,8 +209,8 @@ def _separation(one: Experiment, step: str, accepted: Refit, rival: _Rival, inst
     return float(np.sum((r + (J * scale) @ bend) ** 2))
 
 
-def _under(device: object, ran: object) -> Device:
-    return replace(device, conditions=ran)  # type: ignore[type-var]
+def _under(device: Model, ran: Conditions) -> Model:
+    return replace(device, conditions=ran) if isinstance(device, Device) else device
 
 
 def _chosen(

@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -36,9 +36,16 @@ def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     pids: list[int] = []
 
-    def begin(*fitters: str, names: tuple[str, ...] = (), time_scale: float = 0.0, **options: object) -> Location:
+    def begin(
+        *fitters: str,
+        names: tuple[str, ...] = (),
+        time_scale: float = 0.0,
+        simulator: Mapping[str, object] | None = None,
+        **options: object,
+    ) -> Location:
         named = (*(f"guest_examples:{name}" for name in fitters), *names)
-        where = start(Options(fitters=named, simulator={"time_scale": time_scale}, **options))  # type: ignore[arg-type]
+        simulated = {"time_scale": time_scale, **(simulator or {})}
+        where = start(Options(fitters=named, simulator=simulated, **options))  # type: ignore[arg-type]
         pids.append(where.pid)
         return where
 

@@ -1,0 +1,14 @@
+"""A table of a report, as HTML; every cell is escaped."""
+
+from collections.abc import Sequence
+from html import escape
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[str] = ()) -> str:
+    """Return the table; `classes` are those of the rows, where rows differ."""
+    head = "".join(f"<th scope='col'>{escape(one)}</th>" for one in heads)
+    body = "".join(
+        f"<tr class='{classes[k] if classes else ''}'>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        for k, row in enumerate(rows)
+    )
+    return f"<div class='wide'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
