@@ -4,6 +4,11 @@ There is no GPIB card here. The event is played by a library that has it: its me
 and what it tells comes from the simulated instrument's own SRQ line.
 """
 
+import contextlib
+import os
+import select
+import socket
+import threading
 import time
 
 import numpy as np
@@ -14,6 +19,8 @@ from pyvisa.constants import EventType, StatusCode
 from pzctl.drivers import open_analyzer
 from pzctl.models.plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
+
+pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")  # a terminal of Unix
 
 PLAN = SweepPlan((Segment(1e6, 6e6, 101),), bandwidth=4)
 SLOWLY = SimOptions(port=0, bench_port=0, time_scale=0.1, prologix_port=0, noise=False)
@@ -51,6 +58,42 @@ def test_an_adapter_is_asked_and_the_instrument_left_in_peace(sim, polls):
     by_socket.close()
     np.testing.assert_array_equal(by_gpib.impedance, straight.impedance)
     assert 1 <= len(polls) < 10, "half a second of sweep: a look each quarter of a second, and one at its end"
+
+
+@contextlib.contextmanager
+def serial_line(port):
+    """A serial line that ends at the adapter: a pseudo-terminal, carried to its network port."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    stop = threading.Event()
+
+    def carry(adapter):
+        while not stop.is_set():
+            ready, _, _ = select.select([ours, adapter], [], [], 0.05)
+            if ours in ready:
+                adapter.sendall(os.read(ours, 4096))
+            if adapter in ready:
+                os.write(ours, adapter.recv(4096))
+
+    with socket.create_connection(("127.0.0.1", port)) as adapter:
+        carrier = threading.Thread(target=carry, args=[adapter])
+        carrier.start()
+        try:
+            yield os.ttyname(theirs)
+        finally:
+            stop.set()
+            carrier.join()
+            os.close(ours)
+            os.close(theirs)
+
+
+def test_an_adapter_on_a_serial_line(sim):
+    with serial_line(sim.prologix_port) as device:
+        analyzer = open_analyzer(f"PROLOGIX::{device}::17")
+        assert analyzer.hears_requests
+        (sweep,) = analyzer.measure(PLAN)
+        analyzer.close()
+    assert sweep.frequency.size == 101
 
 
 class Events:
