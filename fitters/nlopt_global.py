@@ -135,7 +135,7 @@ class NloptGlobal:
         coordinates, priors = coordinates_of(build, sweeps, begun, task.free), priors_of(build, sweeps)
         if coordinates.x.size == 0:
             raise FitError("nothing is free to be fitted: every constant of the build is taken as exact")
-        coarse = Objective([_coarse(recording) for recording in recordings], coordinates, priors)
+        coarse = Objective(_coarse(recordings), coordinates, priors)
         hunt = _Hunt(coarse, box_of(coordinates, priors))
         why = self._search(hunt, recordings, began + self._seconds, progress)
         progress("polishing")
@@ -174,12 +174,19 @@ class NloptGlobal:
         return f"the time of {self._seconds:g} s was over"
 
 
-def _coarse(recording: Recording) -> Recording:
-    """Return the recording as the search looks at it: fewer points, and blunt."""
-    sweep = recording.sweep
-    every = slice(None, None, max(1, sweep.frequency.size // _COARSE_POINTS))
-    few = Sweep(sweep.frequency[every], sweep.impedance[every])
-    return replace(recording, sweep=few, noise=np.zeros(few.frequency.size), misfit=_BLUNT)
+def _coarse(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings as the search looks at them: one for each step, of fewer points, and blunt."""
+    found: list[Recording] = []
+    for step in dict.fromkeys(recording.step for recording in recordings):
+        of_step = [recording for recording in recordings if recording.step == step]
+        kept = [slice(None, None, max(1, r.sweep.frequency.size // _COARSE_POINTS)) for r in of_step]
+        pairs = list(zip(of_step, kept, strict=True))
+        frequency, first = np.unique(
+            np.concatenate([r.sweep.frequency[every] for r, every in pairs]), return_index=True
+        )
+        few = Sweep(frequency, np.concatenate([r.sweep.impedance[every] for r, every in pairs])[first])
+        found.append(replace(of_step[0], sweep=few, noise=np.zeros(frequency.size), misfit=_BLUNT))
+    return found
 
 
 def _costs(objective: Objective) -> tuple[Callable[[Reals], float], Callable[[Reals], tuple[float, Reals]]]:
@@ -189,11 +196,7 @@ def _costs(objective: Objective) -> tuple[Callable[[Reals], float], Callable[[Re
         r = objective.residual(x)
         return float(r @ r) / 2, np.asarray(objective.jacobian(x).T @ r)
 
-    def cost(x: Reals) -> float:
-        r = objective.residual(x)
-        return float(r @ r) / 2
-
-    return cost, slope
+    return objective.cost, slope
 
 
 def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:

@@ -78,12 +78,13 @@ class Recording:
         """|w Z|, shape (N,)."""
         return 2 * np.pi * self.sweep.frequency * np.abs(self.sweep.impedance)
 
-    def weighted(self, Z: Complexes, slopes: Complexes) -> tuple[Complexes, Complexes]:
-        """Return the weighted residuals of a model Z, shape (N,), and d residual / d parameter, from d ln Z, (P, N)."""
+    def weighted(self, Z: Complexes) -> tuple[Complexes, Reals | Complexes]:
+        """Return the weighted residuals of a model Z, shape (N,), and what makes d residual of d ln Z, shape (N,)."""
         if self.weighting == "log":
-            return log_ratio(Z, self.sweep.impedance) / self.sigma, slopes / self.sigma
+            weight = 1 / self.sigma
+            return log_ratio(Z, self.sweep.impedance) * weight, weight
         scale = 2 * np.pi * self.sweep.frequency / float(np.sqrt(np.mean((self._lever * self.sigma) ** 2)))
-        return scale * (Z - self.sweep.impedance), slopes * scale * Z
+        return scale * (Z - self.sweep.impedance), scale * Z
 
 
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
@@ -105,6 +106,7 @@ class Objective:
         self.evaluations = 0
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
         self._owned = [self._owned_by(recording) for recording in self.recordings]
+        self._shares = [self._first_like(recording) for recording in self.recordings]
         told = {name for posterior in self.posteriors for name in posterior.names}
         self._losses = [k for k in coordinates.log_losses if coordinates.free[k] not in told]
         self._told = [self._told_by(posterior) for posterior in self.posteriors]
@@ -116,6 +118,11 @@ class Objective:
         """Return the rows of the fit's parameters that a recording's model has, and what the model calls each."""
         there = {recording.renamed.get(name, name): name for name in recording.model.parameters()}
         return {self._row[name]: there[name] for name in self.coordinates.parameters if name in there}
+
+    def _first_like(self, recording: Recording) -> int:
+        """Return the first recording with the same model; sweeps of one step have it once for all."""
+        same = (other.model is recording.model and other.renamed == recording.renamed for other in self.recordings)
+        return next(k for k, found in enumerate(same) if found)
 
     def _told_by(self, posterior: Posterior) -> tuple[Reals, Reals]:
         """Return root and mean over the moving coordinates; a coordinate that is held now is where it was."""
@@ -147,11 +154,16 @@ class Objective:
     def models(self, x: Reals) -> tuple[Model, ...]:
         """Return the model of each recording at these coordinates."""
         values, _ = self.coordinates.forward(x)
-        return tuple(self._with(k, values) for k in range(len(self.recordings)))
+        return self._all_with(values)
 
     def _with(self, k: int, values: Mapping[str, float]) -> Model:
         names = self.coordinates.parameters
         return self.recordings[k].model.replace({own: values[names[i]] for i, own in self._owned[k].items()})
+
+    def _all_with(self, values: Mapping[str, float]) -> tuple[Model, ...]:
+        """Return the model of each recording; recordings of one step share theirs."""
+        made = {k: self._with(k, values) for k in set(self._shares)}
+        return tuple(made[k] for k in self._shares)
 
     def _evaluate(self, x: Reals) -> tuple[Reals, Reals]:
         if not np.array_equal(x, self._moving) or self._cache[0].size == 0:
@@ -170,24 +182,48 @@ class Objective:
     def _residual_and_jacobian(self, x: Reals) -> tuple[Reals, Reals]:
         values, chain = self.coordinates.forward(x)
         residuals: list[Reals] = []
-        rows: list[Reals] = []
+        J = np.empty((self._rows, x.size))
+        row = 0
+        models = self._all_with(values)
         for k, recording in enumerate(self.recordings):
             moved = [i for i in self._owned[k] if np.any(chain[i])]
             names = [self._owned[k][i] for i in moved]
-            r, slopes = recording.weighted(*self._with(k, values).jacobian(recording.sweep.frequency, names))
-            J = slopes.T @ chain[moved]
+            Z, slopes = models[k].jacobian(recording.sweep.frequency, names)
+            r, weight = recording.weighted(Z)
+            slopes = np.multiply(slopes, weight, dtype=np.complex128)
             residuals += [r.real, r.imag]
-            rows += [J.real, J.imag]
-        for prior in self.priors:
-            i = self._row[prior.parameter]
-            residuals.append(np.array([(values[prior.parameter] - prior.mean) / prior.u]))
-            rows.append(chain[i][None, :] / prior.u)
+            # as real numbers, Re and Im in turn: chain is real, and a complex product would be four of these
+            parts = slopes.view(np.float64).T @ chain[moved]
+            J[row : row + r.size], J[row + r.size : row + 2 * r.size] = parts[0::2], parts[1::2]
+            row += 2 * r.size
+        known = [chain[self._row[prior.parameter]][None, :] / prior.u for prior in self.priors]
         tether = np.zeros((len(self._losses), x.size))
         tether[range(len(self._losses)), self._losses] = 1 / _LOSS_WIDTH
-        residuals.append((x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH)
-        y, slope = self.straight(x)
-        residuals += [root @ (y - mean) for root, mean in self._told]
-        return np.concatenate(residuals), np.concatenate([*rows, tether, *(root * slope for root, _ in self._told)])
+        _, slope = self.straight(x)
+        J[row:] = np.concatenate([*known, tether, *(root * slope for root, _ in self._told)])
+        return np.concatenate([*residuals, *self._beforehand(x, values)]), J
+
+    def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
+        """Return the residuals of what was known before: priors, losses, earlier steps."""
+        priors = [(values[prior.parameter] - prior.mean) / prior.u for prior in self.priors]
+        y, _ = self.straight(x) if self._told else (x, x)
+        losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
+        return [np.array(priors), losses, *(root @ (y - mean) for root, mean in self._told)]
+
+    def cost(self, x: Reals) -> float:
+        """Return half the sum of squares at x, for those who need no derivatives; infinite where no model is."""
+        self.evaluations += 1
+        values, _ = self.coordinates.forward(x)
+        total = 0.0
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                for recording, model in zip(self.recordings, self._all_with(values), strict=True):
+                    r, _ = recording.weighted(model.impedance(recording.sweep.frequency))
+                    total += float(np.vdot(r, r).real)
+        except (PzctlError, ArithmeticError):
+            return np.inf
+        total += sum(float(r @ r) for r in self._beforehand(x, values))
+        return total / 2 if np.isfinite(total) else np.inf
 
     def residual(self, x: Reals) -> Reals:
         """Return the weighted residuals, Re and Im of each recording in turn, then priors and losses."""
