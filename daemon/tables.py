@@ -4,11 +4,14 @@ from collections.abc import Mapping
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from ..fitters.interface import Constant, FitResult
 from ..models.build import Build, Quantity
 from .numbers import complex_with_uncertainty
+from .tolerance import deviation
 
+_COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
 _DERIVED_SHOWN = ("kt", "Qm", "tan_delta", "c33", "compliance", "delay")
 
 
@@ -58,11 +61,10 @@ def _nominal(build: Build | None) -> dict[str, Quantity]:
 
 def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) -> None:
     fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
-    sheet = deviation = ""
-    if nominal is not None:
-        sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im)
-        deviation = f"{100 * (constant.re / nominal.re - 1):+.1f} %" if constant.free else "held"
-    table.add_row(name, fitted, constant.unit, sheet, deviation, style=None if constant.free else "dim")
+    sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
+    words, verdict = deviation(constant.re, constant.u_re, nominal, constant.free)
+    away = Text(words, style=_COLOURS.get(verdict, ""))
+    table.add_row(name, fitted, constant.unit, sheet, away, style=None if constant.free else "dim")
 
 
 def _derived_rows(table: Table, result: FitResult, layer: str) -> None:

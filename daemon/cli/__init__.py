@@ -1,7 +1,11 @@
 """The command line: one module for each command. Imports stay inside the commands, so that `--help` is quick."""
 
+import inspect
 import os
 import sys
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any
 
 import typer
 
@@ -61,8 +65,36 @@ app.command("watch")(watch.watch)
 app.command("new")(new.new)
 
 
+def _with_quiet(work: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that knows --quiet besides."""
+
+    @wraps(work)
+    def quietly(*words: Any, quiet: bool, **options: Any) -> None:
+        from ..terminal import be_quiet
+
+        be_quiet(quiet)
+        work(*words, **options)
+
+    kind = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing on standard error but errors and notes.")]
+    more = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+    known = inspect.signature(work)
+    quietly.__signature__ = known.replace(parameters=[*known.parameters.values(), more])  # type: ignore[attr-defined]
+    quietly.__annotations__ = {**work.__annotations__, "quiet": kind}
+    return quietly
+
+
+for _room in (app, journal.app, keys.app):
+    for _one in _room.registered_commands:
+        if _one.callback is not None:
+            _one.callback = _with_quiet(_one.callback)
+
+
 def main() -> None:
-    """Run the command line; what is wrong is one sentence on standard error, never a traceback."""
+    """Run the command line; what is wrong is one sentence on standard error, never a traceback.
+
+    Exit status: 0 done; 1 the answer is "cannot"; 2 wrong usage, or something is wrong that one can put right;
+    130 stopped with Ctrl-C.
+    """
     # Our matrices are small: threads of the linear algebra would only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:

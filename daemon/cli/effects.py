@@ -16,7 +16,10 @@ def effects(
     name: Annotated[str | None, typer.Argument(help="One effect with all it says; without it, the list.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """List the physics that a model can leave out, or show one effect: what it is, and what tells it from others."""
+    """List the physics that a model can leave out, or show one effect: what it is, and what tells it from others.
+
+    Example: pzctl effects lead-inductance
+    """
     from ...models.effects import catalogue, find_effect
 
     chosen = [find_effect(name)] if name else list(catalogue())

@@ -1,5 +1,6 @@
 """`pzctl journal`: check, copy and prune the record of everything that was measured."""
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,17 +11,25 @@ app = typer.Typer(no_args_is_help=True, help="Check, copy and prune the journal.
 
 
 @app.command("verify")
-def verify() -> None:
+def verify(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
     """Compare every recording with its hash, and look for gaps. Needs no daemon, and disturbs none.
 
-    Exit status 1 where something is wrong.
+    Exit status: 0 all is whole, 1 something is wrong.
+
+    Example: pzctl journal verify
     """
     from ..samples import open_journal
 
     journal = open_journal()
     try:
         wrong = journal.verify()
-        print("\n".join(wrong) if wrong else f"{journal.size} events, {len(journal.with_arrays())} arrays: all whole")
+        arrays = len(journal.with_arrays())
+        if as_json:
+            print(json.dumps({"events": journal.size, "arrays": arrays, "wrong": wrong}))
+        else:
+            print("\n".join(wrong) if wrong else f"{journal.size} events, {arrays} arrays: all whole")
     finally:
         journal.close()
     if wrong:

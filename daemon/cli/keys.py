@@ -1,5 +1,6 @@
 """`pzctl keys`: who may reach the daemon from other machines, and what for."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,10 @@ app = typer.Typer(no_args_is_help=True, help="Keys of those who may reach the da
 
 @app.command("server")
 def server() -> None:
-    """Make the daemon's own key, once."""
+    """Make the daemon's own key, once.
+
+    Example: pzctl keys server
+    """
     from ..keys import make_server
     from ..paths import home, keys_folder
 
@@ -44,18 +48,30 @@ def client(
 
 
 @app.command("list")
-def show() -> None:
-    """List who may come in."""
+def show(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """List who may come in.
+
+    Example: pzctl keys list
+    """
     from ..keys import clients
     from ..paths import home, keys_folder
 
-    for one in clients(keys_folder(home())):
+    found = clients(keys_folder(home()))
+    if as_json:
+        print(json.dumps({"clients": [{"name": one.name, "right": one.right, "public": one.public} for one in found]}))
+        return
+    for one in found:
         print(f"{one.name}\t{one.right}\t{one.public}")
 
 
 @app.command("revoke")
 def revoke(name: Annotated[str, typer.Argument(help="Whose key no longer counts.")]) -> None:
-    """Bar a client, at once; a running daemon need not be told."""
+    """Bar a client, at once; a running daemon need not be told.
+
+    Example: pzctl keys revoke ana
+    """
     from ..keys import revoke as bar
     from ..paths import home, keys_folder
 

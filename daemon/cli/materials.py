@@ -13,6 +13,8 @@ def materials(
     """List the materials, or show one with every value, its uncertainty and its source.
 
     Your own stand in materials.toml in the data folder, with the units in the keys as in build.toml; they go first.
+
+    Example: pzctl materials Pz27
     """
     from ..ownmaterials import all_materials, find_material
 

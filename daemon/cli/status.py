@@ -8,7 +8,10 @@ import typer
 def status(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Say what the daemon measures, what waits, how its fitters are, and how long things take."""
+    """Say what the daemon measures, what waits, how its fitters are, and how long things take.
+
+    Example: pzctl status --json
+    """
     from ..client import connect
     from ..frames import to_json
 
