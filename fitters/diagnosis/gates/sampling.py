@@ -15,7 +15,7 @@ def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, f
     steps = 2 * fit.frame.least_width
     best: tuple[float, float] | None = None
     for k in np.flatnonzero((fit.poles.imag > s[0]) & (fit.poles.imag < s[-1])):
-        pole = fit.poles[int(k)]
+        pole = complex(fit.poles[int(k)])
         points = float(-2 * pole.real / np.interp(pole.imag, s, steps))
         if best is not None and points >= best[0]:
             continue
