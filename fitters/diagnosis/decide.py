@@ -1,61 +1,78 @@
-"""Which effects are there: greedy search, substitution by look-alikes, removal of what is not needed.
+"""Which effects are there: a search that keeps several explanations in sight, everything refitted at each step.
 
-Orthogonal matching pursuit with everything refitted at each stage. An effect is taken in only where it pays for itself
-by far more than noise would, measured in units of what is left over and for as many points as are worth counting.
+Orthogonal matching pursuit over a small beam. An effect is taken in only where it pays for itself by far more than
+noise would, measured in units of what is left over and for as many points as are worth counting.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from ..descent import descend, lag_one, softened
+from ..descent import descend, softened
+from .evidence import evidence_lost, gain, price
 from .problem import Candidate, Problem
 from .score import Score, scores
-from .search import ROUGH, Refit, finished, refit
+from .search import ROUGH, Refit, finished, is_there, refit
 
 DESCRIBED = 1.25
 """chi2 per degree of freedom up to which nothing is left to explain."""
 SIGNIFICANT = 30.0
 """Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
 for forty candidates, and the noise itself is known to some per cent only."""
-_MOST_EFFECTS = 3
-_SIZED = 3.0
+_BEAM = (3, 3, 1)
+"""How many explanations with one, two and three effects are kept."""
+_AS_GOOD = 4.0
+"""chi2 over the best one's, up to which an explanation is pursued: the larger one of two effects leads."""
+_WITHIN = 30.0
+"""How much less likely (-2 ln) than the best an explanation may be to be pursued, once the best describes all."""
 _WORTH_A_REFIT = 0.4
-_REFITTED_LATER = 8
-_REFITTED = 16
-_POLISHED = 3
+_REFITTED_LATER = 10
+_REFITTED = 18
+_POLISHED = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
-    """One effect taken in, and what else was tried in its place."""
+class Search:
+    """Explanations tried so far, so that none is tried twice."""
 
-    before: Refit
-    after: Refit
-    rivals: tuple[Refit, ...]
-    """Refits with another effect in its place, best first."""
+    problem: Problem
+    candidates: Sequence[Candidate]
+    progress: Callable[[str], None]
+    tried: dict[frozenset[Candidate], tuple[Refit, ...]] = field(
+        default_factory=dict[frozenset[Candidate], tuple[Refit, ...]]
+    )
 
-
-def gain(before: Refit, after: Refit) -> float:
-    """Return how far chi2 falls, in units of what is left over and of points worth counting.
-
-    What was known beforehand counts too: a fit that reaches the noise by a density five uncertainties off has paid.
-    """
-    ratios = after.objective.log_ratios(after.descent.x)
-    n = np.array([recording.sweep.frequency.size for recording in after.objective.recordings], float)
-    fall = np.array(before.chi2) - np.array(after.chi2)
-    rho = np.array([min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.99) for ratio in ratios])
-    worth = 2 * n * (1 - rho) / (1 + rho)
-    eased = before.against - after.against
-    return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2)))) + eased
+    def onward(self, current: Refit) -> tuple[Refit, ...]:
+        """Return refits with one effect more than `current`, of a kind that is not there yet; the best first."""
+        key = frozenset(current.effects)
+        if key not in self.tried:
+            self.tried[key] = tuple(_try_all(self.problem, self.candidates, current))
+        return self.tried[key]
 
 
-def price(found: Refit) -> float:
-    """Return chi2 per degree of freedom with a price for each knob, as the Bayesian information criterion has it."""
-    points = 2 * found.objective.points
-    knobs = sum(len(effect.knobs) for effect in found.effects)
-    return (found.chi2_per_dof + found.against / points) * (1 + knobs * float(np.log(points)) / points)
+def pursue(search: Search, null: Refit) -> Refit:
+    """Return the fit with the effects that are there: until the recordings are described or nothing helps any more."""
+    best, beam = null, [null]
+    for n, kept in enumerate(_BEAM):
+        search.progress(f"looking for effect {n + 1}")
+        beam = _next(search, beam)[:kept]
+        if not beam:
+            break
+        if gain(best, beam[0]) > SIGNIFICANT:
+            best = beam[0]
+        if max(best.chi2) < DESCRIBED:
+            beam = [one for one in beam if max(one.chi2) < DESCRIBED and evidence_lost(one, beam[0]) < _WITHIN]
+    return best
+
+
+def _next(search: Search, beam: Sequence[Refit]) -> list[Refit]:
+    """Return the best explanations with one effect more than those of the beam."""
+    found: dict[frozenset[Candidate], Refit] = {}
+    for current in beam:
+        for one in search.onward(current):
+            if is_there(one) and gain(current, one) > SIGNIFICANT:
+                found.setdefault(frozenset(one.effects), one)
+    ordered = sorted(found.values(), key=price)
+    return [one for one in ordered if one.chi2_per_dof < _AS_GOOD * ordered[0].chi2_per_dof]
 
 
 def null_refit(problem: Problem) -> Refit:
@@ -64,24 +81,7 @@ def null_refit(problem: Problem) -> Refit:
     return finished((), descend(objective, objective.coordinates.x, ROUGH))
 
 
-def pursue(
-    problem: Problem, candidates: Sequence[Candidate], null: Refit, progress: Callable[[str], None]
-) -> list[Stage]:
-    """Return the effects taken in, one stage each, until the recordings are described or nothing helps any more."""
-    stages: list[Stage] = []
-    current = null
-    while len(stages) < _MOST_EFFECTS:
-        progress(f"looking for effect {len(stages) + 1}")
-        tried = _try_all(problem, candidates, current)
-        if not tried or gain(current, tried[0]) < SIGNIFICANT:
-            break
-        stages.append(Stage(current, tried[0], tuple(tried[1:])))
-        current = tried[0]
-    return stages
-
-
 def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) -> list[Refit]:
-    """Return refits with one effect more, best first; of a kind that is not there yet."""
     softer = resoftened(problem, current)
     base = refit(softer, current.effects, current.values, None)
     taken = {effect.effect.name for effect in current.effects}
@@ -95,7 +95,7 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
     polished = [polish(problem, one) for one in rough[:_POLISHED]]
-    return sorted(polished, key=lambda one: (not _is_there(one), price(one)))
+    return sorted(polished, key=lambda one: (not is_there(one), price(one)))
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
@@ -111,20 +111,7 @@ def _promising(found: list[Score]) -> list[Score]:
             seen.add(score.candidate.effect.name)
             first.append(score)
     rest = [score for score in found if score not in first and score.gain > 0]
-    return [*first, *rest][:_REFITTED] if len(first) < _REFITTED else first
-
-
-def _is_there(found: Refit) -> bool:
-    """Return whether the newest effect has a size: without its first knob it would be another effect's other knobs."""
-    coordinates = found.objective.coordinates
-    name = found.effects[-1].parameters[0]
-    k = coordinates.free.index(name)
-    J = found.objective.jacobian(found.descent.x)
-    others = np.delete(J, k, axis=1)
-    own = J[:, k] - others @ np.linalg.lstsq(others, J[:, k], rcond=1e-12)[0]
-    sigma = 1 / max(float(np.linalg.norm(own)), 1e-300)
-    away = float(found.descent.x[k] - coordinates.inverse({**found.values, name: found.effects[-1].knobs[0].null})[k])
-    return abs(away) > _SIZED * sigma
+    return sorted([*first, *rest][: max(_REFITTED, len(first))], key=lambda score: -score.gain)
 
 
 def resoftened(problem: Problem, current: Refit) -> Problem:
@@ -145,14 +132,19 @@ def polish(problem: Problem, rough: Refit) -> Refit:
     return best
 
 
+def without(problem: Problem, found: Refit, effect: Candidate) -> Refit:
+    """Return the fit with every effect but this one."""
+    rest = tuple(one for one in found.effects if one is not effect)
+    return polish(problem, refit(resoftened(problem, found), rest, found.values, None))
+
+
 def without_idle(problem: Problem, found: Refit) -> Refit:
     """Return the refit without the effects whose absence is hardly felt once the others are there."""
     current = found
     for effect in found.effects:
         if len(current.effects) < 2:
             break
-        rest = tuple(one for one in current.effects if one is not effect)
-        trial = polish(problem, refit(resoftened(problem, current), rest, current.values, None))
+        trial = without(problem, current, effect)
         if gain(trial, current) < SIGNIFICANT:
             current = trial
     return current

@@ -16,7 +16,7 @@ from ..joint import solve
 from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
 from .candidates import candidates
-from .decide import DESCRIBED, null_refit, polish, pursue, without_idle
+from .decide import DESCRIBED, Search, null_refit, polish, pursue, without_idle
 from .disturbed import of_the_data, verdict_with
 from .findings import Bands, Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .gates.gate import gate
@@ -51,15 +51,15 @@ def diagnose(
     problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
-    stages = pursue(problem, choice, null, progress)
-    final = better_instead(problem, without_idle(problem, stages[-1].after), stages) if stages else null
+    search = Search(problem, choice, progress)
+    final = better_instead(search, without_idle(problem, pursue(search, null)))
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
-    held_after = held_out_chi2(problem, final) if final is not null else held_before
+    held_after = held_out_chi2(problem, final) if final.effects else held_before
     named, verdict = _named(null, final, held_after)
     if not named:
-        stages, final, held_after = [], null, held_before
-    weighed = weigh(problem, final, stages)
+        final, held_after = null, held_before
+    weighed = weigh(search, final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     if verdict in ("unexplained", "partly-explained"):

@@ -113,7 +113,9 @@ class Problem:
 def _block(name: str, knob: Knob, start: float, first: bool) -> Block:
     if knob.lower == knob.null == 0:
         # of the size it starts from, so that small ones are found as well as typical ones
-        return hardly_negative(name, float(np.clip(start, _LEAST * knob.typical, knob.typical)))
+        return hardly_negative(
+            name, float(np.clip(start, _LEAST * knob.typical, knob.typical)) if start > 0 else knob.typical
+        )
     if not first and np.isfinite(knob.upper):
         return between(name, knob.lower, knob.upper)
     return linear(name, knob.typical)

@@ -4,19 +4,21 @@ C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. The derivative of the residuals 
 constants can imitate of it, is held against the residuals; only the physical sign counts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from ...models.arrays import Reals
+from ...models.arrays import Impedances, Reals
 from ...models.effects import Knob
-from ..objective import Objective
+from ...models.model import Model
+from ..objective import Objective, Recording
 from .problem import Candidate, Problem
 
-_SCANNED = 60
-"""Frequencies at which a further resonance is looked for."""
+_SCANNED = 240
+"""Frequencies at which a further resonance is looked for: closer than the width of a line of Q = 60."""
 _STEP = 1e-3
 
 
@@ -58,11 +60,15 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
     first, size = candidate.knobs[0], float(np.sqrt(np.mean(G[:, 0] ** 2)))
     norm = float(np.linalg.norm(outside[:, 0]))
     step = float(outside[:, 0] @ -r) / norm**2 if norm > 0 else 0.0
-    if first.lower == first.null:
+    if _is_size(first):
         step = max(step, 0.0)
     gain = step**2 * norm**2
     if G.shape[1] > 1:
-        gain = max(gain, _several(outside, r))
+        together, fall = _together(outside, r, candidate.knobs)
+        gain = max(gain, fall)
+        others = list(enumerate(candidate.knobs))[1:]
+        step = float(together[0])
+        start |= {candidate.parameters[k]: float(together[k]) * knob.typical for k, knob in others if _is_size(knob)}
     return Score(
         candidate,
         gain=gain,
@@ -85,9 +91,10 @@ def _tuned(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
     best, start = -1.0, dict(zip(names[1:], (knob.null for knob in candidate.knobs[1:]), strict=True))
     if all(len(grid) == 1 for grid in grids):
         return start
+    column = _first_columns(problem, candidate, values, r.size)
     for combination in product(*grids):
         trial = dict(zip(names[1:], combination, strict=True))
-        g = _first_column(problem, candidate, {**values, **trial}, r.size)
+        g = column(trial)
         outside = g - Q @ (Q.T @ g)
         norm = float(np.linalg.norm(outside))
         gain = max(0.0, float(outside @ -r)) / norm if norm > 0 else 0.0
@@ -107,29 +114,53 @@ def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
     return (knob.null,)
 
 
-def _first_column(problem: Problem, candidate: Candidate, values: dict[str, float], rows: int) -> Reals:
-    """Return d residual / d first knob, in typical sizes, shape (rows,), by one small step."""
-    column = np.zeros(rows)
-    knob, name, at = candidate.knobs[0], candidate.parameters[0], 0
-    for recording in problem.with_effects([candidate]):
-        n = recording.sweep.frequency.size
+def _first_columns(
+    problem: Problem, candidate: Candidate, values: dict[str, float], rows: int
+) -> Callable[[dict[str, float]], Reals]:
+    """Return what makes, of the other knobs' values, d residual / d first knob in typical sizes, shape (rows,).
+
+    By one small step from where the effect is absent, which is the same for all of them.
+    """
+    knob, name = candidate.knobs[0], candidate.parameters[0]
+    size, at = knob.null + _STEP * knob.typical, 0
+    places: list[tuple[int, Recording, Model, Impedances]] = []
+    for plain, recording in zip(problem.recordings, problem.with_effects([candidate]), strict=True):
+        f = recording.sweep.frequency
         if recording.step in candidate.steps:
-            own = recording.model.parameters()
-            device = recording.model.replace({key: value for key, value in values.items() if key in own})
-            pair = [
-                device.replace({name: knob.null + step * knob.typical}).impedance(recording.sweep.frequency)
-                for step in (0.0, _STEP)
-            ]
-            weighted = np.log(pair[1] / pair[0]) / (_STEP * recording.sigma)
-            column[at : at + n], column[at + n : at + 2 * n] = weighted.real, weighted.imag
-        at += 2 * n
+            there = _moved(recording.model, {**values, name: size})
+            places.append((at, recording, there, _moved(plain.model, values).impedance(f)))
+        at += 2 * f.size
+
+    def column(trial: dict[str, float]) -> Reals:
+        made = np.zeros(rows)
+        for at, recording, there, absent in places:
+            f = recording.sweep.frequency
+            weighted = np.log(there.replace(trial).impedance(f) / absent) / (_STEP * recording.sigma)
+            made[at : at + f.size], made[at + f.size : at + 2 * f.size] = weighted.real, weighted.imag
+        return made
+
     return column
 
 
-def _several(outside: Reals, r: Reals) -> float:
-    """Return the gain of all knobs together, whatever their signs."""
-    step, *_ = np.linalg.lstsq(outside, -r, rcond=1e-8)
-    return float(np.sum(r**2) - np.sum((r + outside @ step) ** 2))
+def _moved(model: Model, values: dict[str, float]) -> Model:
+    own = model.parameters()
+    return model.replace({name: value for name, value in values.items() if name in own})
+
+
+def _together(outside: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, float]:
+    """Return the steps of all knobs together, sizes not negative, and their gain. Columns that vanish stay at rest."""
+    norms = np.linalg.norm(outside, axis=0)
+    felt = norms > 1e-9 * max(float(np.max(norms)), 1e-300)
+    Q, R = np.linalg.qr(outside[:, felt] / norms[felt])
+    lower = np.array([0.0 if _is_size(knob) else -np.inf for knob in knobs])[felt]
+    found = lsq_linear(R, -(Q.T @ r), (lower, np.inf), method="bvls")
+    step = np.zeros(len(knobs))
+    step[felt] = found.x / norms[felt]
+    return step, float(np.sum(r**2) - np.sum((r + outside @ step) ** 2))
+
+
+def _is_size(knob: Knob) -> bool:
+    return knob.lower == knob.null == 0
 
 
 def _knob_columns(problem: Problem, candidate: Candidate, values: dict[str, float], rows: int) -> Reals:

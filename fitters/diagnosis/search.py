@@ -11,9 +11,8 @@ from ..descent import Descent, chi2_per_point, descend
 from ..objective import Objective
 from .problem import Candidate, Problem
 
-_SMALL = 0.01
-"""Size in typical sizes below which what the score test says is no guess to start from."""
 ROUGH = 1e-3
+_SIZED = 3.0
 _AGAIN = 60
 """Evaluations of a fit that begins near its minimum."""
 _ROUGHLY = 25
@@ -74,19 +73,18 @@ def refit(
     if guess is None or new is None:
         objective = problem.objective(effects, values)
         return finished(effects, descend(objective, objective.coordinates.x, tolerance, _AGAIN))
-    knob = new.knobs[0]
-    best: Descent | None = None
-    for size in _sizes(guess, knob):
-        objective = problem.objective(effects, {**values, new.parameters[0]: size})
-        descent = descend(objective, objective.coordinates.x, tolerance, _ROUGHLY)
-        best = descent if best is None or descent.cost < best.cost else best
-    return finished(effects, best) if best is not None else refit(problem, effects, values, None, tolerance)
+    elsewhere = any(values.get(name, knob.null) != knob.null for name, knob in new.sizes[1:])
+    sizes = _sizes(guess, new.knobs[0])
+    starts = [{**values, new.parameters[0]: size} for size in ([*sizes, guess] if elsewhere else sizes)]
+    objectives = [problem.objective(effects, start) for start in starts]
+    best = min(objectives, key=lambda one: float(np.sum(one.residual(one.coordinates.x) ** 2)))
+    return finished(effects, descend(best, best.coordinates.x, tolerance, _ROUGHLY))
 
 
 def _sizes(guess: float, knob: Knob) -> list[float]:
     """Return first guesses of a size: that of the score test, and one that is plausible whatever the score says."""
     plausible = knob.typical if guess >= 0 else -knob.typical
-    sizes = [guess, plausible] if abs(guess) > _SMALL * knob.typical else [plausible]
+    sizes = [guess, plausible] if guess != knob.null else [plausible]
     return [float(np.clip(size, knob.lower, knob.upper)) for size in sizes]
 
 
@@ -94,3 +92,21 @@ def shift_of(objective: Objective, x: Reals, change: Reals) -> dict[str, float]:
     """Return the change of every model parameter that a change of the moving coordinates makes."""
     _, chain = objective.coordinates.forward(x)
     return dict(zip(objective.coordinates.parameters, (chain @ change).tolist(), strict=True))
+
+
+def is_there(found: Refit) -> bool:
+    """Return whether the newest effect has a size: without it, it would be another effect's other knobs.
+
+    All its sizes together are held against null, in standard uncertainties, everything else free; but what only shapes
+    the effect is held: a cable is there although a short one's impedance is open.
+    """
+    coordinates, newest = found.objective.coordinates, found.effects[-1]
+    sizes = [coordinates.free.index(name) for name, _ in newest.sizes]
+    shapes = {
+        one for one, knob in zip(newest.parameters, newest.knobs, strict=True) if not knob.lower == knob.null == 0
+    }
+    J = found.objective.jacobian(found.descent.x)
+    others = [k for k, name in enumerate(coordinates.free) if k not in sizes and name not in shapes]
+    own = J[:, sizes] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, sizes], rcond=1e-12)[0]
+    null = coordinates.inverse({**found.values, **{name: knob.null for name, knob in newest.sizes}})
+    return float(np.linalg.norm(own @ (found.descent.x - null)[sizes])) > _SIZED

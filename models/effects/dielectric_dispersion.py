@@ -7,21 +7,23 @@ from ..stack import Piezo, Stack
 from ..stack.stack import Layer
 from .assembly import Assembly
 from .effect import Effect, Knob, Stage, layer_at
-from .laws import Slope
+from .laws import Relaxation, Slope
 from .scale import resonance
 
 
 class DielectricDispersion(Effect):
-    """eps33S ~ f^(-slope), the constant being that at the resonance: a constant-phase element, log f for small slopes.
+    """eps33S ~ f^(-slope), the constant being that at the resonance, and one relaxation that is no power of frequency.
 
     Causality ties the slope to the loss, slope = (2/pi) atan(tan d); it is left free, so that the tie can be seen.
     """
 
     name = "dielectric-dispersion"
     stage = Stage.CONSTANTS
+    sizes = 2
     says = "The permittivity of {where} falls with frequency, as that of any lossy dielectric does."
     separates = "sweep up and down (a drift turns round, this does not), and measure C and tan d well below resonance"
     references = (
+        "Debye, Polar Molecules (1929): relaxation",
         "Jonscher, Dielectric Relaxation in Solids (1983): the universal response (jw)^(n-1)",
         "left-out physics 4.4",
     )
@@ -31,10 +33,12 @@ class DielectricDispersion(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if isinstance(layer, Piezo))
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return -d ln eps'/d ln f, and d ln tan d/d ln f."""
+        """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, the relaxation's f/resonance."""
         return (
             Knob("slope", "1", typical=0.01, upper=0.5),
+            Knob("relaxation", "1", typical=0.01, upper=0.5),
             Knob("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0),
+            Knob("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -44,7 +48,10 @@ class DielectricDispersion(Effect):
         def falling(layer: Layer) -> Layer:
             if layer.name != name or not isinstance(layer, Piezo):
                 return layer
-            return replace(layer, eps_law=Slope(layer.eps_law, reference, values["slope"], values["loss_exponent"]))
+            law = Slope(layer.eps_law, reference, values["slope"], values["loss_exponent"])
+            if values["relaxation"] > 0:
+                law = Relaxation(law, reference, values["relaxation"], values["relaxation_frequency"])
+            return replace(layer, eps_law=law)
 
         return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(falling, stack.layers))))
 

@@ -1,6 +1,6 @@
 """`drive-nonlinearity`: the resonance bends with the oscillator level."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import pi, sqrt
 
@@ -17,6 +17,7 @@ _SOURCE = 25.0
 """ohm, between the oscillator of a 4294A and the device."""
 _RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
+_ROUNDS = 60
 _MOST = 0.3
 """Of the stiffness is lost at most: beyond it nothing here holds."""
 _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
@@ -54,13 +55,10 @@ class DriveNonlinearity(Effect):
             return assembly
 
         def bent(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            soft = np.zeros(frequency.size)
-            for _ in range(100):
-                wanted = np.minimum(_MOST, softening * _strain(_softer(device, name, soft, loss), name, frequency))
-                change = wanted - soft
-                soft = soft + 0.5 * change
-                if np.max(np.abs(change)) < 1e-12:
-                    break
+            def wanted(soft: Reals) -> Reals:
+                return np.minimum(_MOST, softening * _strain(_softer(device, name, soft, loss), name, frequency))
+
+            soft = _agreed(wanted, frequency.size)
             return Z * (_softer(device, name, soft, loss).steady(frequency) / device.steady(frequency))
 
         return assembly.recorded(bent)
@@ -74,6 +72,23 @@ def _usual_strain(stack: Stack) -> float:
     coupling = abs(disk.h33) * per_field  # kt^2
     R = pi**2 / 8 * reactance(stack) / max(coupling * Q, 1e-3)
     return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _SOURCE)
+
+
+def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:
+    """Return the softening that is what its own strain wants, shape (points,): by secants, each within half a step."""
+    before = np.zeros(points)
+    missing_before = wanted(before)
+    soft = 0.5 * missing_before
+    for _ in range(_ROUNDS):
+        missing = wanted(soft) - soft
+        if np.max(np.abs(missing)) < 1e-12:
+            break
+        slope = (missing - missing_before) / np.where(soft == before, 1.0, soft - before)
+        # where strain hardly answers to softening the slope is -1; a bent resonance makes it steeper or turns it round
+        step = np.where((slope < -0.5) & (soft != before), missing / -np.minimum(slope, -0.5), 0.5 * missing)
+        before, missing_before = soft, missing
+        soft = np.clip(soft + step, 0.0, _MOST)
+    return soft
 
 
 def _softer(device: Assembly, name: str, soft: Reals, loss: float) -> Assembly:

@@ -65,6 +65,8 @@ class Effect(ABC):
     """What extra measurement separates it from its look-alikes."""
     references: ClassVar[tuple[str, ...]]
     stage: ClassVar[Stage] = Stage.LAYERS
+    sizes: ClassVar[int] = 1
+    """How many of the first knobs are sizes: the effect is absent where all of them are null."""
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ class Effect(ABC):
 
     @abstractmethod
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return its parameters at this place; the first one is its size: the effect is absent where it is null.
+        """Return its parameters at this place; the first is its size (the first `sizes` are).
 
         None for an effect that is there or not (`polarity`): no size, no derivative.
         """

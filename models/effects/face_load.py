@@ -16,6 +16,7 @@ class FaceLoad(Effect):
     """A resistance and a spring added to what the face works against; in one band the resistance looks like loss."""
 
     name = "face-load"
+    sizes = 2
     says = "Something that the build does not mention works against {where}: a liquid, the jig, rubber."
     separates = "sweep with three clamp forces, or with point contacts; turn the transducer over; dry the face"
     references = (

@@ -87,6 +87,28 @@ class Slope(Bent):
 
 
 @dataclass(frozen=True)
+class Relaxation(Bent):
+    """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: Debye's relaxation, of a strength."""
+
+    strength: float = 0.0
+    at: float = 1.0
+    """x_r, where its loss is largest."""
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) * self._factor(frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        factor = self._factor(frequency)
+        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
+
+    def _factor(self, frequency: Frequencies) -> Complexes:
+        x = frequency / self.reference
+        return np.asarray(1 + self.strength * (1 / (1 + 1j * x / self.at) - 1 / (1 + 1j / self.at)), np.complex128)
+
+
+@dataclass(frozen=True)
 class Factor(LossLaw):
     """A law times a number for each frequency, as a strain that depends on frequency makes it."""
 

@@ -7,7 +7,6 @@ from ..stack import Piezo, Stack
 from .assembly import Assembly, Part
 from .effect import Effect, Knob, layer_at
 
-_BOTH = 0.5
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
 """What the dead layer has in common with the live one."""
 _MOST = 0.8
@@ -22,6 +21,7 @@ class SurfaceLayer(Effect):
     """
 
     name = "surface-layer"
+    sizes = 2
     says = "The ceramic of {where} is dead or depoled under a face (by grinding, soldering or heat)."
     separates = "compare the coupling of first and third overtone, look for a line at twice the resonance, lap a face"
     references = (
@@ -37,18 +37,15 @@ class SurfaceLayer(Effect):
         return tuple(f"layer:{layer.name}" for layer in piezos if layer.h33 != 0)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return the dead thickness of both faces together in metre, and which part of it is at the front."""
+        """Return the dead thickness under the back and under the front face in metre."""
         thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
-        return (
-            Knob("depth", "m", typical=0.005 * thickness, upper=0.5 * thickness),
-            Knob("front", "1", typical=0.3, upper=1.0, null=1.0, scan=(0.0, _BOTH, 1.0)),
-        )
+        typical, most = 0.005 * thickness, 0.4 * thickness
+        return (Knob("back", "m", typical, upper=most), Knob("front", "m", typical, upper=most))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer cut into dead and live ones, which share their other constants."""
-        name, depth, front = layer_at(where), values["depth"], values["front"]
-        depths = {"back": (1 - front) * depth, "front": front * depth}
-        if depth <= 0:
+        name, depths = layer_at(where), {side: values[side] for side in ("back", "front")}
+        if sum(depths.values()) <= 0:
             return assembly
         return replace(assembly, parts=tuple(_with_dead(part, name, depths) for part in assembly.parts))
 

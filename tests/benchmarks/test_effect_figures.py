@@ -30,7 +30,7 @@ ROWS = (  # our notes: what, effect, place, size, rms in T1 (%), surv. in T1 and
     ("water one face", [("face-load", "face:front", {"resistance": 1.48e6})], 28, 26, 44),
     ("clamp .05 MRayl", [("face-load", "face:front", {"resistance": 5e4})], 1.4, 0, 40),
     ("clamp 1e12 Pa/m", [("face-load", "face:front", {"stiffness": 1e12})], 1.0, 1, 55),
-    ("dead 3 um each face", [("surface-layer", "layer:disk", {"depth": 6e-6, "front": 0.5})], 0.6, 1, 11),
+    ("dead 3 um each face", [("surface-layer", "layer:disk", {"back": 3e-6, "front": 3e-6})], 0.6, 1, 11),
     ("wedge +-0.5 %", [("thickness-variation", "layer:disk", {"variance": 0.005**2 / 3})], 0.9, 62, 66),
     ("blob on 2 %", [("local-mass", "face:front", BLOB)], 2.5, 15, 73),
     ("loss exponent 1", [("loss-dispersion", "layer:disk", {"exponent": 1.0})], 1.5, 3, 65),
@@ -129,9 +129,9 @@ def test_a_graded_layer_as_a_dead_one() -> None:
     for depth in (2e-6, 5e-6, 10e-6):
         Z = np.array([graded(stack, depth, one) for one in f])
         _, without = refitted(Device(stack), FREE, f, Z)
-        start = Device(stack).with_effect(find_effect("surface-layer"), "layer:disk", {"depth": depth, "front": 0.0})
-        found, left = refitted(start, [*FREE, "surface-layer@layer:disk.depth"], f, Z)
-        dead = found.parameters()["surface-layer@layer:disk.depth"]
+        start = Device(stack).with_effect(find_effect("surface-layer"), "layer:disk", {"back": depth})
+        found, left = refitted(start, [*FREE, "surface-layer@layer:disk.back"], f, Z)
+        dead = found.parameters()["surface-layer@layer:disk.back"]
         told = f"rms {without:.2e} without, {left:.2e} with a dead layer of {dead * 1e6:.2f} um"
         print(f"depth {depth * 1e6:4.0f} um: {told}")
         assert left < without

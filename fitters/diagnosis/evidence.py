@@ -1,0 +1,80 @@
+"""How much one explanation is worth against another: misfit, what was known beforehand, and what freedom costs."""
+
+import numpy as np
+
+from ...models.effects import Knob
+from ..descent import lag_one
+from .search import Refit
+
+_DECADES = 9.0
+"""ln(10^4): before it is measured, any size from the smallest that shows to ten thousand times as much is as likely."""
+
+
+def gain(before: Refit, after: Refit) -> float:
+    """Return how far chi2 falls, in units of what is left over and of points worth counting.
+
+    What was known beforehand counts too: a fit that reaches the noise by a density five uncertainties off has paid.
+    """
+    ratios = after.objective.log_ratios(after.descent.x)
+    n = np.array([recording.sweep.frequency.size for recording in after.objective.recordings], float)
+    fall = np.array(before.chi2) - np.array(after.chi2)
+    rho = np.array([min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.99) for ratio in ratios])
+    worth = 2 * n * (1 - rho) / (1 + rho)
+    eased = before.against - after.against
+    return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2)))) + eased
+
+
+def price(found: Refit) -> float:
+    """Return chi2 per degree of freedom with a price for each knob, as the Bayesian information criterion has it."""
+    points = 2 * found.objective.points
+    knobs = sum(len(effect.knobs) for effect in found.effects)
+    return (found.chi2_per_dof + found.against / points) * (1 + knobs * float(np.log(points)) / points)
+
+
+def evidence_lost(rival: Refit, final: Refit) -> float:
+    """Return by how much a rival is worse: -2 ln of the ratio of evidences, by Laplace's approximation."""
+    return gain(rival, final) + freedom(rival) - freedom(final)
+
+
+def freedom(found: Refit) -> float:
+    """Return what the knobs of its effects cost: -2 ln(part of what was possible that the recording leaves).
+
+    A size may be anything over some decades; every other knob anything between its limits. A knob that the recording
+    leaves open costs nothing, whatever a criterion that counts knobs says.
+    D. J. C. MacKay, Neural Comput. 4 (1992) 415.
+    """
+    cost = 0.0
+    sigmas = _sigmas(found)
+    for effect in found.effects:
+        sizes = dict(effect.sizes)
+        for name, knob in zip(effect.parameters, effect.knobs, strict=True):
+            value, sigma = found.values[name], sigmas[name]
+            cost += 2 * float(np.log1p(_possible(value, knob, size=name in sizes) / sigma))
+    return cost
+
+
+def _possible(value: float, knob: Knob, size: bool) -> float:
+    """Return the width of what a knob may be, in its unit: of a size, on a logarithmic scale around what it is."""
+    away = abs(value - knob.null)
+    if size or knob.lower == knob.null == 0:
+        return away * _DECADES
+    width = knob.upper - knob.lower
+    if knob.lower > 0:
+        width = value * float(np.log(knob.upper / knob.lower))
+    return (width if np.isfinite(width) else 10 * max(away, knob.typical)) / float(np.sqrt(2 * np.pi))
+
+
+def _sigmas(found: Refit) -> dict[str, float]:
+    """Return the uncertainty of each knob, the constants free, the knobs before it free too, those after it held."""
+    coordinates = found.objective.coordinates
+    names = [name for effect in found.effects for name in effect.parameters]
+    if not names:
+        return {}
+    own = [coordinates.free.index(name) for name in names]
+    J = found.objective.jacobian(found.descent.x)
+    others = [k for k in range(J.shape[1]) if k not in own]
+    _, R = np.linalg.qr(J[:, [*others, *own]])
+    _, chain = coordinates.forward(found.descent.x)
+    slopes = [abs(float(chain[coordinates.parameters.index(name), k])) for name, k in zip(names, own, strict=True)]
+    norms = np.abs(np.diag(R))[len(others) :]
+    return {name: slope / norm if norm > 0 else np.inf for name, slope, norm in zip(names, slopes, norms, strict=True)}
