@@ -16,16 +16,15 @@ import zmq.asyncio
 from ..fitters.interface import FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
-from ..models.sweep import Sweep
 from . import requests as ask
 from .aiowire import AsyncAsker, AsyncSubscription
-from .awaiting import Answers, diagnosis_of, fit_of, require
-from .client import BENCH_PATIENCE, Measurement
+from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
+from .client import BENCH_PATIENCE
 from .connection import DaemonError
 from .keys import ClientKey
 from .location import address
 from .uuid7 import uuid7
-from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
+from .wire import Heard, ProgressEvent
 
 
 @asynccontextmanager
@@ -66,6 +65,14 @@ class AsyncClient:
         """Ask what is going on."""
         return await self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
 
+    async def metrics(self) -> ask.MetricsAnswer:
+        """Ask what was counted and timed since the daemon began."""
+        return await self._asker.ask(ask.Metrics(id=uuid7()), ask.MetricsAnswer)
+
+    async def settings(self) -> dict[str, Any]:
+        """Ask how the daemon was started."""
+        return (await self._asker.ask(ask.Settings(id=uuid7()), ask.SettingsAnswer)).settings
+
     async def samples(self, name: str | None = None) -> tuple[ask.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
         return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), ask.SamplesAnswer)).samples
@@ -83,14 +90,30 @@ class AsyncClient:
         request = ask.Bench(id=uuid7(), command=command)
         return (await self._asker.ask(request, ask.BenchAnswer, BENCH_PATIENCE)).answer
 
-    async def begin(self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0) -> str:
+    async def begin(
+        self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
+    ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority)
+        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
         return (await self._asker.ask(request, ask.MeasureAnswer)).measurement
 
     async def cancel(self, measurement: str | None = None) -> None:
         """Cancel a measurement; the running one where none is named."""
         await self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), ask.Answer)
+
+    @asynccontextmanager
+    async def lease(self, owner: str, seconds: float = 60.0) -> AsyncGenerator[str]:
+        """Have the instrument to oneself; give the id that `measure` needs meanwhile. Expires after `seconds`.
+
+        Raises DaemonError where it is leased to another one already (code `leased`) or measures (code `busy`).
+        """
+        request = ask.Lease(id=uuid7(), owner=owner, seconds=seconds)
+        held = (await self._asker.ask(request, ask.LeaseAnswer)).lease
+        try:
+            yield held
+        finally:
+            with suppress(DaemonError):  # it may have expired
+                await self._asker.ask(ask.Release(id=uuid7(), lease=held), ask.Answer)
 
     async def shutdown(self) -> None:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
@@ -119,14 +142,16 @@ class AsyncClient:
         progress: Callable[[ProgressEvent], None] = lambda _: None,
         *,
         priority: int = 0,
+        lease: str | None = None,
     ) -> Measurement:
         """Measure a step of a build and wait for it; where the waiting is cancelled, so is the measurement.
 
-        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first. Raises DaemonError
-        with the daemon's sentence where the measurement failed or was cancelled.
+        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first; `lease` is needed
+        while the instrument is leased. Raises DaemonError with the daemon's sentence where the measurement failed or
+        was cancelled.
         """
         async with self._subscribed() as subscription:
-            measurement = await self.begin(build, step, plan, priority=priority)
+            measurement = await self.begin(build, step, plan, priority=priority, lease=lease)
             try:
                 return await _followed(subscription, measurement, progress)
             except asyncio.CancelledError:
@@ -191,22 +216,10 @@ async def _followed(
     subscription: AsyncSubscription, measurement: str, progress: Callable[[ProgressEvent], None]
 ) -> Measurement:
     """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
-    sweeps: list[Sweep] = []
-    while True:
-        heard = await subscription.receive()
-        match heard.event:
-            case ProgressEvent(measurement=m) as event if m == measurement:
-                progress(event)
-            case SweepEvent(measurement=m) if m == measurement:
-                sweeps.append(heard.sweep())
-            case StateEvent(measurement=m, state="measured" | "measured-aside") if m == measurement:
-                return Measurement(measurement, tuple(sweeps))
-            case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
-                m == measurement
-            ):
-                raise DaemonError(says or f"the measurement was {state}", state)
-            case _:
-                pass
+    following = Following(measurement, progress)
+    while (found := following.take(await subscription.receive())) is None:
+        pass
+    return found
 
 
 async def _answer(

@@ -1,13 +1,50 @@
-"""Waiting for what a fitter, or a diagnosis, answers to a measurement."""
+"""Waiting for a measurement to end, and for what a fitter, or a diagnosis, answers to it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from ..fitters.interface import FitError, FitResult
+from ..models.sweep import Sweep
 from .connection import DaemonError
 from .reports import curves_of, result_of
 from .requests import FitterState
-from .wire import DiagnosisEvent, FitEvent, Heard
+from .wire import DiagnosisEvent, FitEvent, Heard, ProgressEvent, StateEvent, SweepEvent
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """What was measured at one step."""
+
+    id: str
+    sweeps: tuple[Sweep, ...]
+    """One for each segment of the plan."""
+
+
+class Following:
+    """Takes what is heard until a measurement has ended."""
+
+    def __init__(self, measurement: str, progress: Callable[[ProgressEvent], None]) -> None:
+        self._id = measurement
+        self._progress = progress
+        self._sweeps: list[Sweep] = []
+
+    def take(self, heard: Heard) -> Measurement | None:
+        """Return the measurement once it is complete. Raises DaemonError where it ended without sweeps."""
+        match heard.event:
+            case ProgressEvent(measurement=m) as event if m == self._id:
+                self._progress(event)
+            case SweepEvent(measurement=m) if m == self._id:
+                self._sweeps.append(heard.sweep())
+            case StateEvent(measurement=m, state="measured" | "measured-aside") if m == self._id:
+                return Measurement(self._id, tuple(self._sweeps))
+            case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
+                m == self._id
+            ):
+                raise DaemonError(says or f"the measurement was {state}", state)
+            case _:
+                pass
+        return None
 
 
 class Answers:

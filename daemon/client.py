@@ -8,7 +8,6 @@ with connect() as lab:
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,28 +17,18 @@ import zmq
 from ..fitters.interface import Curve, FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
-from ..models.sweep import Sweep
 from . import requests as ask
-from .awaiting import Answers, diagnosis_of, fit_of, require
+from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
 from .connection import Asker, DaemonError, Subscription
 from .keys import ClientKey
 from .location import address
 from .mismatch import DIAGNOSIS
 from .reports import curve_columns, report_of
 from .uuid7 import uuid7
-from .wire import Heard, ProgressEvent, StateEvent, SweepEvent
+from .wire import Heard, ProgressEvent
 
 BENCH_PATIENCE = 60.0
 """Seconds that a bench command may take."""
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement:
-    """What was measured at one step."""
-
-    id: str
-    sweeps: tuple[Sweep, ...]
-    """One for each segment of the plan."""
 
 
 def connect(events: str | None = None, requests: str | None = None, key: str | Path | None = None) -> "Client":
@@ -291,23 +280,13 @@ class Client:
         self, subscription: Subscription, measurement: str, progress: Callable[[ProgressEvent], None]
     ) -> Measurement:
         """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
-        sweeps: list[Sweep] = []
+        following = Following(measurement, progress)
         while True:
             heard = subscription.receive(1.0)
             self._answers.note([heard] if heard else [])
-            match heard.event if heard else None:
-                case ProgressEvent(measurement=m) as event if m == measurement:
-                    progress(event)
-                case SweepEvent(measurement=m) if m == measurement and heard:
-                    sweeps.append(heard.sweep())
-                case StateEvent(measurement=m, state="measured" | "measured-aside") if m == measurement:
-                    return Measurement(measurement, tuple(sweeps))
-                case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
-                    m == measurement
-                ):
-                    raise DaemonError(says or f"the measurement was {state}", state)
-                case _:
-                    pass
+            found = following.take(heard) if heard else None
+            if found is not None:
+                return found
 
     def _answer(
         self, measurement: str, fitter: str, version: str | None, patience: float, *, kept: bool = False

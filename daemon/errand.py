@@ -4,20 +4,16 @@ python -m pzctl.daemon.errand MEASUREMENT --fitter mason --events tcp://... --re
 """
 
 import argparse
-import logging
 import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
 from ..fitters.interface import FitError, FitResult
-from ..models.errors import PzctlError
-from .children import end_with_parent
 from .client import Client
 from .guest import load_fitter, task_of
-from .limits import Limits, limit_memory
+from .guestmain import run_as_guest
 from .mismatch import DIAGNOSIS
-from .tending import guest_client
 from .wire import Heard, SweepEvent
 
 
@@ -75,6 +71,17 @@ def _step_back() -> None:
         os.nice(10)
 
 
+def work(client: Client, given: argparse.Namespace) -> None:
+    """Do what the command line says. Raises PzctlError."""
+    if given.fitter:
+        fit(client, given.measurement, given.fitter)
+        return
+    _step_back()
+    effects = given.effects.split(",") if given.effects else None
+    also = given.also.split(",") if given.also else ()
+    diagnose(client, given.measurement, effects, also, given.propose)
+
+
 def main() -> None:
     """Do one errand and end."""
     parser = argparse.ArgumentParser(description="One fit or diagnosis for the daemon.")
@@ -83,28 +90,7 @@ def main() -> None:
     parser.add_argument("--effects", help="consider only these, as cable,bond-layer")
     parser.add_argument("--also", help="measurements made to decide the diagnosis, separated by commas")
     parser.add_argument("--propose", action="store_true", help="say which measurements would decide")
-    parser.add_argument("--events", required=True)
-    parser.add_argument("--requests", required=True)
-    parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB)
-    given = parser.parse_args()
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    end_with_parent()
-    limit_memory(given.memory_MB)
-    try:
-        with guest_client(given.events, given.requests) as client:
-            if given.fitter:
-                fit(client, given.measurement, given.fitter)
-            else:
-                _step_back()
-                effects = given.effects.split(",") if given.effects else None
-                also = given.also.split(",") if given.also else ()
-                diagnose(client, given.measurement, effects, also, given.propose)
-    except PzctlError as error:
-        print(error, file=sys.stderr)
-        sys.exit(1)
-    except MemoryError:
-        print(f"it needs more than the {given.memory_MB} MB of memory it may use", file=sys.stderr)
-        sys.exit(1)
+    run_as_guest(parser, work)
 
 
 if __name__ == "__main__":

@@ -5,21 +5,17 @@ python -m pzctl.daemon.guest mason --events tcp://127.0.0.1:5470 --requests tcp:
 
 import argparse
 import logging
-import sys
 import time
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 
 from ..fitters.interface import FitError, FitResult, FitTask, Fitter
-from ..models.errors import PzctlError
 from ..models.sweep import Sweep
-from .children import end_with_parent
 from .client import Client
 from .connection import DaemonError
+from .guestmain import FitterError, run_as_guest
 from .keys import ClientKey
-from .limits import Limits, limit_memory
-from .tending import guest_client
 from .wire import Heard, StateEvent, SweepEvent
 
 log = logging.getLogger(__name__)
@@ -29,13 +25,6 @@ GROUP = "pzctl.fitters"
 
 PAUSE = 5.0
 """Seconds until a visitor knocks again at a daemon that has gone."""
-
-GIVEN_UP = 2
-"""The exit status that says: starting me again is of no use."""
-
-
-class FitterError(PzctlError):
-    """A fitter that cannot be loaded."""
 
 
 def load_fitter(name: str) -> Fitter:
@@ -139,33 +128,10 @@ def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Ca
 
 
 def main() -> None:
-    """Run one fitter until the daemon ends."""
+    """Run one fitter until the daemon that started it ends."""
     parser = argparse.ArgumentParser(description="One fitter as a guest of the daemon.")
     parser.add_argument("name", help="an installed fitter, or module:Class")
-    parser.add_argument("--events", required=True)
-    parser.add_argument("--requests", required=True)
-    parser.add_argument("--with-parent", action="store_true", help="end when the standard input ends")
-    parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB, help="address space it may use")
-    given = parser.parse_args()
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    if given.with_parent:
-        end_with_parent()
-    limit_memory(given.memory_MB)
-    try:
-        fitter = load_fitter(given.name)
-    except FitterError as error:
-        log.exception("fitter %s", given.name)
-        print(error, file=sys.stderr)
-        sys.exit(GIVEN_UP)
-    try:
-        with guest_client(given.events, given.requests) as client:
-            Guest(given.name, fitter, client).serve()
-    except PzctlError as error:
-        print(error, file=sys.stderr)
-        sys.exit(1)
-    except MemoryError:
-        print(f"it needs more than the {given.memory_MB} MB of memory it may use", file=sys.stderr)
-        sys.exit(1)
+    run_as_guest(parser, lambda client, given: Guest(given.name, load_fitter(given.name), client).serve())
 
 
 if __name__ == "__main__":

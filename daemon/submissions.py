@@ -1,6 +1,7 @@
 """What fitters hand in, checked before it is kept: whole, about sweeps that there are, and not without end."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from . import requests as ask
 from .archive import Measurement
@@ -45,25 +46,8 @@ def _event(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent
             f"answer of {request.fitter!r} holds {' and '.join(given) or 'nothing'}; "
             "exactly one of report, error, diagnosis is needed",
         )
+    said: dict[str, Any] = {"measurement": known.id, "sample": known.sample}
+    said |= {name: getattr(request, name) for name in ("fitter", "version", "sweeps", "curves", "columns")}
     if request.diagnosis is not None:
-        return DiagnosisEvent(
-            measurement=known.id,
-            sample=known.sample,
-            fitter=request.fitter,
-            version=request.version,
-            sweeps=request.sweeps,
-            diagnosis=request.diagnosis,
-            curves=request.curves,
-            columns=request.columns,
-        )
-    return FitEvent(
-        measurement=known.id,
-        sample=known.sample,
-        fitter=request.fitter,
-        version=request.version,
-        sweeps=request.sweeps,
-        report=request.report,
-        error=request.error,
-        curves=request.curves,
-        columns=request.columns,
-    )
+        return DiagnosisEvent(**said, diagnosis=request.diagnosis)
+    return FitEvent(**said, report=request.report, error=request.error)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .guest import GIVEN_UP
+from .guestmain import GIVEN_UP
 from .keys import ClientKey
 from .ledger import Ledger
 from .limits import Limits
@@ -70,7 +70,7 @@ class Supervisor:
     async def _live(self, name: str) -> Fate:
         """Run the process once; end it where it hangs, or where this is cancelled."""
         path = log_file(self.home, "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name))
-        arguments = [name, "--events", self.events, "--requests", self.requests, "--with-parent"]
+        arguments = [name, "--events", self.events, "--requests", self.requests]
         arguments += ["--memory-MB", str(self.limits.memory_MB)]
         began = time.monotonic()
         end = await tend("pzctl.daemon.guest", arguments, path, self.key, lambda: self._hung(name, began))

@@ -51,6 +51,22 @@ def test_measured_fitted_and_listened_to_side_by_side(start_daemon, build: Build
     asyncio.run(story())
 
 
+def test_one_has_the_instrument_to_itself(start_daemon, build: Build) -> None:
+    start_daemon()
+
+    async def story() -> None:
+        async with connect_async() as lab:
+            async with lab.lease("ana", 60.0) as held:
+                with pytest.raises(DaemonError, match="'ana' has the instrument to itself") as refused:
+                    await lab.measure(build, "disk")
+                assert refused.value.code == "leased"
+                assert (await lab.measure(build, "disk", lease=held)).sweeps
+            assert (await lab.measure(build, "disk")).sweeps
+            assert (await lab.metrics()).counts["refused"] == 1
+
+    asyncio.run(story())
+
+
 def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -> None:
     start_daemon(time_scale=1.0)
 

@@ -24,9 +24,9 @@ def test_intervals_and_budget_are_in_the_json(disk: list[str]) -> None:
     done = run("--json", "--uncertainty", "profile", "--hold", "disk.density", *disk)
     answer = json.loads(done.stdout)
     c33D = answer["constants"]["disk.c33D"]
-    low, high = c33D["interval"]["95"]
+    low, high = c33D["interval_re"]["p95"]
     assert low < c33D["re"] < high
-    assert c33D["interval_im"]["68"][0] < c33D["im"]
+    assert c33D["interval_im"]["p68"][0] < c33D["im"]
     assert answer["constants"]["disk.density"]["free"] is False
     share = answer["budget"]["re"]["disk.c33D"]
     assert set(share) == {"noise", "dimensions", "knowledge", "assumptions", "largest"}
