@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 from collections import deque
+from collections.abc import Callable
 
 from .messages import CommandError
 from .session import ConnectionDropped, Exchange
@@ -12,6 +13,9 @@ ADDRESS = 17
 
 INPUT_LIMIT = 64
 """Messages that wait behind one that blocks; the bus would hold the controller up instead."""
+
+GONE_SECONDS = 0.05
+"""How soon it is noticed that a controller is gone, which had asked for an answer."""
 
 
 class GpibDevice:
@@ -37,8 +41,8 @@ class GpibDevice:
         self._busy = True
         await self._input.put(message)
 
-    async def read(self, seconds: float) -> bytes:
-        """Return the next answer with its newline, empty after this time.
+    async def read(self, seconds: float, gone: Callable[[], bool]) -> bytes:
+        """Return the next answer with its newline, empty after this time, or where who asked for it is `gone`.
 
         Where no query was asked, that is an error of the controller: query unterminated.
         """
@@ -46,10 +50,11 @@ class GpibDevice:
             self._exchange.instrument.status.error(CommandError(-420, "QUERY UNTERMINATED"))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                while not self._output:
+                while not self._output and not gone():
                     self._arrived.clear()
-                    await self._arrived.wait()
-        return self._output.popleft() if self._output else b""
+                    with contextlib.suppress(TimeoutError):
+                        await asyncio.wait_for(self._arrived.wait(), GONE_SECONDS)
+        return self._output.popleft() if self._output and not gone() else b""
 
     def serial_poll(self) -> int:
         """Return the status byte with RQS, and take the service request."""

@@ -60,8 +60,8 @@ class LineCutter:
 class Adapter:
     """One client's adapter."""
 
-    def __init__(self, device: GpibDevice, send: Callable[[bytes], Awaitable[None]]) -> None:
-        self._device, self._send = device, send
+    def __init__(self, device: GpibDevice, send: Callable[[bytes], Awaitable[None]], gone: Callable[[], bool]) -> None:
+        self._device, self._send, self._gone = device, send, gone
         self._set = {name: value for name, (_, _, value) in CONFIGURATION.items()}
         self._actions: Mapping[str, Callable[[list[str]], Awaitable[None]]] = {
             "read": self._read,
@@ -108,7 +108,7 @@ class Adapter:
         seconds = self._set["read_tmo_ms"] / 1e3
         if not self._addressed():
             await asyncio.sleep(seconds)
-        elif answer := await self._device.read(seconds):
+        elif answer := await self._device.read(seconds, self._gone):
             tail = bytes([self._set["eot_char"]]) if self._set["eot_enable"] else b""
             await self._send(answer + tail)
 
@@ -134,7 +134,7 @@ async def serve_prologix(device: GpibDevice, reader: asyncio.StreamReader, write
         writer.write(data)
         await writer.drain()
 
-    adapter, lines = Adapter(device, send), LineCutter()
+    adapter, lines = Adapter(device, send, reader.at_eof), LineCutter()
     with contextlib.suppress(ConnectionError):
         while data := await reader.read(65_536):
             for command, text in lines.feed(data):

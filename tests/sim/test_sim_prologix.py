@@ -118,3 +118,17 @@ def test_pyvisa_reaches_it_by_its_gpib_address(bus):
         link.close()
         adapter.close()
         manager.close()
+
+
+def test_who_went_while_an_answer_was_awaited_does_not_take_the_next_ones(bus):
+    lab, wire = bus
+    wire.say("++read_tmo_ms 3000")
+    wire.say("*RST;TRGS BUS;SING;*OPC?")
+    wire.say("++read eoi")
+    wire.close()
+    lab.wires.remove(wire)
+    other = lab.wire(lab.sim.prologix_port)
+    other.say("++read_tmo_ms 3000")
+    other.say("++clr")
+    other.say("*IDN?")
+    assert other.ask("++read eoi").startswith("HEWLETT-PACKARD")
