@@ -135,6 +135,9 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
         raise FitError(
             f"`{fitter}` needs a round disk: build {build.name!r} gives area_mm2; write diameter_mm if it is round"
         )
+    ground = build.reground(step).get(layers[0].name)
+    if ground is not None:
+        layers[0] = replace(layers[0], values={**layers[0].values, "thickness": ground[1]})
     noise, sigmas = noise_of(sweeps[step])
     merged = _merged(sweeps[step], sigmas)
     return BareDisk(

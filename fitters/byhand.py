@@ -69,7 +69,7 @@ class ByHand:
 
     def __init__(self, task: FitTask, begin: Mapping[str, float] | None = None) -> None:
         """Take the recordings in hand. Raises FitError where task, build and sweeps do not fit."""
-        self._build, self._sweeps = check_task(task, regrinding=True)
+        self._build, self._sweeps = check_task(task)
         self._begin = nominal_parameters(self._build) | dict(begin or {})
         self._noises = {step: noise_of(sweeps) for step, sweeps in self._sweeps.items()}
 

@@ -81,6 +81,8 @@ def solve_coupling(task: FitTask, progress: Callable[[str], None]) -> Solution:
     if len(sweeps) > 1:
         raise FitError(f"the objective kt2 is about the bare piezo disk alone; steps {', '.join(sweeps)} were given")
     (step,) = sweeps
+    if build.reground(step):
+        raise FitError(f"the objective kt2 is about the disk as it came; before step {step!r} it was ground")
     noise, sigmas = noise_of(sweeps[step])
     progress(f"reading the critical frequencies of {step}")
     values = nominal_parameters(build)

@@ -20,10 +20,12 @@ DERIVED_UNITS = {
     "delay": "s",
     "compliance": "m/Pa",
 }
+_BY_THICKNESS = {"fp": -1, "delay": 1, "compliance": 1}
+"""With which power of the thickness a derived constant goes."""
 
 
 def derived_of(layer: LayerSpec, values: Mapping[str, float]) -> dict[str, complex]:
-    """Return the derived constants of one layer, by name.
+    """Return the derived constants of one layer, by name; of a layer ground before a step, `delay@step` and so on, too.
 
     Piezo: `kt` = h33 sqrt(eps33S/c33D), `Qm` = c'/c'', `tan_delta`, `v33D` = sqrt(c'/density), `z33D`, `fp` = v/2t.
     Elastic: `c33` = z c (1 + j/q), `delay` = thickness/c, `compliance` = thickness/(z c), which is what a thin bond
@@ -49,7 +51,14 @@ def derived_of(layer: LayerSpec, values: Mapping[str, float]) -> dict[str, compl
     else:
         z, c_, q, t = get("z"), get("c"), get("q"), get("thickness")
         made = {"c33": z * c_ * (1 + 1j / q), "delay": complex(t / c_), "compliance": complex(t / (z * c_))}
-    return {f"{layer.name}.{name}": value for name, value in made.items()}
+    found = {f"{layer.name}.{name}": value for name, value in made.items()}
+    first = f"{layer.name}.thickness"
+    for ground in (name for name in values if name.startswith(f"{first}@")):
+        thinner, since = values[ground] / values[first], ground.removeprefix(first)
+        for name, power in _BY_THICKNESS.items():
+            if name in made:
+                found[f"{layer.name}.{name}{since}"] = made[name] * thinner**power
+    return found
 
 
 def derived_constants(
@@ -74,5 +83,6 @@ def derived_constants(
                 g = gradients[made]
                 u_re = float(np.sqrt(max(0.0, g.real @ covariance @ g.real)))
                 u_im = float(np.sqrt(max(0.0, g.imag @ covariance @ g.imag)))
-            result[made] = Constant(value.real, value.imag, u_re, u_im, DERIVED_UNITS[made.split(".")[1]], free=False)
+            unit = DERIVED_UNITS[made.split(".")[1].partition("@")[0]]
+            result[made] = Constant(value.real, value.imag, u_re, u_im, unit, free=False)
     return result

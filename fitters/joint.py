@@ -48,11 +48,8 @@ class Solution:
         return Objective(self.recordings, objective.coordinates, objective.priors) if self.recordings else objective
 
 
-def check_task(task: FitTask, regrinding: bool = False) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
-    """Return the build and its sweeps in gluing order; `regrinding`: the fitter knows layers ground between steps.
-
-    Raises FitError where task, build and sweeps do not fit.
-    """
+def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
+    """Return the build and its sweeps in gluing order. Raises FitError where task, build and sweeps do not fit."""
     if task.build is None:
         raise FitError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
@@ -62,9 +59,6 @@ def check_task(task: FitTask, regrinding: bool = False) -> tuple[Build, dict[str
     there = {step: task.sweeps[step] for step in known if task.sweeps.get(step)}
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
-    ground = [] if regrinding else [step for step in there if task.build.reground(step)]
-    if ground:
-        raise FitError(f"a layer was ground before step {ground[0]!r}; only the fitter mason knows regrinding")
     coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 
@@ -72,7 +66,7 @@ def check_task(task: FitTask, regrinding: bool = False) -> tuple[Build, dict[str
 def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     """Fit all steps jointly, each new step starting from where the earlier ones ended. Raises FitError."""
     began = time.perf_counter()
-    build, sweeps = check_task(task, regrinding=True)
+    build, sweeps = check_task(task)
     found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     noises = {step: noise for step, (noise, _) in found.items()}
     way = _Way(build, task)

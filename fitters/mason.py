@@ -31,7 +31,7 @@ class Mason:
 
         Raises FitError where the recordings show no resonance pair, are degenerate, or do not belong to the build.
         """
-        build, sweeps = check_task(task, regrinding=True)
+        build, sweeps = check_task(task)
         refuse_degenerate(build, sweeps)
         coupled = task.options.objective == "kt2"
         solution = solve_coupling(task, progress) if coupled else solve(task, progress)

@@ -18,7 +18,7 @@ from ..models.build import Build
 from ..models.errors import PzctlError
 from ..models.sweep import Sweep
 from .answer import fitted_constants
-from .assembly import layers_of, nominal_parameters, stack_of
+from .assembly import ground_name, layers_of, nominal_parameters, renamed, stack_of
 from .derived import derived_constants
 from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
@@ -100,7 +100,7 @@ class MasonNelderMead:
             if not done:
                 begun.update(_fit_disk(search, build.step(step).layers[0], of_step[0], error))
             else:
-                _fit_layers(search, build, new, error)
+                _fit_layers(search, build, step, new, error)
             done |= set(build.step(step).layers)
         return _answer(self, build, sweeps, search, begun, time.perf_counter() - began)
 
@@ -110,12 +110,11 @@ def _error(build: Build, step: str, sweeps: Sequence[Sweep]) -> Callable[[dict[s
 
     It is infinite where the search has left physics (a glue of negative thickness), which turns the simplex back.
     """
-    stack = stack_of(build, build.step(step))
-    own = set(stack.parameters())
+    stack, parts = stack_of(build, build.step(step)), _parts(build, step)
 
     def error(values: dict[str, float]) -> float:
         try:
-            model = stack.replace({name: value for name, value in values.items() if name in own})
+            model = stack.replace({own: values[name] for own, name in parts.items()})
         except PzctlError:
             return np.inf
         total = 0.0
@@ -125,6 +124,13 @@ def _error(build: Build, step: str, sweeps: Sequence[Sweep]) -> Callable[[dict[s
         return total
 
     return error
+
+
+def _parts(build: Build, step: str) -> dict[str, str]:
+    """Return what the search calls each parameter of a step's stack; those it does not know stand where they are."""
+    known, ground = nominal_parameters(build), renamed(build, step)
+    own = stack_of(build, build.step(step)).parameters()
+    return {name: ground.get(name, name) for name in own if ground.get(name, name) in known}
 
 
 def _fit_disk(search: _Search, disk: str, sweep: Sweep, error: Callable[[dict[str, float]], float]) -> dict[str, float]:
@@ -160,18 +166,24 @@ def _fit_disk(search: _Search, disk: str, sweep: Sweep, error: Callable[[dict[st
     return start
 
 
-def _fit_layers(search: _Search, build: Build, new: Sequence[str], error: Callable[[dict[str, float]], float]) -> None:
-    """Fit z, c, q of each new matching layer and the thickness of each new glue; everything else is frozen.
+def _fit_layers(
+    search: _Search, build: Build, step: str, new: Sequence[str], error: Callable[[dict[str, float]], float]
+) -> None:
+    """Fit z, c, q of each new matching layer, the thickness of each new glue and of what was ground; no more moves.
 
     A glue is what the build holds the constants of (a bare number): of it only the thickness is sought.
     """
     units = {"z": 1e6, "c": 1.0, "q": 1.0, "thickness": 1e-3}
+    ground = [(ground_name(layer, step), 1e-3) for layer in build.step(step).reground]
     names = [
         (f"{layer}.{constant}", units[constant])
         for layer in new
         for constant in (("z", "c", "q") if build.layer(layer).values["c"].u > 0 else ("thickness",))
     ]
+    names += ground
     values = search.values
+    if not names:
+        return
 
     def set_to(x: Reals) -> dict[str, float]:
         return values | {name: unit * float(value) for (name, unit), value in zip(names, x, strict=True)}
@@ -195,9 +207,9 @@ def _answer(
     weighted = 0.0
     for step, of_step in sweeps.items():
         stack = stack_of(build, build.step(step))
-        own = stack.parameters()
-        before = stack.replace({name: begun[name] for name in own if name in begun})
-        after = stack.replace({name: search.values[name] for name in own if name in search.values})
+        parts = _parts(build, step)
+        before = stack.replace({own: begun[name] for own, name in parts.items()})
+        after = stack.replace({own: search.values[name] for own, name in parts.items()})
         for sweep, sigma in zip(of_step, found[step][1], strict=True):
             f = sweep.frequency
             curves.append(Curve(step, f, sweep.impedance, before.impedance(f), after.impedance(f)))

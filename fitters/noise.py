@@ -6,6 +6,7 @@ a^2 + (b/|Z|)^2 + (c |Z|)^2 and a, b, c are estimated from what differs between 
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from math import comb
 
@@ -67,16 +68,19 @@ def _at(parts: Reals, impedance: Complexes) -> Reals:
     return np.maximum(np.sqrt(a**2 + (b / size) ** 2 + (c * size) ** 2), _FLOOR)
 
 
+@lru_cache(maxsize=64)
 def noise_from_smoothness(sweep: Sweep) -> Reals | None:
     """Return the standard deviation of Re and Im of ln Z, shape (N,), from fifth differences.
 
-    None for fewer than 20 points.
+    None for fewer than 20 points. A sweep does not change, so it is looked at once, whoever asks; read only.
     """
     if sweep.frequency.size < 20:
         return None
     squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
     near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
-    return np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
+    found = np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
+    found.flags.writeable = False
+    return found
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:

@@ -10,10 +10,12 @@ import pytest
 from pzctl.daemon.buildfile import parse_build, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.amend import Amendments, amended
-from pzctl.fitters.interface import FitError, FitResult, FitTask, Options
+from pzctl.fitters.interface import FitResult, FitTask, Fitter, Options
 from pzctl.fitters.joint import solve
 from pzctl.fitters.mason import Mason
 from pzctl.fitters.nelder_mead import MasonNelderMead
+from pzctl.fitters.nlopt_global import NloptGlobal
+from pzctl.fitters.sherrit_thickness import SherritThickness
 from pzctl.models.build import Build
 from pzctl.models.stack import HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
@@ -147,10 +149,24 @@ def test_a_layer_ground_between_two_steps_has_two_thicknesses(procedure: str) ->
     assert result.chi2_per_dof < 1.2
 
 
-def test_fitters_that_know_no_regrinding_say_so() -> None:
+@pytest.mark.parametrize("fitter", [Mason(), NloptGlobal(), MasonNelderMead()], ids=lambda fitter: fitter.name)
+def test_every_fitter_of_a_stack_knows_grinding_and_what_follows_from_each_thickness(fitter: Fitter) -> None:
     sweeps = {"disk": (plate(0.5e-3),), "ground": (plate(0.45e-3, 2),)}
-    with pytest.raises(FitError, match="only the fitter mason knows regrinding"):
-        MasonNelderMead().fit(FitTask(parse_build(DISK), sweeps))
+    result = fitter.fit(FitTask(parse_build(DISK), sweeps))
+    whole, ground = result.constants["disk.thickness"], result.constants["disk.thickness@ground"]
+    assert ground.re / whole.re == pytest.approx(0.9, rel=5e-3)
+    before, after = result.derived["disk.fp"], result.derived["disk.fp@ground"]
+    assert after.re / before.re == pytest.approx(1 / 0.9, rel=5e-3)
+    if fitter.name != "mason-nelder-mead":
+        assert before.u_re is not None
+        assert after.u_re is not None
+        # the resonance is seen; that it rests on an uncertain thickness does not matter
+        assert abs(after.re - np.sqrt(145e9 / 7700) / 0.9e-3) < 4 * after.u_re < 1e-3 * after.re
+
+
+def test_a_fitter_of_the_bare_disk_takes_the_thickness_of_its_step() -> None:
+    found = SherritThickness().fit(FitTask(parse_build(DISK), {"ground": (plate(0.45e-3, points=3201),)}))
+    assert found.constants["disk.thickness"].re == pytest.approx(0.47e-3)
 
 
 @pytest.mark.parametrize("objective", ["thesis", "kt2"])
