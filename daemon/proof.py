@@ -137,6 +137,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("error of the constants after / before, median", len(ratios), _median(ratios), "<= 0.1", False),
         Figure("held-out misfit after / before, median", *_held_out(with_effect), "<= 0.1", False),
         Figure("chi2 per degree of freedom after, median", *_chi2(with_effect), "< 1.2", False),
+        Figure("said with probability p, right in p of cases: mean distance", *_distance(cases), "<= 5 %", True),
         Figure("seconds for a case, median", len(cases), _median([_seconds(case) for case in cases]), "", False),
     ]
 
@@ -175,6 +176,57 @@ def confusion(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
     return dict(sorted(table.items()))
 
 
+@dataclass(frozen=True)
+class Rate:
+    """How often one effect, or one kind of flaw that no catalogue has, was found where it was planted."""
+
+    planted: str
+    cases: int
+    found: int
+    """Among the findings."""
+    first: int
+    """As the first finding."""
+    misnamed: int
+    """The first finding is wrong."""
+    said: int
+    """How often it was named in all cases where it was not planted."""
+
+
+def rates(cases: Sequence[Judged]) -> list[Rate]:
+    """Return the rates of all planted effects, those of no catalogue by kind, in alphabetical order."""
+    rows: dict[str, list[tuple[Judged, Mapping[str, Any]]]] = {}
+    for case in cases:
+        if case.kind in ("one", "two", "outside"):
+            for planted in case.truth["findings"]:
+                kind = next(iter(planted["base"]), "")
+                name = f"unknown: {kind}" if planted["effect"] == "unknown" else planted["effect"]
+                rows.setdefault(name, []).append((case, planted))
+    return [_rate(name, rows[name], cases) for name in sorted(rows)]
+
+
+def _rate(name: str, planted: Sequence[tuple[Judged, Mapping[str, Any]]], cases: Sequence[Judged]) -> Rate:
+    effect = name.partition(":")[0]
+    firsts = [case.findings[0] if case.findings else None for case, _ in planted]
+    wrong = [
+        first is not None and not any(is_right(first, one) for one in case.truth["findings"])
+        for (case, _), first in zip(planted, firsts, strict=True)
+    ]
+    elsewhere = [
+        case
+        for case in cases
+        if all(effect not in (one["effect"], *one["accept"]) for one in case.truth["findings"])
+        and any(found["effect"] == effect for found in case.findings)
+    ]
+    return Rate(
+        planted=name,
+        cases=len(planted),
+        found=sum(any(is_right(found, one) for found in case.findings) for case, one in planted),
+        first=sum(first is not None and is_right(first, one) for first, (_, one) in zip(firsts, planted, strict=True)),
+        misnamed=sum(wrong),
+        said=len(elsewhere),
+    )
+
+
 def _share(what: str, right: Iterable[bool], target: str) -> Figure:
     all_of = list(right)
     return Figure(what, len(all_of), sum(all_of) / len(all_of) if all_of else float("nan"), target, True)
@@ -193,6 +245,12 @@ def _held_out(cases: Sequence[Judged]) -> tuple[int, float]:
 def _chi2(cases: Sequence[Judged]) -> tuple[int, float]:
     found = [case.answer["final"]["chi2_per_dof"] for case in cases if "final" in case.answer]
     return len(found), _median([one for one in found if one is not None])
+
+
+def _distance(cases: Sequence[Judged]) -> tuple[int, float]:
+    pairs = said(cases)
+    gaps = [n * abs(p - part) for n, p, part in bins(pairs)]
+    return len(pairs), sum(gaps) / len(pairs) if pairs else float("nan")
 
 
 def _seconds(case: Judged) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .proof import Figure, Judged, bins, confusion, figures, read_judged, said
+from .proof import Figure, Judged, Rate, bins, confusion, figures, rates, read_judged, said
 
 PAGE = "proof.md"
 
@@ -26,6 +26,8 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
             "free, is above twice the threshold of the diagnosis; it is computed by that world alone.",
             _figures_table(figures(cases)),
+            "Every effect by itself, where it was planted large enough to be detected:",
+            _rates_table(rates(cases)),
             "## Probabilities",
             "![part that was right over probability said](proof-reliability.svg)",
             _bins_table(bins(pairs)),
@@ -52,12 +54,17 @@ def _figures_table(rows: Sequence[Figure]) -> str:
     return "\n".join(["| figure | target | reached | cases |", "|---|---|---|---|", *lines])
 
 
+def _rates_table(rows: Sequence[Rate]) -> str:
+    lines = [
+        f"| {row.planted} | {row.cases} | {row.found} | {row.first} | {row.misnamed} | {row.said} |" for row in rows
+    ]
+    head = "| planted | cases | found | named first | another name first | said where it was not |"
+    return "\n".join([head, "|---|---|---|---|---|---|", *lines])
+
+
 def _bins_table(rows: Sequence[tuple[int, float, float]]) -> str:
-    total = sum(n for n, _, _ in rows)
-    gap = sum(n * abs(p - part) for n, p, part in rows) / total if total else math.nan
     lines = [f"| {n} | {p:.3f} | {part:.3f} |" for n, p, part in rows]
-    table = "\n".join(["| findings | said with | right |", "|---|---|---|", *lines])
-    return f"{table}\n\nMean distance between what was said and what was right: {number(gap, percent=True)}."
+    return "\n".join(["| findings | said with | right |", "|---|---|---|", *lines])
 
 
 def _confusion_table(cases: Sequence[Judged]) -> str:

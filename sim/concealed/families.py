@@ -114,7 +114,10 @@ BOND: tuple[Family, ...] = (layered.bond, layered.void)
 
 def outside(rng: np.random.Generator, s: Specimen) -> Plant:
     """Return a flaw that no catalogue has."""
-    kinds = ("range step", "gain ripple", "phase error", "glitch", "coupled")
+    kinds = (
+        *("range step", "range to and fro", "gain ripple", "phase error", "glitch", "coupled"),
+        *("loose contact", "mains hum", "mixing", "flicker conductance"),
+    )
     kind, at = str(rng.choice(kinds)), float(rng.uniform(0.2, 0.8))
     where = ("any",)
     if kind != "coupled":

@@ -113,7 +113,19 @@ def _flawed(z: Complexes, take: Take, kind: str, size: float, where: float) -> C
         return z * (1 + size * np.sin(2 * np.pi * (2 + 6 * where) * x + 9 * where))
     if kind == "phase error":  # grows with the square of frequency
         return z * np.exp(1j * size * (f / f[-1]) ** 2)
+    k = np.arange(f.size)
     if kind == "glitch":
         at = int(where * (f.size - 12))
-        return z * np.where((np.arange(f.size) >= at) & (np.arange(f.size) < at + 6), 1 + size * (1 + 1j), 1.0)
+        return z * np.where((k >= at) & (k < at + 6), 1 + size * (1 + 1j), 1.0)
+    if kind == "range to and fro":
+        return z * np.where((k // int(25 + 100 * where)) % 2 == 1, 1 + size * (1 - 0.6j), 1.0)
+    if kind == "loose contact":  # some ohms more, for three stretches of the sweep
+        ohms = size * float(np.median(np.abs(z)))
+        return z + ohms * ((x > where) & (x < where + 0.02) | (x > 0.3 * where) & (x < 0.4 * where) | (x > 0.93))
+    if kind == "mains hum":  # the beat of a mains harmonic with the detector's pace
+        return z * (1 + size * np.sin(2 * np.pi * k / (7 + 20 * where)))
+    if kind == "mixing":  # a harmonic of the drive falls on a resonance: a dip in size without the phase that belongs
+        return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))
+    if kind == "flicker conductance":  # falls as 1/f, with nothing stored
+        return z / (1 + z * size * (f[0] / f) / np.abs(z[0]))
     return z

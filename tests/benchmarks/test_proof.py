@@ -1,4 +1,4 @@
-"""The figures of the diagnosis on development cases; those of the sealed part come from `pzctl prove --sealed`."""
+"""The figures of the diagnosis on development cases; those of the sealed part come from `pzctl prove --seed 1000`."""
 
 import subprocess
 import sys

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pzctl.daemon.cli.prove import diagnose_case
-from pzctl.daemon.proof import Judged, ProofError, bins, figures, is_right, read_judged, said
+from pzctl.daemon.proof import Judged, ProofError, bins, figures, is_right, rates, read_judged, said
 from pzctl.daemon.proofpage import write_page
 from pzctl.sim.concealed.files import make_cases
 
@@ -73,6 +73,15 @@ def test_figures_count_every_kind_once() -> None:
     assert by_name["error of the constants after / before, median"].value == pytest.approx(0.01, rel=0.01)
     pairs = said(JUDGED)
     assert sum(n for n, _, _ in bins(pairs)) == len(pairs) == 6
+
+
+def test_rates_are_by_effect_and_by_kind_of_flaw() -> None:
+    hum = {**planted("unknown", "any"), "base": {"mains hum": 1e-3}}
+    cases = [*JUDGED, Judged("j", truth("outside", hum), answer(found("cable", "terminals")))]
+    by_name = {rate.planted: rate for rate in rates(cases)}
+    lead, flaw = by_name["lead-inductance"], by_name["unknown: mains hum"]
+    assert (lead.cases, lead.found, lead.first, lead.misnamed, lead.said) == (3, 1, 1, 1, 0)
+    assert (flaw.cases, flaw.found, flaw.misnamed) == (1, 0, 1)
 
 
 def _proof(folder: Path) -> str:
