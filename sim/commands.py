@@ -58,13 +58,10 @@ def _bias(instrument: Instrument, unit: Unit) -> None:
     instrument.set("DCO", unit.arguments[0])
 
 
-def _edit_list(instrument: Instrument, _: Unit) -> None:
-    instrument.state.table.editing = True
-
-
 def _end_edit(instrument: Instrument, _: Unit) -> None:
-    instrument.state.table.editing, instrument.state.table.draft = False, None
-    if instrument.state["SWPT"] == "LIST":
+    in_use = instrument.state["SWPT"] == "LIST"
+    instrument.state.table.done(in_use)
+    if in_use:
         instrument.new_axis()
         instrument.sweeper.restart()
 
@@ -80,7 +77,7 @@ def _enable(name: str, limit: int) -> Entry:
 
 
 LIST_EDITOR: Mapping[str, Entry] = {
-    "EDITLIST": Entry(_edit_list),
+    "EDITLIST": Entry(lambda i, _: i.state.table.edit()),
     "CLEL": Entry(_clear_list),
     "SADD": Entry(lambda i, _: i.state.begin_segment()),
     "SEDI": Entry(lambda i, u: i.state.begin_segment(_whole(u.arguments[0], 0, 99)), 1, 1),

@@ -77,15 +77,16 @@ class Instrument:
 
     def set(self, mnemonic: str, argument: bytes) -> None:
         """Set one setting with all that hangs on it. Raises CommandError."""
-        before = self._shape()
+        of_segment, before = self.state.table.edits(mnemonic), self._shape()
         self.state.set(mnemonic, argument)
-        self._after_change(mnemonic, before)
+        if not of_segment:
+            self._after_change(mnemonic, before)
 
     def _shape(self) -> tuple[Value | tuple[float, float], ...]:
         return self.state["SWPP"], self.state["SWPT"], self.state["POIN"], *self.state.edges.values()
 
     def _after_change(self, mnemonic: str, before: tuple[Value | tuple[float, float], ...]) -> None:
-        if self.state.table.draft is not None or mnemonic not in RESTARTS_SWEEP:
+        if mnemonic not in RESTARTS_SWEEP:
             return
         if mnemonic in AXIS_SETTINGS and self._shape() != before:
             self.new_axis()

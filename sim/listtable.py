@@ -1,4 +1,4 @@
-"""The list-sweep table: segments, and the one that is being edited.
+"""The list-sweep table, and what is being written into it: that counts from EDITDONE on.
 
 A segment has at most 201 points and all together 801 (reference 2.3); the most segments there may be, and that they may
 not overlap, is our assumption.
@@ -38,33 +38,46 @@ class ListTable:
     """The table, and the editor at work on it."""
 
     segments: list[Segment] = field(default_factory=list[Segment])
-    draft: Segment | None = None
+    """What is swept."""
+    _written: list[Segment] | None = None
+    """What the table will be; None while nobody edits it."""
+    _draft: Segment | None = None
     """The segment that is being edited."""
-    editing: bool = False
     _draft_at: int = 0
+
+    def edit(self) -> None:
+        """EDITLIST: open the table."""
+        self._written, self._draft = self.segments.copy(), None
+
+    def done(self, in_use: bool) -> None:
+        """EDITDONE: what was written counts, a segment that is still open does not.
+
+        Raises CommandError where nothing is left of a table that is `in_use`; it stays what it was.
+        """
+        written, self._written, self._draft = self._written, None, None
+        if in_use and not written:
+            raise CommandError(-221, "SETTINGS CONFLICT; LIST SWEEP IS ON")
+        self.segments = self.segments if written is None else written
 
     def begin(self, fresh: Segment, at: int | None = None) -> None:
         """Open the segment with this number (from 1) for editing, or a `fresh` one. Raises CommandError."""
-        if not self.editing:
-            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
+        written = self._open()
         if at is None:
-            if len(self.segments) >= SEGMENTS:
+            if len(written) >= SEGMENTS:
                 raise CommandError(-223, "TOO MUCH DATA")
-            self._draft_at, self.draft = len(self.segments), fresh
-        elif 1 <= at <= len(self.segments):
-            self._draft_at, self.draft = at - 1, self.segments[at - 1]
+            self._draft_at, self._draft = len(written), fresh
+        elif 1 <= at <= len(written):
+            self._draft_at, self._draft = at - 1, written[at - 1]
         else:
             raise CommandError(-222, "DATA OUT OF RANGE")
 
     def clear(self) -> None:
         """Drop every segment. Raises CommandError where the table is not being edited."""
-        if not self.editing:
-            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
-        self.segments.clear()
+        self._open().clear()
 
     def edits(self, mnemonic: str) -> bool:
         """Return whether this setting is that of a segment now."""
-        return self.draft is not None and mnemonic in FIELDS
+        return self._draft is not None and mnemonic in FIELDS
 
     def set(self, mnemonic: str, argument: bytes, level: Number) -> None:
         """Set a value of the edited segment; `level` is what an oscillator level may be. Raises CommandError."""
@@ -78,7 +91,7 @@ class ListTable:
         else:
             kind = level if mnemonic == "POWE" else TABLE[mnemonic]
             have[FIELDS[mnemonic]] = kind.parse(argument)
-        self.draft = Segment(**have)
+        self._draft = Segment(**have)
 
     def query(self, mnemonic: str, level: Number) -> str:
         """Return the reply to a query of the segment that is edited. Raises CommandError."""
@@ -90,16 +103,21 @@ class ListTable:
 
     def finish(self) -> None:
         """Put the edited segment into the table. Raises CommandError where the table would not be a sweep."""
-        segments = self.segments.copy()
+        segments = self._open().copy()
         segments[self._draft_at : self._draft_at + 1] = [self._edited()]
-        self.draft = None
+        self._draft = None
         if sum(s.points for s in segments) > LIST_POINTS:
             raise CommandError(-223, "TOO MUCH DATA")
         if any(b.start < a.stop for a, b in pairwise(segments)):
             raise CommandError(-221, "SETTINGS CONFLICT; SEGMENTS OVERLAP")
-        self.segments = segments
+        self._written = segments
+
+    def _open(self) -> list[Segment]:
+        if self._written is None:
+            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
+        return self._written
 
     def _edited(self) -> Segment:
-        if self.draft is None:
+        if self._draft is None:
             raise CommandError(-221, "SETTINGS CONFLICT; NO SEGMENT IS BEING EDITED")
-        return self.draft
+        return self._draft

@@ -51,13 +51,13 @@ def recall(state: State, content: bytes) -> None:
 
 def _apply(state: State, mnemonic: str, arguments: tuple[bytes, ...]) -> None:
     if mnemonic == "EDITLIST":
-        state.table.editing = True
+        state.table.edit()
     elif mnemonic == "SADD":
         state.begin_segment()
     elif mnemonic == "SDON":
         state.table.finish()
     elif mnemonic == "EDITDONE":
-        state.table.editing = False
+        state.table.done(in_use=False)
     elif len(arguments) == 1 and state.knows(mnemonic) and mnemonic != "DCO":
         state.set(mnemonic, arguments[0])
     else:

@@ -306,3 +306,16 @@ def test_a_manual_trigger_starts_the_sweep(wire):
     assert wire.line() == "1\n"
     assert wire.ask("*STB?") == "4"
     assert wire.errors() == []
+
+
+def test_a_table_counts_from_the_end_of_its_editing(wire):
+    wire.say("EDITLIST;SADD;STAR 1 MHZ;STOP 2 MHZ;POIN 11;SDON;EDITDONE;SWPT LIST;SING;*OPC?")
+    assert wire.line() == "1\n"
+    wire.say("EDITLIST;SEDI 1;POIN 21;SDON")
+    assert wire.ask("POIN?") == "11"
+    assert wire.impedance().size == 11
+    wire.say("FORM4;EDITDONE")
+    assert wire.ask("POIN?") == "21"
+    wire.say("SWPT LIN;EDITLIST;CLEL;SWPT LIST;EDITDONE")
+    assert wire.errors()[0].startswith("-221")
+    assert wire.ask("POIN?") == "21"
