@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..fitters.diagnosis.findings import Diagnosis, Finding, Fitted
+from ..fitters.diagnosis.gates.report import DataCheck
 from ..fitters.interface import Curve
 from .answers import constants_json, number
 from .numbers import complex_with_uncertainty, with_uncertainty
@@ -22,6 +23,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "final": _fitted(diagnosis.final),
         "findings": [_finding(finding) for finding in diagnosis.findings],
         "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
+        "data": [_check(check) for check in diagnosis.data],
         "leftover": {
             "bands_Hz": [list(band) for band in diagnosis.leftover.bands_Hz],
             "chi2_per_dof": number(diagnosis.leftover.chi2_per_dof),
@@ -37,6 +39,12 @@ def _fitted(side: Fitted) -> dict[str, Any]:
         "held_out": number(side.held_out),
         "constants": constants_json(side.constants),
     }
+
+
+def _check(check: DataCheck) -> dict[str, Any]:
+    """Return what the gates found of one recording; each trouble with its sentence."""
+    troubles = [msgspec.to_builtins(trouble) | {"says": trouble.says} for trouble in check.troubles]
+    return msgspec.to_builtins(check) | {"troubles": troubles}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
@@ -58,6 +66,10 @@ def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
     findings: list[dict[str, Any]] = found["findings"]
     for finding in findings:
         console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
+    for check in found["data"]:
+        for trouble in check["troubles"]:
+            says = f"recording {check['index'] + 1} of {check['step']}: {trouble['says']}"
+            console.print(f"- {says}", style="magenta", highlight=False)
     for sentence in found.get("compared", ()):
         console.print(f"- {sentence}", highlight=False)
     if findings:

@@ -16,6 +16,8 @@ from .sketch_picture import draw_sketch
 BEFORE, AFTER, GUILTY, MARK, FAINT = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98"
 _SMOOTH = 9
 """Points over which the heavy line is averaged."""
+_LEAST_SPAN = 50.0
+"""Of the residuals' axis: where there is noise alone, it is to look like noise."""
 _MOST_PANELS, _MOST_BARS = 6, 9
 
 
@@ -40,33 +42,40 @@ def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: B
     FigureCanvasAgg(figure)
     above, below = figure.subfigures(2, 1, height_ratios=[2.9 * rows + 0.7, bottom])
     panels = above.subplots(rows, columns, squeeze=False)
+    named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
     for k, axes in enumerate(panels.flat):
         if k < len(shown):
-            _residuals(axes, shown[k], found["findings"], legend=k == 0)
+            _residuals(axes, shown[k], found["findings"], named=named, legend=k == 0)
         else:
             axes.set_axis_off()
     above.suptitle(f"{build.name}: {found['says'][0]}", fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
-    draw_sketch(sketch, build, list(dict.fromkeys(curve.step for curve in curves)), _guilty(found))
+    draw_sketch(sketch, build, curves[-1].step, _guilty(found))
     _candidates(chances, found["findings"])
     return figure
 
 
 def _guilty(found: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(str(finding["where"]) for finding in found["findings"]))
+    places = dict.fromkeys(str(finding["where"]) for finding in found["findings"])
+    return tuple(place for place in places if place != "any")
 
 
 def _rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [one for one in finding["alternatives"] if one["probability"] >= 0.005]
 
 
-def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *, legend: bool) -> None:
-    """Draw the size of the residuals over frequency: every point faint, their running mean heavy."""
+def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *, named: bool, legend: bool) -> None:
+    """Draw the size of the residuals over frequency: every point faint, their running mean heavy.
+
+    `named`: whether something was found that the model can take in.
+    """
     f = curve.frequency / 1e6
     noise = noise_from_smoothness(Sweep(curve.frequency, curve.measured))
     floor = 1e-7 if noise is None else 0.2 * float(np.median(noise))
-    drawn = [(curve.start, BEFORE, "without the finding"), (curve.fitted, AFTER, "with it")] if findings else []
-    for Z, colour, label in drawn or [(curve.fitted, AFTER, "model against recording")]:
+    drawn = [(curve.start, BEFORE, "without what was found"), (curve.fitted, AFTER, "with it")]
+    if not named:
+        drawn = [(curve.fitted, AFTER, "model against recording")]
+    for Z, colour, label in drawn:
         size = np.abs(np.log(Z / curve.measured))
         axes.semilogy(f, np.maximum(size, floor), color=colour, linewidth=0.5, alpha=0.35)
         axes.semilogy(f, np.maximum(_running(size), floor), color=colour, linewidth=1.5, label=label)
@@ -78,7 +87,7 @@ def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *
                 if high > curve.frequency[0] and low < curve.frequency[-1]:
                     axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
     axes.set_xlim(f[0], f[-1])
-    axes.set_ylim(bottom=floor)
+    axes.set_ylim(floor, max(axes.get_ylim()[1], _LEAST_SPAN * floor))
     axes.set_title(f"step {curve.step}", loc="left", fontsize=9)
     axes.set_ylabel("|ln(model / measured)|", fontsize=9)
     axes.set_xlabel("frequency (MHz)", fontsize=9)
@@ -108,7 +117,7 @@ def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
         return
     for k, (_, size, colour) in enumerate(bars):
         axes.barh(-k, size, color=colour, height=0.62)
-        axes.text(size + 0.015, -k, f"{size:.2f}", va="center", fontsize=8.5)
+        axes.text(size + 0.015, -k, f"{size:.3f}" if size > 0.985 else f"{size:.2f}", va="center", fontsize=8.5)
     axes.set_yticks([-k for k in range(len(bars))], [label for label, *_ in bars], fontsize=8.5)
     axes.set_ylim(-max(len(bars), 3) + 0.5, 0.6)
     axes.set_xlim(0, 1.1)

@@ -14,11 +14,11 @@ _THINNEST = 0.07
 _LOW, _HIGH, _WIRE = 0.22, 0.68, 0.86
 
 
-def draw_sketch(axes: Any, build: Build, steps: Sequence[str], guilty: Sequence[str]) -> None:
-    """Draw the layers of the last of `steps`, back to front; `guilty` are places (`layer:disk`, `terminals` ...)."""
+def draw_sketch(axes: Any, build: Build, at: str, guilty: Sequence[str]) -> None:
+    """Draw the layers of the step `at`, back to front; `guilty` are places (`layer:disk`, `terminals` ...)."""
     from matplotlib.patches import Rectangle
 
-    present = next(step.layers for step in build.steps if step.name == steps[-1])
+    present = next(step.layers for step in build.steps if step.name == at)
     layers = [layer for layer in build.layers if layer.name in present]
     names = [layer.name for layer in layers]
     share = np.array([layer.values["thickness"].re for layer in layers]) ** 0.6
@@ -36,7 +36,7 @@ def draw_sketch(axes: Any, build: Build, steps: Sequence[str], guilty: Sequence[
         place = _plane(where, names, edges)
         if place is not None:
             axes.plot([place, place], [_LOW - 0.05, _HIGH + 0.05], color=_MARK, linewidth=4.5, solid_capstyle="butt")
-    says = "guilty: " + ", ".join(guilty) if guilty else "nothing to mark"
+    says = "guilty: " + ", ".join(guilty) if guilty else ""
     axes.text(0.5, 0.02, says, ha="center", va="bottom", fontsize=9, color=_MARK if guilty else _INK)
     axes.text(-0.02, (_LOW + _HIGH) / 2, build.back.name, ha="right", va="center", fontsize=9, color=_INK)
     axes.text(1.02, (_LOW + _HIGH) / 2, build.front.name, ha="left", va="center", fontsize=9, color=_INK)

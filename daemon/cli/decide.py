@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from ...models.plan import SweepPlan
     from ..client import Client, Measurement
 
+_OPEN = 0.05
+"""Probability of something else from which a finding counts as open."""
 _MOST_ROUNDS = 3
 """How often what was measured may give rise to further measurements of one step."""
 
@@ -47,10 +50,24 @@ class Diagnoser:
             print_diagnosis(self.console, found)
             agreed = [one for one in found.get("would_measure", []) if self._agreed(step, one)]
             if not agreed:
+                self._by_hand(found)
                 break
             made += [self._measured(step, measurement, one) for one in agreed]
         picture = self._picture(step, measurement)
         return found | {"step": step, "measurement": measurement, "decided_by": made, "picture": picture}
+
+    def _by_hand(self, found: dict[str, Any]) -> None:
+        """Say what a person could do where the instrument alone cannot decide."""
+        from ...models.effects import EffectError, find_effect
+
+        if found.get("would_measure"):
+            return
+        for finding in found["findings"]:
+            others = [one["effect"] for one in finding["alternatives"] if one["probability"] > _OPEN]
+            for name in (finding["effect"], *others) if others else ():
+                with suppress(EffectError):
+                    says = f"to tell {finding['effect']} from {', '.join(others)}: {find_effect(name).separates}"
+                    self.console.print(f"no sweep can decide; {says}", style="cyan", highlight=False, soft_wrap=True)
 
     def _agreed(self, step: str, proposal: dict[str, Any]) -> bool:
         """Propose a measurement, and return whether it is to be made."""

@@ -14,6 +14,8 @@ _LOWEST_V, _HIGHEST_V = 5e-3, 1.0
 _HIGHEST_HZ, _LOWEST_HZ = 110e6, 40.0
 _LEVEL_STEP = 5.0
 _SLOW, _FAST = 5, 1
+_MOST_POINTS, _DENSER = 801, 3
+"""Of a sweep over a wider band: a resonance must not fall between its points."""
 _OVERTONE = 3.3
 """The third harmonic and what lies above it, from the stop of a sweep over the fundamental."""
 
@@ -100,7 +102,7 @@ def _wider(base: SweepPlan) -> Experiment | None:
     low, high = max(one.start_Hz / 2, _LOWEST_HZ), min(_OVERTONE * one.stop_Hz, _HIGHEST_HZ)
     if high <= one.stop_Hz:
         return None
-    return _over(base, "wider band", low, high)
+    return _over(base, "wider band", low, high, max(one.points, min(_MOST_POINTS, _DENSER * one.points)))
 
 
 def _finer(base: SweepPlan, sweep: Sweep) -> Experiment | None:
@@ -110,11 +112,11 @@ def _finer(base: SweepPlan, sweep: Sweep) -> Experiment | None:
     edges = sorted(float(sweep.frequency[int(np.argmax(part))]) for part in (G, R))
     width = max(edges[1] - edges[0], 0.02 * edges[0])
     low, high = max(edges[0] - width / 2, one.start_Hz), min(edges[1] + width / 2, one.stop_Hz)
-    return _over(base, "finer band", low, high) if high - low < 0.5 * (one.stop_Hz - one.start_Hz) else None
+    return _over(base, "finer band", low, high, one.points) if high - low < 0.5 * (one.stop_Hz - one.start_Hz) else None
 
 
-def _over(base: SweepPlan, kind: str, low: float, high: float) -> Experiment:
+def _over(base: SweepPlan, kind: str, low: float, high: float, points: int) -> Experiment:
     (one,) = base.segments
     low, high = float(f"{low:.4g}"), float(f"{high:.4g}")
-    says = f"sweep from {low / 1e6:.4g} to {high / 1e6:.4g} MHz with {one.points} points"
-    return Experiment(kind, says, replace(base, segments=(replace(one, start_Hz=low, stop_Hz=high),)))
+    says = f"sweep from {low / 1e6:.4g} to {high / 1e6:.4g} MHz with {points} points"
+    return Experiment(kind, says, replace(base, segments=(replace(one, start_Hz=low, stop_Hz=high, points=points),)))
