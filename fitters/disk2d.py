@@ -27,19 +27,16 @@ from .covariance import estimate
 from .descent import Descent, descend, softened
 from .disk2d_cache import reduced_disk
 from .disk2d_coordinates import COORDINATES, tensor_block
+from .disk2d_search import searched
 from .disk2d_start import starts, tensor_priors
 from .interface import FitError, FitResult, FitTask
 from .objective import Objective, Posterior, Prior, Recording
 from .planar_answer import Named, planar_answer, radial_named
 
 Known: TypeAlias = Prior | Posterior
-_COARSE = 160
-# Points of each sweep that the search for the right valley uses.
-_BLURS = (0.6, 0.2, 0.06)
-# Misfits that the search takes for granted one after the other; after each the better half of the places goes on.
-_ROUGH, _TOLERANCE, _SEARCH = 1e-3, 1e-6, 40
-_ROUNDS, _STILL, _MOST = 6, 0.05, 60
-# At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 5 %.
+_TOLERANCE = 1e-5
+_ROUNDS, _STILL, _MOST = 12, 0.01, 12
+# At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 1 %.
 _CHECKED = 12
 # Frequencies at which the reduced model is checked against its full equations.
 _TOLD = 0.5
@@ -50,7 +47,7 @@ class Disk2DFitter:
     """All ten complex constants of a free round disk, in two dimensions."""
 
     name = "disk2d"
-    version = "1"
+    version = "2"
     summary = "all ten complex constants of a round disk in two dimensions: radial, edge and thickness modes together"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
@@ -59,25 +56,41 @@ class Disk2DFitter:
         Raises FitError where none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5
         times its thickness resonance.
         """
-        began = time.perf_counter()
-        disk = _within_reach(bare_disk(task, self.name, round_one=True, frees=True))
-        full, reduced = reduced_disk(_ratio(disk), progress)
-        progress(f"fitting {disk.step}")
-        model = _model(disk, reduced)
-        descent, error = _descend(disk, full, model, task.free)
-        layer = disk.layer.name
+        return finite_disk(task, progress=progress)
 
-        def make(values: Mapping[str, float]) -> dict[str, complex]:
-            return _named(layer, _tensor_of(values, layer))
 
-        found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
-        says = (
-            f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
-            f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
-            f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
-            *_undetermined(descent, layer),
-        )
-        return planar_answer(Named(self.name, self.version), disk, descent, make, says, time.perf_counter() - began)
+def finite_disk(
+    task: FitTask, budget_seconds: float = math.inf, progress: Callable[[str], None] = lambda _: None
+) -> FitResult:
+    """Say how well the disk of finite diameter describes the recordings of the bare disk, and with which constants.
+
+    `chi2_per_dof` refers to the same noise of every point as that of the one-dimensional fitters, but only to points
+    up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
+    known of the ceramic but that it is one. `budget_seconds`: when it is over, descents stop where they are and the
+    answer says `converged=False`; what must be done before (reduced model where it is not in the cache, 1 s at
+    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case.
+    Raises FitError as the fitter does.
+    """
+    began = time.perf_counter()
+    disk = _within_reach(bare_disk(task, Disk2DFitter.name, round_one=True, frees=True))
+    full, reduced = reduced_disk(_ratio(disk), progress)
+    progress(f"fitting {disk.step}")
+    model = _model(disk, reduced)
+    descent, error = _descend(disk, full, model, task.free, began + budget_seconds)
+    layer = disk.layer.name
+
+    def make(values: Mapping[str, float]) -> dict[str, complex]:
+        return _named(layer, _tensor_of(values, layer))
+
+    found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+    says = (
+        f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
+        f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
+        f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
+        *_undetermined(descent, layer),
+    )
+    named = Named(Disk2DFitter.name, Disk2DFitter.version)
+    return planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
 
 
 def _ratio(disk: BareDisk) -> float:
@@ -136,27 +149,23 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
     return Coordinates(blocks, model.parameters(), names), recordings
 
 
-def _descend(disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Descent, float]:
-    """Return the deepest minimum found, and the estimated error of the reduced model there."""
+def _descend(
+    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float
+) -> tuple[Descent, float]:
+    """Return the deepest minimum found until then, and the estimated error of the reduced model there."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
-    coarse = [_thinned(recording) for recording in recordings]
-    places = [coordinates.inverse(start) for start in starts(disk)]
-    evaluations = 0
-    for misfit in _BLURS:
-        tried = [_searched(coarse, misfit, coordinates, priors, x) for x in places]
-        evaluations += sum(descent.evaluations for descent in tried)
-        tried.sort(key=lambda descent: descent.cost)
-        places = [descent.x for descent in tried[: max(2, len(tried) // 2)]]
-    x, error, before, settled = places[0], math.inf, math.inf, False
+    x, evaluations = searched(disk, model, recordings, coordinates, priors)
+    error, before, settled = math.inf, math.inf, False
     for _ in range(_ROUNDS):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
         recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
         last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
         evaluations, x = evaluations + last.evaluations, last.x
         left = _left(recordings, coordinates, x)
-        settled, before = left > (1 - _STILL) * before, left
-        if settled:
+        settled = last.converged or (recordings[0].misfit > 0 and left > (1 - _STILL) * before)
+        before = left
+        if settled or time.perf_counter() > until:
             break
     judged = list(map(softened, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
     objective = Objective(judged, coordinates, priors)
@@ -170,14 +179,6 @@ def _left(recordings: Sequence[Recording], coordinates: Coordinates, x: Reals) -
     return math.sqrt(sum(float(np.sum(np.abs(ratio) ** 2)) for ratio in ratios))
 
 
-def _searched(
-    recordings: Sequence[Recording], misfit: float, coordinates: Coordinates, priors: Sequence[Known], x: Reals
-) -> Descent:
-    """Go downhill with this misfit taken as noise: the larger, the wider the valleys."""
-    blurred = [replace(recording, misfit=misfit) for recording in recordings]
-    return descend(Objective(blurred, coordinates, priors), x, _ROUGH, _SEARCH)
-
-
 def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recording:
     """Return the recording with its own misfit as noise, points counted as if independent.
 
@@ -186,14 +187,6 @@ def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recor
     """
     (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
     return replace(softened(recording, ratio), correlation=1.0)
-
-
-def _thinned(recording: Recording) -> Recording:
-    """Return the recording with some of its points."""
-    every = max(1, recording.sweep.frequency.size // _COARSE)
-    sweep = recording.sweep
-    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
-    return replace(recording, sweep=few, noise=recording.noise[::every])
 
 
 def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arrays import Complexes, Frequencies, Reals
 from .full import Shape
+from .line import Numbers
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
 _BELOW, _ABOVE = 0.9, 1.1
@@ -25,6 +26,7 @@ _DEPENDENT = 1e-8
 # Static shapes that add less than this are none of their own.
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
 _TOLERANCE, _ROUNDS = 1e-6, 25
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,59 +37,70 @@ class Modes:
     """(2 pi f)^2 of the modes, shape (nu,), rising."""
     shapes: Reals
     """Columns over the displacement shapes of the reduced disk, shape (nu, nu)."""
-    losses: Complexes
-    """Stiffness of the lossy disk less that of the lossless one, between modes, over mass, shape (nu, nu)."""
+    losses: Complexes | None
+    """Stiffness of the lossy disk less that of the lossless one, between modes, over mass, shape (nu, nu); or none."""
     force: Complexes
     """Force on each mode over mass, shape (nu,)."""
     weights: Complexes
     """Of TERMS, for which the modes are, shape (13,)."""
 
 
-def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes) -> Modes:
-    """Return the modes of the disk for weights of TERMS, shape (13,)."""
+def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> Modes:
+    """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them."""
     still = disk.condensed(weights.real) / shape.mass
     squared, shapes = np.linalg.eigh(still)
-    lossy = disk.condensed(weights) / shape.mass - still
-    losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
+    losses = None
+    if not rough:
+        lossy = disk.condensed(weights) / shape.mass - still
+        losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
     return Modes(squared, shapes, losses, shapes.T @ (weights[PIEZO] @ disk.drive) / shape.mass, weights)
 
 
-def real_times(left: Reals, right: Complexes) -> Complexes:
-    """Return the product of a real and a complex matrix by one real product."""
+def real_times(left: Reals, right: Numbers) -> Numbers:
+    """Return the product of a real matrix and a matrix by one real product."""
+    if not np.iscomplexobj(right):
+        return left @ right
     return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
-def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Complexes:
+def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Numbers:
     """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk.
 
-    `weights`: of TERMS amid the band, shape (13,).
+    `weights`: of TERMS amid the band, shape (13,). Real for rough modes.
     """
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
     inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < _ABOVE**2 * top)
     outside = ~inside
     near, far = modes.squared[inside], modes.squared[outside]
-    moved = modes.losses + _dispersed(modes.weights, weights) * modes.losses.imag
-    own = far + np.diag(moved)[outside]
-    aside = moved[np.ix_(outside, outside)]
-    np.fill_diagonal(aside, 0.0)
+    own: Numbers = far
+    aside: Numbers | None = None
+    force: Numbers = modes.force.real
+    across: Numbers | None = None
+    if modes.losses is not None:
+        moved = modes.losses + _dispersed(modes.weights, weights) * modes.losses.imag
+        own, force = far + np.diag(moved)[outside], modes.force
+        aside = moved[np.ix_(outside, outside)]
+        np.fill_diagonal(aside, 0.0)
+        across = moved[np.ix_(outside, inside)]
 
-    def answer(force: Complexes, squared: Reals) -> Complexes:
+    def answer(force: Numbers, squared: Reals) -> Numbers:
         """Answer of the modes outside, by two steps of Jacobi: losses couple them by a hundredth."""
         inverse = 1 / (own[:, None] - squared[None, :])
         first = force * inverse
-        return first - (aside @ first) * inverse
+        return first if aside is None else first - (aside @ first) * inverse
 
-    static: list[Complexes] = []
+    static: list[Numbers] = []
     for squared in np.array([[bottom], [(bottom + top) / 2], [top]]):
-        column = modes.force[outside, None].astype(np.complex128)
+        column = force[outside, None]
         for _ in range(_STATIC):
             column = answer(column, squared)
-            column = column / np.linalg.norm(column)
+            column = column / max(float(np.linalg.norm(column)), _TINY)
             static.append(column)
     still = _orthonormal(np.hstack(static))
-    coordinates = np.zeros((near.size + far.size, near.size + still.shape[1]), np.complex128)
+    coordinates = np.zeros((near.size + far.size, near.size + still.shape[1]), still.dtype)
     coordinates[inside, : near.size] = np.eye(near.size)
-    coordinates[outside, : near.size] = -answer(moved[np.ix_(outside, inside)], np.clip(near, bottom, top))
+    if across is not None:
+        coordinates[outside, : near.size] = -answer(across, np.clip(near, bottom, top))
     coordinates[outside, near.size :] = still
     return real_times(modes.shapes, coordinates)
 
@@ -103,9 +116,9 @@ def _dispersed(there: Complexes, here: Complexes) -> float:
     return float(imaginary @ moved) / norm if norm > 0 else 0.0
 
 
-def _orthonormal(columns: Complexes) -> Complexes:
+def _orthonormal(columns: Numbers) -> Numbers:
     vectors, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return vectors[:, values > _DEPENDENT * values[0]].astype(np.complex128)
+    return vectors[:, values > _DEPENDENT * values[0]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +128,18 @@ class Band:
     frequency: Frequencies
     weights: Complexes
     """Of TERMS at each frequency, shape (N, 13)."""
-    stiffness: Complexes
+    stiffness: Numbers
     """Shape (7, m, m)."""
-    coupling: Complexes
+    coupling: Numbers
     """Shape (4, m, np)."""
-    drive: Complexes
+    drive: Numbers
     """Shape (4, m)."""
-    mass: Complexes
+    mass: Numbers
     """Shape (m, m)."""
     disk: ReducedDisk
 
     @classmethod
-    def of(
-        cls, disk: ReducedDisk, shapes: Complexes, shape: Shape, frequency: Frequencies, weights: Complexes
-    ) -> "Band":
+    def of(cls, disk: ReducedDisk, shapes: Numbers, shape: Shape, frequency: Frequencies, weights: Complexes) -> "Band":
         """Project the disk on `shapes`; weights of TERMS at each frequency, shape (N, 13)."""
         return cls(
             frequency,

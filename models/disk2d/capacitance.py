@@ -10,7 +10,7 @@ from ..arrays import Complexes, Frequencies, Reals
 from .band import Band, band_shapes, modes_of
 from .full import Shape
 from .matrices import CONSTANTS, OF_TERM, POWERS
-from .reduced import ReducedDisk
+from .reduced import DiskError, ReducedDisk
 
 _OCTAVES = 1.0
 _EPS33S = CONSTANTS.index("eps33S")
@@ -42,10 +42,14 @@ def _bands(frequency: Frequencies) -> list[slice]:
     return [slice(low, high) for low, high in pairwise(ends) if high > low]
 
 
-def _solved(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> list[tuple[slice, Band]]:
+def _solved(
+    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool
+) -> list[tuple[slice, Band]]:
     weights = shape.weights(constants)
+    if not np.all(np.isfinite(weights)):
+        raise DiskError("these constants are not finite: they are those of no disk")
     middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
-    modes = modes_of(disk, shape, weights[min(middle, frequency.size - 1)])
+    modes = modes_of(disk, shape, weights[min(middle, frequency.size - 1)], rough)
     made: list[tuple[slice, Band]] = []
     for part in _bands(frequency):
         f = frequency[part]
@@ -54,15 +58,22 @@ def _solved(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Fr
     return made
 
 
-def capacitance(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> Complexes:
-    """Return Y/(jw) in F, shape (N,), at rising frequencies in Hz; constants at each of them, shape (N, 10), SI."""
+def capacitance(
+    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
+) -> Complexes:
+    """Return Y/(jw) in F, shape (N,), at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
+
+    `rough`: to a thousandth or so, at half the cost. Raises DiskError for constants that are not finite.
+    """
     made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
-    for part, band in _solved(disk, shape, constants, frequency):
+    for part, band in _solved(disk, shape, constants, frequency, rough):
         made[part] -= 4 * np.pi * band.solve()[1]
     return made
 
 
-def slopes(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies) -> Slopes:
+def slopes(
+    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
+) -> Slopes:
     """Return the same with its derivatives, which cost no further solution: the form is stationary."""
     weights, lengths = shape.weights(constants), shape.lengths
     empty = np.pi * shape.radius**2 / shape.thickness
@@ -70,7 +81,7 @@ def slopes(disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Fre
     whole = still.copy()
     by_term = np.zeros(weights.shape, np.complex128)
     by_mass = np.zeros(frequency.size, np.complex128)
-    for part, band in _solved(disk, shape, constants, frequency):
+    for part, band in _solved(disk, shape, constants, frequency, rough):
         y, form = band.solve()
         whole[part] -= 4 * np.pi * form
         by_term[part], by_mass[part] = band.slopes(y)

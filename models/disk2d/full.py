@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from math import ceil
+from operator import add
 from typing import Any, Self
 
 import numpy as np
@@ -73,17 +74,47 @@ class FullDisk:
         diagonal = sum(s * t.diagonal() for s, t in zip(_SCALE[OF_TERM], self.matrices.terms, strict=True))
         return 1 / np.sqrt(np.abs(np.asarray(diagonal)[: self.size]))
 
+    @cached_property
+    def scaled_mass(self) -> Matrix:
+        """Mass matrix of the unknowns, rows and columns scaled by `scale`, shape (n, n)."""
+        n, scale = self.size, sp.diags_array(self.scale)
+        return sp.csr_array(scale @ self.matrices.mass[:n, :n] @ scale)
+
+    @cached_property
+    def _stored(self) -> tuple[Numbers, Numbers, Reals]:
+        """Column indices and row starts of the entries of all terms and the mass together, and each one's, (E, 14)."""
+        n = self.size + 1
+        parts: list[Matrix] = [sp.coo_array(term) for term in (*self.matrices.terms, self.matrices.mass)]
+        pattern: Matrix = reduce(add, (sp.csr_array(abs(part)) for part in parts))
+        pattern.sort_indices()
+        every: Numbers = np.repeat(np.arange(n, dtype=np.int64), np.diff(pattern.indptr)) * n + pattern.indices
+        entries = np.zeros((every.size, len(parts)))
+        for k, part in enumerate(parts):
+            places: Numbers = part.row.astype(np.int64) * n + part.col
+            np.add.at(entries[:, k], np.searchsorted(every, places), part.data)
+        return pattern.indices, pattern.indptr, entries
+
+    @cached_property
+    def _within(self) -> tuple[Numbers, Numbers, Numbers, Reals]:
+        """Which of those entries are not of the voltage, their column indices and row starts, and their scale."""
+        columns, starts, _ = self._stored
+        rows = np.repeat(np.arange(self.size + 1), np.diff(starts))
+        kept = np.flatnonzero((rows < self.size) & (columns < self.size))
+        inner = np.searchsorted(rows[kept], np.arange(self.size + 1)).astype(np.int32)
+        return kept, columns[kept], inner, self.scale[rows[kept]] * self.scale[columns[kept]]
+
     def system(self, weights: Numbers, mass: float) -> Matrix:
         """Return H with these weights of its terms, the mass matrix weighed by `mass`, shape (n + 1, n + 1)."""
-        whole = mass * self.matrices.mass
-        for weight, term in zip(weights, self.matrices.terms, strict=True):
-            whole = whole + weight * term
-        return sp.csr_array(whole)
+        columns, starts, entries = self._stored
+        weighed = entries @ np.append(weights, mass)
+        return sp.csr_array((weighed, columns, starts), shape=(self.size + 1, self.size + 1))
 
     def factor(self, system: Matrix) -> Callable[[Numbers], Numbers]:
-        """Return the solver of H without the voltage, rows and columns scaled by `scale`."""
-        n, scale = self.size, sp.diags_array(self.scale)
-        factors: Any = splu(sp.csc_array(scale @ system[:n, :n] @ scale))
+        """Return the solver of a `system` without the voltage, rows and columns scaled by `scale`."""
+        kept, columns, starts, scale = self._within
+        # symmetric: its rows are its columns
+        inner = sp.csc_array((system.data[kept] * scale, columns, starts), shape=(self.size, self.size))
+        factors: Any = splu(inner)
         return factors.solve
 
     def solution(self, shape: Shape, constants: Complexes, frequency: float) -> Complexes:

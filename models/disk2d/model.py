@@ -37,6 +37,8 @@ class Disk2D:
     reduced: ReducedDisk
     law: LossLaw = CONSTANT
     """How each constant continues to other frequencies."""
+    rough: bool = False
+    """To a thousandth or so, at half the cost: for a search."""
 
     def __post_init__(self) -> None:
         require_positive(self.name, area=self.area, thickness=self.thickness, density=self.density)
@@ -71,7 +73,7 @@ class Disk2D:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         order = np.argsort(frequency)
         C = np.zeros(frequency.size, np.complex128)
-        C[order] = capacitance(self.reduced, self.shape, self.over(frequency[order]), frequency[order])
+        C[order] = capacitance(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
         return 1 / (j_omega(frequency) * C)
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
@@ -79,7 +81,7 @@ class Disk2D:
         require(names, self.parameters(), "the disk")
         order = np.argsort(frequency)
         back = np.argsort(order)
-        made = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order])
+        made = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
         C, by_constant = made.capacitance[back], made.by_constant[back]
         rows = {
             "area": made.by_log_radius[back] / (2 * self.area),

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from ..arrays import Complexes, Reals
+from ..errors import PzctlError
 from .full import FullDisk, Shape
 from .line import Numbers
 from .matrices import TERMS
@@ -17,6 +18,10 @@ ELASTIC = np.array([k for k, term in enumerate(TERMS) if term.constant.startswit
 PIEZO = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("e") and term.constant[1] != "p"])
 """Which of TERMS are piezoelectric: four."""
 EPS11, EPS33 = len(TERMS) - 2, len(TERMS) - 1
+
+
+class DiskError(PzctlError):
+    """A disk that the two-dimensional model does not reach."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..arrays import Complexes, Reals
-from ..errors import PzctlError
 from .basis import krylov, split
 from .error import estimate
 from .full import FullDisk, Shape
-from .reduced import ReducedDisk
+from .reduced import DiskError, ReducedDisk
 
 HIGHEST = 3400.0
 """Frequency times thickness up to which a reduced disk serves, Hz m: 1.5 times the thickness resonance of PZT."""
@@ -20,15 +19,11 @@ DENSITY = 7800.0
 _CENTRE = np.array([125e9, 80e9, 80e9, 117e9, 22.5e9, -5.0, 16.0, 11.5, 8.5e-9, 7.5e-9])
 _SPREAD = np.array([0.16, 0.2, 0.16, 0.12, 0.18, 0.5, 0.16, 0.25, 0.3, 0.3])
 # Centre and half width of the box of constants; it holds every complete set of the material library.
-_SAMPLES = 20
+_SAMPLES = 14
 _JITTER = 0.02  # of the aspect ratio
 _ENOUGH = 1e-4
 _ADDED = 12
 _ROUNDS = 6
-
-
-class DiskError(PzctlError):
-    """A disk that the two-dimensional model does not reach."""
 
 
 def sampled(rng: np.random.Generator) -> Reals:

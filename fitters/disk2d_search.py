@@ -1,0 +1,60 @@
+"""The search for the right valley: from every ceramic of the library to where a descent may begin."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ..models.arrays import Reals
+from ..models.disk2d.model import Disk2D
+from .bare_disk import BareDisk
+from .coordinates import Coordinates
+from .descent import descend
+from .disk2d_start import matched
+from .objective import Objective, Posterior, Prior, Recording
+
+Known: TypeAlias = Prior | Posterior
+_COARSE = 160
+# Points of each sweep that the search uses.
+_SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
+# Misfits that the search takes for granted one after the other, from how many places, and how many steps from each.
+_FAR, _SAME = 4.0, 0.02
+# Places that cost this many times as much as the best one are not followed further, nor those as near to a better one.
+_ROUGH = 3e-3
+
+
+def searched(
+    disk: BareDisk,
+    model: Disk2D,
+    recordings: Sequence[Recording],
+    coordinates: Coordinates,
+    priors: Sequence[Known],
+) -> tuple[Reals, int]:
+    """Return the bottom of the deepest valley found, and after how many evaluations.
+
+    Misfit is taken as noise, less and less of it: the larger, the wider the valleys.
+    """
+    model = replace(model, rough=True)
+    places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
+    coarse = [replace(_thinned(recording), model=model) for recording in recordings]
+    evaluations = len(places)
+    for misfit, count, most in _SEARCH:
+        objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)
+        tried = [descend(objective, x, _ROUGH, most) for x in places[:count]]
+        evaluations += sum(descent.evaluations for descent in tried)
+        tried.sort(key=lambda descent: descent.cost)
+        places = list[Reals]()
+        for descent in tried:
+            near = any(np.abs(descent.x - x).max() < _SAME for x in places)
+            if descent.cost < _FAR * tried[0].cost and not near:
+                places.append(descent.x)
+    return places[0], evaluations
+
+
+def _thinned(recording: Recording) -> Recording:
+    """Return the recording with some of its points."""
+    every = max(1, recording.sweep.frequency.size // _COARSE)
+    sweep = recording.sweep
+    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
+    return replace(recording, sweep=few, noise=recording.noise[::every])
