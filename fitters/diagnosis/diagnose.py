@@ -18,10 +18,11 @@ from .bands import excess_of, guilty_bands
 from .candidates import candidates
 from .decide import DESCRIBED, Search, null_refit, polish, pursue, without_idle
 from .disturbed import of_the_data, verdict_with
-from .findings import Bands, Diagnosis, Finding, Fitted, Leftover, Size, Verdict
+from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .gates.gate import gate
 from .problem import Candidate, Problem
 from .proof import held_out_chi2
+from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
 from .weigh import Weighed, better_instead, weigh
@@ -60,10 +61,11 @@ def diagnose(
     if not named:
         final, held_after = null, held_before
     weighed = weigh(search, final)
+    left = remainder(final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     if verdict in ("unexplained", "partly-explained"):
-        findings.append(_unknown(final, held_after))
+        findings.append(_unknown(final, held_after, left))
     constants = _constants(problem, final)
     progress("asking what stays open")
     remaining = scores(problem, choice, final.objective, final.descent.x)
@@ -75,7 +77,7 @@ def diagnose(
         final=Fitted(final.chi2_per_dof, held_after, constants),
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, taken),
-        leftover=Leftover(_bands(final) if verdict != "no-mismatch" else (), final.chi2_per_dof),
+        leftover=left,
         says=_says(verdict, findings),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.start, final.descent.x),
@@ -107,16 +109,6 @@ def _ratios(found: Refit) -> tuple[Complexes, ...]:
     """Return the residuals of every recording in units of its noise."""
     ratios = found.objective.log_ratios(found.descent.x)
     return tuple(ratio / recording.noise for recording, ratio in zip(found.objective.recordings, ratios, strict=True))
-
-
-def _bands(found: Refit) -> Bands:
-    """Return the bands in which a fit leaves more than noise, the worst first."""
-    bands = [
-        band
-        for recording, ratio in zip(found.objective.recordings, _ratios(found), strict=True)
-        for band in guilty_bands(recording.sweep.frequency, np.abs(ratio) ** 2 / 2)
-    ]
-    return tuple(bands[:5])
 
 
 def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: float, held_after: float) -> Finding:
@@ -163,21 +155,21 @@ def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
     return sizes
 
 
-def _unknown(final: Refit, held: float) -> Finding:
-    worst = int(np.argmax(final.chi2))
+def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
     return Finding(
         effect="unknown",
         where="any",
-        step=final.objective.recordings[worst].step,
+        step=left.step,
         probability=0.95,
-        bands_Hz=_bands(final),
+        bands_Hz=left.bands_Hz,
         parameters={},
         chi2_per_dof_before=final.chi2_per_dof,
         chi2_per_dof_after=final.chi2_per_dof,
         held_out_before=held,
         held_out_after=held,
         alternatives=(),
-        says="Something is there that no effect of the catalogue explains; look at the bands before using constants.",
+        says="Something is there that no effect of the catalogue explains; look at the bands before using constants. "
+        f"{in_words(left)}".rstrip(),
     )
 
 

@@ -70,11 +70,39 @@ class Fitted:
 
 
 @dataclass(frozen=True)
+class Pole:
+    """A resonance that would describe much of what is left."""
+
+    frequency_Hz: float
+    q: float
+    capacitance: float
+    """F; size of its residue as that of a branch beside the device."""
+    takes: float
+    """Fall of chi2."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """What is left, as a Gaussian process over frequency."""
+
+    amplitude: float
+    """Standard deviation of Re and Im of ln Z."""
+    length_Hz: float
+    """Correlation length."""
+
+
+@dataclass(frozen=True)
 class Leftover:
     """What nothing explains."""
 
     bands_Hz: Bands
+    """With more in them than noise, the surest first."""
     chi2_per_dof: float
+    step: str
+    """Where most is left; poles and texture are of the worst recording of this step."""
+    poles: tuple[Pole, ...]
+    texture: Texture | None
+    """None where there is nothing but noise."""
 
 
 @dataclass(frozen=True, eq=False)
