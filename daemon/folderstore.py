@@ -20,6 +20,9 @@ LEAST_FREE = 64 << 20
 
 DATABASE = "journal.sqlite"
 
+PATIENCE = 2.0
+"""Seconds that are waited for another program that locks the database: less than listeners wait for a beat."""
+
 
 class FolderStore(Store):
     """A journal's folder. Who writes it holds the lock of `folderlock`."""
@@ -139,7 +142,7 @@ class FolderStore(Store):
 def _opened(folder: Path) -> sqlite3.Connection:
     """Open a database to be written, its tables made or brought up to date."""
     (folder / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
-    db = sqlite3.connect(folder / DATABASE, isolation_level=None)
+    db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
         migrate_sqlite(db, folder)
@@ -151,7 +154,14 @@ def _opened(folder: Path) -> sqlite3.Connection:
 
 
 def _readable(folder: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+    """Open a database to be read. On a disk that is read-only nobody can write, and SQLite must be told so.
+
+    That it must not be told where a write-ahead log is left to be read: what stands in it would be missing.
+    """
+    log = folder / f"{DATABASE}-wal"
+    settled = not os.access(folder, os.W_OK) and not (log.exists() and log.stat().st_size)
+    how = "immutable=1" if settled else "mode=ro"
+    return sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?{how}", uri=True, isolation_level=None)
 
 
 @contextmanager

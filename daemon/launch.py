@@ -18,7 +18,7 @@ from .folderlock import is_written
 from .frames import to_json
 from .location import Location, find
 from .logs import begin_log
-from .paths import home, journal_folder, log_file
+from .paths import home, journal_folder, log_file, writable_home
 from .service import Options, run
 
 PATIENCE = 60.0
@@ -40,7 +40,7 @@ def running() -> Location | None:
 def start(options: Options | None = None) -> Location:
     """Start a daemon in the background and return where it is; one that runs already is returned as it is.
 
-    Raises DaemonError with the daemon's own sentence where it does not start.
+    Raises DaemonError with the daemon's own sentence where it does not start, FolderError.
     """
     wanted = options or Options()
     deadline = time.monotonic() + PATIENCE
@@ -55,7 +55,7 @@ def start(options: Options | None = None) -> Location:
                 "other-resource",
             )
         return found
-    log = log_file(home(), "daemon")
+    log = log_file(writable_home(), "daemon")
     with log.open("ab") as output:
         process = subprocess.Popen(
             [sys.executable, "-m", "pzctl.daemon.launch"],

@@ -1,16 +1,42 @@
 """Where pzctl keeps its things: `PZCTL_HOME`, or the user's data directory."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import platformdirs
 
+from ..models.errors import PzctlError
+
+
+class FolderError(PzctlError):
+    """The data folder cannot be made or written."""
+
+
+REMEDY = "set PZCTL_HOME to a folder of your own"
+
 
 def home() -> Path:
-    """Return the data folder, made if it is not there: `PZCTL_HOME`, or the platform's user data directory."""
+    """Return the data folder, made if it is not there: `PZCTL_HOME`, or the platform's user data directory.
+
+    Raises FolderError.
+    """
     given = os.environ.get("PZCTL_HOME")
     folder = Path(given).expanduser() if given else platformdirs.user_data_path("pzctl", appauthor=False)
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise FolderError(f"the data folder {folder} cannot be made: {error.strerror}; {REMEDY}") from None
+    return folder
+
+
+def writable_home() -> Path:
+    """Return the data folder, after a try whether it can be written. Raises FolderError."""
+    folder = home()
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise FolderError(f"the data folder {folder} cannot be written: {error.strerror}; {REMEDY}") from None
     return folder
 
 

@@ -32,7 +32,7 @@ from .limits import Limits
 from .location import Location, announce, withdraw
 from .metrics import Metrics
 from .mismatch import AUTO, DIAGNOSIS, is_significant
-from .paths import home, journal_folder, keys_folder, log_file
+from .paths import journal_folder, keys_folder, log_file, writable_home
 from .reception import Reception
 from .requests import FitterState
 from .simulated import simulated_instrument
@@ -77,9 +77,10 @@ class Options:
 def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:
     """Run a daemon on the user's data folder until it is told to end (SIGTERM, SIGINT, or a request).
 
-    Raises EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the disk fails.
+    Raises FolderError, EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the
+    disk fails.
     """
-    folder = home()
+    folder = writable_home()
     with ExitStack() as stack, asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         if options.resource is None:
             simulated = stack.enter_context(simulated_instrument(log_file(folder, "sim"), options.simulator))

@@ -1,6 +1,7 @@
 """The journal: what was announced is on disk, whole, once, in order, and only one daemon writes it."""
 
 import sqlite3
+import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ import pytest
 from pzctl.daemon.archive import Archive
 from pzctl.daemon.folderlock import is_written
 from pzctl.daemon.journal import Journal
+from pzctl.daemon.launch import start
+from pzctl.daemon.paths import FolderError
 from pzctl.daemon.reports import FitReport, NoiseReport
 from pzctl.daemon.store import JournalError
 from pzctl.daemon.uuid7 import uuid7
@@ -184,3 +187,38 @@ def test_a_full_disk_takes_no_measurement(journal: Journal, build: Build, monkey
         journal.begin_measurement("new", build, "disk")
     assert journal.begin_measurement("before", build, "disk") == (known, False)
     assert [one.id for one in journal.measurements()] == [known]
+
+
+def test_a_clock_set_back_changes_no_order(journal: Journal, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = measured(journal, build, "1")
+    now = time.time_ns
+    monkeypatch.setattr("time.time_ns", lambda: now() - 86_400_000_000_000)
+    second = measured(journal, build, "2")
+    assert second < first, "ids go back with the clock"
+    later, _ = journal.begin_measurement("3", build, "ml1")
+    assert [one.id for one in journal.measurements()] == [first, second, later]
+    assert journal.latest(build.name, "disk", later) == second
+    assert [decode(frames).event.seq for frames in journal.replay(1, None, 50)] == [1, 2, 3, 4]
+    assert journal.verify() == []
+
+
+def test_a_journal_on_a_read_only_disk_is_read(
+    journal: Journal, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measurement = measured(journal, build, "1")
+    monkeypatch.setattr("os.access", lambda *_: False)
+    for _ in ("what is in the log is seen", "and without one"):
+        reader = Archive(tmp_path / "journal")
+        assert len(reader.sweeps(measurement)) == 1
+        reader.close()
+        journal.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/sys and /proc are folders of Linux")
+@pytest.mark.parametrize(("folder", "says"), [("/sys", "cannot be written"), ("/proc/no/such", "cannot be made")])
+def test_a_data_folder_that_is_of_no_use_is_said(folder: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PZCTL_HOME", folder)
+    with pytest.raises(
+        FolderError, match=f"the data folder {folder} {says}: .*; set PZCTL_HOME to"
+    ):
+        start()
