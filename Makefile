@@ -26,6 +26,9 @@ docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and 
 	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
 	$(BIN)/mkdocs build --quiet
 
+pictures: .venv/ready ## the screenshots of page and terminal in docs/pictures, made anew by their tests
+	PZCTL_SCREENSHOTS=docs/pictures $(BIN)/pytest -q tests/daemon/test_page_browser.py tests/daemon/test_terminal.py -k "button or hand or left_out or picture"
+
 clean: ## remove what the other targets made
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
@@ -36,5 +39,5 @@ clean: ## remove what the other targets made
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-.PHONY: help demo test check bench docs clean
+.PHONY: help demo test check bench docs pictures clean
 .DEFAULT_GOAL := help

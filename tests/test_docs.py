@@ -1,21 +1,31 @@
 """The guides do what they say: every block marked `<!-- run -->` is run as it stands, page by page.
 
-`<!-- file: NAME -->` before a block writes it into a file of that name.
+`<!-- file: NAME -->` before a block writes it into a file of that name; `<!-- tested: FILE -->` names the test that
+runs what a block shows.
 """
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
+from pzctl.daemon.cli import app
 from pzctl.daemon.errorspage import error_kinds, page
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+GUIDES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
+FENCED = re.compile(r"(?:^|\n)([^\n]*)\n```(\w*)\n(.*?)```", re.DOTALL)
+SHOWN = re.compile(r"^<!-- tested: (\S+) -->$")
+INDENTED = re.compile(r"^    pzctl (.*)$", re.MULTILINE)
+COMMAND = re.compile(r"^pzctl (.*)$", re.MULTILINE)
 BLOCK = re.compile(r"<!-- (run|file: (\S+)) -->\n```\w*\n(.*?)```", re.DOTALL)
 PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read_text(encoding="utf-8")))
 
@@ -35,6 +45,31 @@ def test_every_command_of_a_guide_works(name: str, tmp_path: Path) -> None:
         )
         assert done.returncode == 0, f"{text}\n{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
         assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.name)
+def test_every_block_is_run_here_or_by_the_test_it_names(guide: Path) -> None:
+    for before, language, text in FENCED.findall(guide.read_text(encoding="utf-8")):
+        named = SHOWN.match(before)
+        if named:
+            assert (ROOT / named[1]).exists(), f"{guide.name} says {named[1]} tests a block; there is no such file"
+        elif language != "text":  # what a program printed
+            assert before == "<!-- run -->" or before.startswith("<!-- file: "), f"{guide.name}: nobody runs\n{text}"
+
+
+def test_every_command_in_a_guide_is_one_that_there_is() -> None:
+    whole: Any = get_command(app)
+    for guide in GUIDES:
+        text = guide.read_text(encoding="utf-8")
+        fenced = [line for _, _, block in FENCED.findall(text) for line in COMMAND.findall(block)]
+        for line in [*fenced, *INDENTED.findall(text)]:
+            words = shlex.split(re.split(r" [|>&]( |$)| \.\.\.", line)[0], comments=True)
+            command, name = whole, "pzctl"
+            while words and hasattr(command, "commands") and not words[0].startswith("-"):
+                assert words[0] in command.commands, f"{guide.name}: pzctl {line}"
+                command, name = command.commands[words[0]], words.pop(0)
+            if not hasattr(command, "commands"):
+                command.make_context(name, [word for word in words if word != ">"])  # refuses what it does not know
 
 
 def test_links_between_pages_lead_somewhere() -> None:
@@ -57,4 +92,5 @@ def test_the_generator_builds_the_pages(tmp_path: Path) -> None:
     words = ["-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path / "site")]
     done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "<math" in (tmp_path / "site" / "physics.html").read_text(encoding="utf-8")
     assert "first-measurement.html" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")

@@ -2,24 +2,30 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from pzctl.daemon.buildfile import read_build
 from pzctl.daemon.cli import app
 from pzctl.daemon.cli import journal as journal_room
 from pzctl.daemon.cli import keys as keys_room
 from pzctl.daemon.numbers import with_uncertainty
-from pzctl.daemon.tables import fit_table
+from pzctl.daemon.tables import fit_table, print_fit
 from pzctl.daemon.terminal import be_quiet, console
 from pzctl.daemon.tolerance import deviation
-from pzctl.fitters.interface import Constant, FitResult, Noise
+from pzctl.fitters.assembly import stack_of
+from pzctl.fitters.interface import Constant, FitResult, FitTask, Noise
+from pzctl.fitters.mason import Mason
 from pzctl.models.build import Build, LayerSpec, Quantity
+from pzctl.models.sweep import Sweep
 
 ROOMS = {(): app, ("journal",): journal_room.app, ("keys",): keys_room.app}
 COMMANDS = [
@@ -113,3 +119,19 @@ def test_exit_status(words: list[str], status: int, tmp_path: Path) -> None:
     assert done.returncode == status
     assert "Traceback" not in done.stderr
     assert bool(done.stderr) == bool(status)
+
+
+def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:
+    """With PZCTL_SCREENSHOTS it is kept: `make pictures`."""
+    build = read_build(Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml")
+    rng = np.random.default_rng(0)
+    f = np.linspace(1e6, 15e6, 801)
+    noise = 3e-5 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+    sweep = Sweep(f, stack_of(build, build.steps[0]).impedance(f) * np.exp(noise))
+    paper = Console(record=True, file=io.StringIO(), width=112, force_terminal=True, color_system="truecolor")
+    print_fit(paper, Mason().fit(FitTask(build, {"disk": (sweep,)})), build)
+    svg = re.sub(r"@font-face \{.*?\}", "", paper.export_svg(title="pzctl show thesis --step disk"), flags=re.DOTALL)
+    assert "c33D" in svg
+    assert "url(http" not in svg, "nothing from outside"
+    folder = Path(os.environ.get("PZCTL_SCREENSHOTS", tmp_path))
+    (folder / "terminal-fit.svg").write_text(svg, encoding="utf-8")

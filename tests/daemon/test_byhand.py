@@ -1,0 +1,45 @@
+"""A sample of the journal taken in hand, as a script and a notebook have it."""
+
+from pathlib import Path
+
+import pytest
+
+from pzctl.daemon.buildfile import read_build
+from pzctl.daemon.byhand import Choices, of_measurement, of_sample
+from pzctl.daemon.client import connect
+from pzctl.daemon.notebook import Board
+from pzctl.daemon.reported import UnknownSampleError
+
+BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
+
+
+def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_it(start_daemon) -> None:
+    start_daemon(names=("mason",))
+    with connect() as lab:
+        build = read_build(BUILD)
+        first = lab.measure(build, "disk")
+        lab.wait_fit("mason", first.id)
+        lab.bench({"command": "step", "name": "ml1"})
+        second = lab.measure(build, "ml1")
+        fitted = lab.wait_fit("mason", second.id)
+    hand = of_sample("thesis")
+    assert hand.steps == ("disk", "ml1")
+    assert of_measurement(first.id).steps == ("disk",)
+    assert hand.look().chi2_per_dof == pytest.approx(fitted.chi2_per_dof, rel=0.1)
+    with pytest.raises(UnknownSampleError, match="step 'ml2' was not measured; measured: disk, ml1"):
+        of_sample("thesis", "ml2")
+    with pytest.raises(UnknownSampleError, match="no measurement 'x'"):
+        of_measurement("x")
+
+    pytest.importorskip("ipywidgets")
+    board = Board(hand, Choices(bands={"disk": ()}))
+    before = board._picture.value
+    board._slider["ml1.thickness"].value *= 1.05
+    assert "<svg" in board._picture.value != before
+    for name, tick in board._tick.items():
+        tick.value = name == "ml1.thickness"
+    board._button.click()
+    assert board.result is not None
+    assert board.result.steps == ("ml1",)
+    assert [name for name, one in board.result.constants.items() if one.free] == ["ml1.thickness"]
+    assert board.result.chi2_per_dof < 2, "it found back"
