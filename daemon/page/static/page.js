@@ -185,13 +185,14 @@ const heard = {
   progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
   state: (event) => {
     if (!event.measurement) return;
-    const ended = ["measured", "failed", "cancelled", "abandoned"].includes(event.state);
+    const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned"].includes(event.state);
     view.running = ended ? null : event.measurement;
     say(ended ? `${event.sample.step} ${event.state}` : `${event.state} ${event.sample.step}`, event.state === "measured" ? 1 : 0, event.state === "measured" ? "" : event.says);
     if (event.state === "failed") $("problem").textContent = event.says;
     if (ended) refresh(); else showControls();
   },
   sweep: (event) => {
+    if (event.decides) return; // made to decide a diagnosis: no record of its step
     if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fit: null, diagnosis: null, segment: 0 });
     view.sweeps.push(event.sweep);
     showAll();
