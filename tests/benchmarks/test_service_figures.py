@@ -23,6 +23,8 @@ import numpy as np
 import pytest
 import zmq
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "daemon"))
+
 from pzctl.daemon.archive import Archive
 from pzctl.daemon.client import Client, connect
 from pzctl.daemon.connection import DaemonError
@@ -422,3 +424,28 @@ def test_beside_others(home: Path) -> None:
     logging.disable()  # it complains of its end
     proxy.destroy(linger=0)
     context.destroy(linger=0)
+
+
+def test_both_engines(home: Path) -> None:
+    """A sweep made lasting in a folder, and on a PostgreSQL server of this machine; and read again."""
+    import postgres
+
+    if postgres.reason_why_not():
+        pytest.skip(postgres.reason_why_not())
+    event, payload = a_sweep()
+    with postgres.server() as url:
+        journals = {"folder": Journal(home / "a"), "PostgreSQL": Journal(home / "b", url, "bench")}
+        kept: dict[str, list[float]] = {name: [] for name in journals}
+        read: dict[str, list[float]] = {name: [] for name in journals}
+        for _ in range(200):
+            for name, journal in journals.items():
+                began = time.perf_counter()
+                journal.append(event, payload)
+                kept[name].append(time.perf_counter() - began)
+                began = time.perf_counter()
+                journal.replay(journal.last_seq, None, 1)
+                read[name].append(time.perf_counter() - began)
+        print()
+        for name, journal in journals.items():
+            print(f"{name}: kept {spread(kept[name])}; read {spread(read[name])}")
+            journal.close()
