@@ -42,21 +42,27 @@ class DriveNonlinearity(Effect):
         return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return a, the relative softening per strain, and r, the loss per softening (4/(3 pi) by Rayleigh's law)."""
+        """Return a, the relative softening per strain, r, the loss per softening, and the source's resistance.
+
+        r is 4/(3 pi) by Rayleigh's law; a source that holds its voltage at the device has no resistance.
+        """
         return (
             Knob("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
             Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
+            Knob("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as a sweep at its level records it."""
-        name, softening, loss = layer_at(where), values["softening"], values["loss"]
+        name, softening, loss, source = layer_at(where), values["softening"], values["loss"], values["source"]
         if softening <= 0:
             return assembly
 
         def bent(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             def wanted(soft: Reals) -> Reals:
-                return np.minimum(_MOST, softening * _strain(_softer(device, name, soft, loss), name, frequency))
+                return np.minimum(
+                    _MOST, softening * _strain(_softer(device, name, soft, loss), name, source, frequency)
+                )
 
             soft = _agreed(wanted, frequency.size)
             return Z * (_softer(device, name, soft, loss).steady(frequency) / device.steady(frequency))
@@ -109,12 +115,12 @@ def _softer(device: Assembly, name: str, soft: Reals, loss: float) -> Assembly:
     return device.each_stack(softer)
 
 
-def _strain(device: Assembly, name: str, frequency: Frequencies) -> Reals:
+def _strain(device: Assembly, name: str, source: float, frequency: Frequencies) -> Reals:
     """Return the amplitude of the layer's mean strain, shape (N,), from V = t (D/eps - h S) and its current jw D A."""
     stack = device.stack
     disk = next(layer for layer in stack.layers if isinstance(layer, Piezo) and layer.name == name)
     jw, seen = j_omega(frequency), device.steady(frequency)
-    voltage = sqrt(2) * device.conditions.level_V * np.abs(seen / (seen + _SOURCE))
+    voltage = sqrt(2) * device.conditions.level_V * np.abs(seen / (seen + source))
     field_of_charge = disk.clamped_elastance(frequency) / (jw * stack.area * stack.impedance(frequency))
     return voltage / disk.thickness * np.abs((field_of_charge - 1) / disk.field_per_strain(frequency))
 
