@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from ..models.errors import PzctlError
+from ..models.errors import CannotError
 
 Place = Path | str
 """A folder, or the URL of a PostgreSQL database."""
 
 
-class JournalError(PzctlError):
+class JournalError(CannotError):
     """The journal cannot be opened, written or read as it should be."""
 
 
