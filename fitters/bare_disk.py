@@ -14,6 +14,7 @@ from .interface import Constant, Curve, FitError, FitResult, FitTask, Fitter, No
 from .joint import check_task
 from .noise import noise_of
 from .objective import log_ratio
+from .recognise import refuse_another_device
 
 RADIAL_UNITS = {
     "s11E": "1/Pa",
@@ -135,6 +136,7 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
         raise FitError(
             f"`{fitter}` needs a round disk: build {build.name!r} gives area_mm2; write diameter_mm if it is round"
         )
+    refuse_another_device(build, {step: sweeps[step]})
     ground = build.reground(step).get(layers[0].name)
     if ground is not None:
         layers[0] = replace(layers[0], values={**layers[0].values, "thickness": ground[1]})

@@ -24,6 +24,7 @@ from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
 from .noise import noise_of
 from .objective import log_ratio
+from .recognise import refuse_degenerate
 from .start import coupling_squared, disk_starts
 
 _MAX_EVALUATIONS = 1000
@@ -87,6 +88,7 @@ class MasonNelderMead:
         """Fit one step after another, earlier constants frozen. Raises FitError where a step cannot be fitted so."""
         began = time.perf_counter()
         build, sweeps = check_task(task)
+        refuse_degenerate(build, sweeps)
         first = next(iter(sweeps))
         if [build.layer(name).kind for name in build.step(first).layers] != ["piezo"]:
             raise FitError(f"{self.name} begins with the bare piezo disk; no recording of such a step was given")

@@ -25,6 +25,7 @@ from .joint import Solution, check_task
 from .nlopt_wrapper import Algorithm, Box, search
 from .noise import noise_of
 from .objective import Objective, Prior, Recording
+from .recognise import refuse_degenerate
 
 _ALGORITHMS: tuple[tuple[Algorithm, int], ...] = (
     ("MLSL+LBFGS", 60),
@@ -124,6 +125,7 @@ class NloptGlobal:
         """
         began = time.perf_counter()
         build, sweeps = check_task(task)
+        refuse_degenerate(build, sweeps)
         found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
         noises: Mapping[str, Noise] = {step: noise for step, (noise, _) in found.items()}
         recordings = [

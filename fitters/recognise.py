@@ -26,13 +26,9 @@ _SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3)}
 
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
     """Raise FitError for a short or open circuit, an inverted sign, another size, or a step without resonance."""
-    piezo = next(layer for layer in build.layers if layer.kind == "piezo")
-    values = piezo.values
-    capacitance = values["eps33S"].re * build.area.re / values["thickness"].re
+    refuse_another_device(build, sweeps)
+    values = _piezo(build).values
     for step, of_step in sweeps.items():
-        for sweep in of_step:
-            _refuse_sign(_named(step, sweep), sweep)
-            _refuse_size(_named(step, sweep), sweep, capacitance)
         if not any(map(_resonates, of_step)):
             ends = [edge for sweep in of_step for edge in (sweep.frequency[0], sweep.frequency[-1])]
             expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
@@ -40,6 +36,20 @@ def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> No
                 f"step {step!r} shows no resonance with an antiresonance above it between {min(ends) / 1e6:.4g} and "
                 f"{max(ends) / 1e6:.4g} MHz; the bare piezo layer's is expected near {expected / 1e6:.3g} MHz"
             )
+
+
+def refuse_another_device(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
+    """Raise FitError for a short or open circuit, an inverted sign, or another size."""
+    values = _piezo(build).values
+    capacitance = values["eps33S"].re * build.area.re / values["thickness"].re
+    for step, of_step in sweeps.items():
+        for sweep in of_step:
+            _refuse_sign(_named(step, sweep), sweep)
+            _refuse_size(_named(step, sweep), sweep, capacitance)
+
+
+def _piezo(build: Build) -> LayerSpec:
+    return next(layer for layer in build.layers if layer.kind == "piezo")
 
 
 def _named(step: str, sweep: Sweep) -> str:
@@ -95,7 +105,7 @@ def doubts(
 
     Raises FitError where the recordings have too few points to tell a resonance of that width at all.
     """
-    piezo = next(layer for layer in build.layers if layer.kind == "piezo")
+    piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
     return (*_few_points(bare, constants[f"{piezo.name}.c33D"], fp), *_strange(build, piezo, constants))
 
