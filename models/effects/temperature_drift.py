@@ -42,12 +42,11 @@ class TemperatureDrift(Effect):
 
         def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             tau = device.conditions.elapsed(frequency.size)
-            shift = np.zeros_like(Z)
-            for name, relative in _drifts(device.nominal, 2 * speed, permittivity).items():
-                value = device.stack.parameters()[name]
-                _, dlnZ = device.steady_jacobian(frequency, [name])
-                shift += dlnZ[0] * value * relative
-            return Z * np.exp(tau * shift)
+            drifts = _drifts(device.nominal, 2 * speed, permittivity)
+            now = device.stack.parameters()
+            change = np.array([now[name] * relative for name, relative in drifts.items()])
+            _, dlnZ = device.steady_jacobian(frequency, list(drifts))
+            return Z * np.exp(tau * (change @ dlnZ))
 
         return assembly.recorded(drifting)
 
