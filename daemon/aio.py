@@ -16,6 +16,7 @@ import zmq.asyncio
 from ..fitters.interface import FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
+from . import replies as reply
 from . import requests as ask
 from .aiowire import AsyncAsker, AsyncSubscription
 from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
@@ -57,25 +58,25 @@ class AsyncClient:
         self._asker = asker
         self._key = key
 
-    async def hello(self) -> ask.HelloAnswer:
+    async def hello(self) -> reply.HelloAnswer:
         """Ask who is there."""
-        return await self._asker.ask(ask.Hello(id=uuid7()), ask.HelloAnswer)
+        return await self._asker.ask(ask.Hello(id=uuid7()), reply.HelloAnswer)
 
-    async def status(self) -> ask.StatusAnswer:
+    async def status(self) -> reply.StatusAnswer:
         """Ask what is going on."""
-        return await self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
+        return await self._asker.ask(ask.Status(id=uuid7()), reply.StatusAnswer)
 
-    async def metrics(self) -> ask.MetricsAnswer:
+    async def metrics(self) -> reply.MetricsAnswer:
         """Ask what was counted and timed since the daemon began."""
-        return await self._asker.ask(ask.Metrics(id=uuid7()), ask.MetricsAnswer)
+        return await self._asker.ask(ask.Metrics(id=uuid7()), reply.MetricsAnswer)
 
     async def settings(self) -> dict[str, Any]:
         """Ask how the daemon was started."""
-        return (await self._asker.ask(ask.Settings(id=uuid7()), ask.SettingsAnswer)).settings
+        return (await self._asker.ask(ask.Settings(id=uuid7()), reply.SettingsAnswer)).settings
 
-    async def samples(self, name: str | None = None) -> tuple[ask.SampleHistory, ...]:
+    async def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), ask.SamplesAnswer)).samples
+        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer)).samples
 
     async def sweeps(self, measurement: str) -> tuple[Heard, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
@@ -88,18 +89,18 @@ class AsyncClient:
     async def bench(self, command: dict[str, Any]) -> dict[str, Any]:
         """Give the simulator's bench a command; return what it answers."""
         request = ask.Bench(id=uuid7(), command=command)
-        return (await self._asker.ask(request, ask.BenchAnswer, BENCH_PATIENCE)).answer
+        return (await self._asker.ask(request, reply.BenchAnswer, BENCH_PATIENCE)).answer
 
     async def begin(
         self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
     ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
         request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
-        return (await self._asker.ask(request, ask.MeasureAnswer)).measurement
+        return (await self._asker.ask(request, reply.MeasureAnswer)).measurement
 
     async def cancel(self, measurement: str | None = None) -> None:
         """Cancel a measurement; the running one where none is named."""
-        await self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), ask.Answer)
+        await self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), reply.Answer)
 
     @asynccontextmanager
     async def lease(self, owner: str, seconds: float = 60.0) -> AsyncGenerator[str]:
@@ -108,16 +109,16 @@ class AsyncClient:
         Raises DaemonError where it is leased to another one already (code `leased`) or measures (code `busy`).
         """
         request = ask.Lease(id=uuid7(), owner=owner, seconds=seconds)
-        held = (await self._asker.ask(request, ask.LeaseAnswer)).lease
+        held = (await self._asker.ask(request, reply.LeaseAnswer)).lease
         try:
             yield held
         finally:
             with suppress(DaemonError):  # it may have expired
-                await self._asker.ask(ask.Release(id=uuid7(), lease=held), ask.Answer)
+                await self._asker.ask(ask.Release(id=uuid7(), lease=held), reply.Answer)
 
     async def shutdown(self) -> None:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
-        await self._asker.ask(ask.Shutdown(id=uuid7()), ask.Answer)
+        await self._asker.ask(ask.Shutdown(id=uuid7()), reply.Answer)
 
     async def listen(self) -> AsyncGenerator[Heard]:
         """Yield every event from the first step on, in order, none lost; each listener has a socket of its own."""
@@ -179,7 +180,7 @@ class AsyncClient:
             answers = await self._answers(measurement)
             answers.forget_given_up(measurement, fitter)
             if answers.find(measurement, fitter) is None:
-                await self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), ask.ErrandAnswer)
+                await self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), reply.ErrandAnswer)
             return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
 
     async def diagnose(
@@ -191,7 +192,7 @@ class AsyncClient:
         """
         request = ask.Diagnose(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
         async with self._subscribed() as subscription:
-            wanted = await self._asker.ask(request, ask.ErrandAnswer)
+            wanted = await self._asker.ask(request, reply.ErrandAnswer)
             answers = await self._answers(measurement)
             answers.forget_given_up(measurement, wanted.fitter)
             key = (measurement, wanted.fitter, wanted.version)

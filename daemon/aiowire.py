@@ -12,7 +12,8 @@ import zmq.asyncio
 from .connection import PATIENCE, SILENCE, TRIES, DaemonError, read_answer, read_events
 from .frames import WireError, from_json, to_json
 from .keys import ClientKey
-from .requests import Answer, EventsAnswer, Hello, HelloAnswer, Replay, Request
+from .replies import Answer, EventsAnswer, HelloAnswer
+from .requests import Hello, Replay, Request
 from .sockets import limit, unlock
 from .uuid7 import uuid7
 from .wire import WELCOME, Envelope, Heard, decode, envelope

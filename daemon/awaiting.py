@@ -7,8 +7,8 @@ from typing import Any
 from ..fitters.interface import FitError, FitResult
 from ..models.sweep import Sweep
 from .connection import DaemonError
+from .replies import FitterState
 from .reports import curves_of, result_of
-from .requests import FitterState
 from .wire import DiagnosisEvent, FitEvent, Heard, ProgressEvent, StateEvent, SweepEvent
 
 

@@ -168,7 +168,7 @@ def _rehearsal() -> Check:
     from .buildfile import read_build
     from .client import connect
     from .launch import start
-    from .service import Options
+    from .options import Options
 
     begun = time.monotonic()
     build = read_build(Path(__file__).with_name("thesis.toml"))

@@ -17,6 +17,7 @@ import zmq
 from ..fitters.interface import Curve, FitResult
 from ..models.build import Build
 from ..models.plan import SweepPlan
+from . import replies as reply
 from . import requests as ask
 from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
 from .connection import Asker, DaemonError, Subscription
@@ -69,25 +70,25 @@ class Client:
             self._subscription.close()
         self._context.term()
 
-    def hello(self, fitter: str | None = None, version: str | None = None) -> ask.HelloAnswer:
+    def hello(self, fitter: str | None = None, version: str | None = None) -> reply.HelloAnswer:
         """Ask who is there; a fitter gives its name and version and is then listed as ready."""
-        return self._asker.ask(ask.Hello(id=uuid7(), fitter=fitter, version=version), ask.HelloAnswer)
+        return self._asker.ask(ask.Hello(id=uuid7(), fitter=fitter, version=version), reply.HelloAnswer)
 
-    def status(self) -> ask.StatusAnswer:
+    def status(self) -> reply.StatusAnswer:
         """Ask what is going on."""
-        return self._asker.ask(ask.Status(id=uuid7()), ask.StatusAnswer)
+        return self._asker.ask(ask.Status(id=uuid7()), reply.StatusAnswer)
 
-    def metrics(self) -> ask.MetricsAnswer:
+    def metrics(self) -> reply.MetricsAnswer:
         """Ask what was counted and timed since the daemon began."""
-        return self._asker.ask(ask.Metrics(id=uuid7()), ask.MetricsAnswer)
+        return self._asker.ask(ask.Metrics(id=uuid7()), reply.MetricsAnswer)
 
     def settings(self) -> dict[str, Any]:
         """Ask how the daemon was started."""
-        return self._asker.ask(ask.Settings(id=uuid7()), ask.SettingsAnswer).settings
+        return self._asker.ask(ask.Settings(id=uuid7()), reply.SettingsAnswer).settings
 
-    def samples(self, name: str | None = None) -> tuple[ask.SampleHistory, ...]:
+    def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return self._asker.ask(ask.Samples(id=uuid7(), name=name), ask.SamplesAnswer).samples
+        return self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer).samples
 
     def sweeps(self, measurement: str) -> tuple[Heard, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
@@ -99,20 +100,20 @@ class Client:
 
     def unanswered(self, fitter: str) -> tuple[str, ...]:
         """Return the measurements of the daemon's run that a fitter has not answered."""
-        return self._asker.ask(ask.Unanswered(id=uuid7(), fitter=fitter), ask.MeasurementsAnswer).measurements
+        return self._asker.ask(ask.Unanswered(id=uuid7(), fitter=fitter), reply.MeasurementsAnswer).measurements
 
     def bench(self, command: dict[str, Any]) -> dict[str, Any]:
         """Give the simulator's bench a command; return what it answers."""
         request = ask.Bench(id=uuid7(), command=command)
-        return self._asker.ask(request, ask.BenchAnswer, patience=BENCH_PATIENCE).answer
+        return self._asker.ask(request, reply.BenchAnswer, patience=BENCH_PATIENCE).answer
 
     def cancel(self, measurement: str | None = None) -> None:
         """Cancel a measurement; the running one where none is named."""
-        self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), ask.Answer)
+        self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), reply.Answer)
 
     def shutdown(self) -> None:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
-        self._asker.ask(ask.Shutdown(id=uuid7()), ask.Answer)
+        self._asker.ask(ask.Shutdown(id=uuid7()), reply.Answer)
 
     def replay(self, since: int, until: int | None = None) -> Iterator[Heard]:
         """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
@@ -167,7 +168,7 @@ class Client:
         request = ask.Measure(
             id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease, decides=decides
         )
-        return self._asker.ask(request, ask.MeasureAnswer).measurement
+        return self._asker.ask(request, reply.MeasureAnswer).measurement
 
     @contextmanager
     def lease(self, owner: str, seconds: float = 60.0) -> Generator[str]:
@@ -176,12 +177,12 @@ class Client:
         The daemon lets go of the instrument, so that other tools may talk to it. Raises DaemonError where it is
         leased to another one already (code `leased`) or measures (code `busy`).
         """
-        held = self._asker.ask(ask.Lease(id=uuid7(), owner=owner, seconds=seconds), ask.LeaseAnswer).lease
+        held = self._asker.ask(ask.Lease(id=uuid7(), owner=owner, seconds=seconds), reply.LeaseAnswer).lease
         try:
             yield held
         finally:
             with suppress(DaemonError):  # it may have expired
-                self._asker.ask(ask.Release(id=uuid7(), lease=held), ask.Answer)
+                self._asker.ask(ask.Release(id=uuid7(), lease=held), reply.Answer)
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
         """Return what a fitter answered to a measurement, waiting for it.
@@ -201,7 +202,7 @@ class Client:
         self._answers.note(self.fits(measurement))
         self._answers.forget_given_up(measurement, fitter)
         if self._answers.find(measurement, fitter) is None:
-            self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), ask.ErrandAnswer)
+            self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), reply.ErrandAnswer)
         return fit_of(self._answer(measurement, fitter, None, patience))
 
     def diagnose(
@@ -221,7 +222,7 @@ class Client:
         """
         self._subscribed()
         request = ask.Diagnose(id=uuid7(), measurement=measurement, **_wishes(effects, also, propose))
-        wanted = self._asker.ask(request, ask.ErrandAnswer)
+        wanted = self._asker.ask(request, reply.ErrandAnswer)
         self._answers.note(self.fits(measurement))
         self._answers.forget_given_up(measurement, wanted.fitter)
         return diagnosis_of(self._answer(measurement, wanted.fitter, wanted.version, patience))
@@ -248,7 +249,7 @@ class Client:
             request = self._submission(
                 measurement, sweeps, fitter, version, report=report, curves=curves, columns=columns
             )
-        self._asker.ask(request, ask.Answer, raw)
+        self._asker.ask(request, reply.Answer, raw)
 
     def submit_diagnosis(
         self,
@@ -263,7 +264,7 @@ class Client:
         columns, raw = curve_columns(curves)
         steps = tuple(curve.step for curve in curves)
         found = {"diagnosis": diagnosis, "curves": steps, "columns": columns}
-        self._asker.ask(self._submission(measurement, sweeps, fitter, version, **found), ask.Answer, raw)
+        self._asker.ask(self._submission(measurement, sweeps, fitter, version, **found), reply.Answer, raw)
 
     @staticmethod
     def _submission(measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any) -> ask.Submit:

@@ -22,7 +22,7 @@ from .limits import Limits
 from .mismatch import ASKED, AUTO
 
 if TYPE_CHECKING:
-    from .service import Options
+    from .options import Options
 
 PREFIX = "PZCTL_"
 """Of the environment's variables: PZCTL_RESOURCE, PZCTL_FITTERS (separated by commas) ..."""
@@ -137,7 +137,7 @@ def journal_of(found: Mapping[str, Any]) -> tuple[str | None, str]:
 
 def options(found: Mapping[str, Any]) -> "Options":
     """Return what a daemon is started with, of what `settings` returned."""
-    from .service import Options  # who only looks for the journal needs no daemon
+    from .options import Options  # who only looks for the journal needs no daemon
 
     default = Options()
     limits = Limits(

@@ -11,7 +11,8 @@ import zmq
 from ..models.errors import PzctlError
 from .frames import WireError, from_json, to_json
 from .keys import ClientKey
-from .requests import Answer, EventsAnswer, Hello, HelloAnswer, Refusal, Replay, Request
+from .replies import Answer, EventsAnswer, HelloAnswer, Refusal
+from .requests import Hello, Replay, Request
 from .sockets import limit, unlock
 from .uuid7 import uuid7
 from .wire import WELCOME, Envelope, Heard, decode, envelope

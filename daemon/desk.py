@@ -8,6 +8,7 @@ from functools import cache, singledispatchmethod
 from importlib.metadata import entry_points, version
 from typing import Any
 
+from . import replies as reply
 from . import requests as ask
 from .acquisition import Acquisition, Job
 from .archive import History, Measurement
@@ -51,19 +52,19 @@ class Desk:
     lease: Lease = field(default_factory=Lease)
 
     @singledispatchmethod
-    def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         """Return the answer and the frames behind it. Raises RequestError, JournalError or WireError."""
         raise NotImplementedError(type(request).__name__)
 
     @answer.register
-    def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
             known = self.supervisor.states
             if request.fitter not in known and len(known) >= MOST_FITTERS:
                 raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
             self.supervisor.ready(request.fitter, request.version or "")
         return (
-            ask.HelloAnswer(
+            reply.HelloAnswer(
                 id=request.id,
                 wire=WIRE,
                 version=VERSION,
@@ -80,10 +81,10 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Status, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Status, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         job = self.acquisition.current
         return (
-            ask.StatusAnswer(
+            reply.StatusAnswer(
                 id=request.id,
                 run=self.journal.run,
                 seq=self.journal.last_seq,
@@ -98,10 +99,10 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Metrics, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Metrics, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         found = self.metrics
         return (
-            ask.MetricsAnswer(
+            reply.MetricsAnswer(
                 id=request.id,
                 uptime=time.monotonic() - found.began,
                 counts=dict(found.counts),
@@ -113,11 +114,11 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Settings, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        return ask.SettingsAnswer(id=request.id, settings=self.settings), []
+    def _(self, request: ask.Settings, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        return reply.SettingsAnswer(id=request.id, settings=self.settings), []
 
     @answer.register
-    def _(self, request: ask.Measure, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Measure, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         steps = [step.name for step in request.build.steps]
         if request.step not in steps:
             raise RequestError(
@@ -140,43 +141,43 @@ class Desk:
             job = Job(measurement, request.build, request.step, plan, request.priority, request.decides)
             self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
             self.acquisition.add(job)
-        return ask.MeasureAnswer(id=request.id, measurement=measurement), []
+        return reply.MeasureAnswer(id=request.id, measurement=measurement), []
 
     @answer.register
-    def _(self, request: ask.Lease, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Lease, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
         lease, held = self.lease.take(request.owner, request.seconds, request.lease, busy=busy)
-        return ask.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
+        return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
     @answer.register
-    def _(self, request: ask.Release, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Release, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         self.lease.give_back(request.lease)
-        return ask.Answer(id=request.id), []
+        return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         if not self.acquisition.cancel(request.measurement):
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
-        return ask.Answer(id=request.id), []
+        return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
         return _events(request.id, events, more=len(events) == request.max)
 
     @answer.register
-    def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
-        found: dict[str, list[ask.MeasuredStep]] = {}
+    def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        found: dict[str, list[reply.MeasuredStep]] = {}
         for one in self.journal.histories(request.name):
             found.setdefault(one.measurement.sample.name, []).append(_measured(one))
-        samples = tuple(ask.SampleHistory(name, tuple(steps)) for name, steps in found.items())
-        return ask.SamplesAnswer(id=request.id, samples=samples), []
+        samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in found.items())
+        return reply.SamplesAnswer(id=request.id, samples=samples), []
 
     @answer.register
-    def _(self, request: ask.Sweeps, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Sweeps, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         steps = [step.name for step in self.journal.build(known.id).steps]
         earlier = (
@@ -186,11 +187,11 @@ class Desk:
         return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
 
     @answer.register
-    def _(self, request: ask.Fits, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Fits, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         return _events(request.id, self.journal.fits(self._known(request.measurement).id))
 
     @answer.register
-    def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         installed = sorted({*_installed(), *self.supervisor.states})
         if request.fitter not in installed:  # a name from a message is never imported as it is
             raise RequestError(
@@ -199,7 +200,7 @@ class Desk:
         return self._errand(request.id, Errand(request.measurement, request.fitter), None), []
 
     @answer.register
-    def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
             self._known(other)
         effects = tuple(sorted({*request.effects})) if request.effects else None
@@ -207,31 +208,31 @@ class Desk:
         return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
 
     @answer.register
-    def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         open_ones = tuple(self.journal.unanswered(request.fitter))
-        return ask.MeasurementsAnswer(id=request.id, measurements=open_ones), []
+        return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
 
     @answer.register
-    def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         event = checked(self.journal, known, request, raw)
         if event is not None:
             self.publish(event, tuple(raw))
-        return ask.Answer(id=request.id), []
+        return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[ask.Answer, list[bytes]]:
+    def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         self.shutdown()
-        return ask.Answer(id=request.id), []
+        return reply.Answer(id=request.id), []
 
-    def _errand(self, request: str, errand: Errand, version: str | None) -> ask.ErrandAnswer:
+    def _errand(self, request: str, errand: Errand, version: str | None) -> reply.ErrandAnswer:
         """Begin an errand on a complete measurement."""
         known = self._known(errand.measurement)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
         if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
             raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
-        return ask.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+        return reply.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
 
     def _check_decides(self, measurement: str, sample: Sample) -> None:
         of = self._known(measurement).sample
@@ -249,9 +250,9 @@ class Desk:
         return found
 
 
-def _measured(one: History) -> ask.MeasuredStep:
+def _measured(one: History) -> reply.MeasuredStep:
     known = one.measurement
-    return ask.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
+    return reply.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
 
 
 @cache
@@ -260,7 +261,7 @@ def _installed() -> frozenset[str]:
     return frozenset(entry_points(group=GROUP).names)
 
 
-def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[ask.Answer, list[bytes]]:
+def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[reply.Answer, list[bytes]]:
     """Return the answer that carries events as they were published."""
-    answer = ask.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
+    answer = reply.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
     return answer, [frame for event in events for frame in event]

@@ -18,8 +18,9 @@ from .folderlock import is_written
 from .frames import to_json
 from .location import Location, find
 from .logs import begin_log
+from .options import Options
 from .paths import home, journal_folder, log_file, writable_home
-from .service import Options, run
+from .service import run
 
 PATIENCE = 60.0
 """Seconds within which a daemon answers, or does not."""

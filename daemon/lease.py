@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from .refusals import RequestError
-from .requests import LeaseState
+from .replies import LeaseState
 from .uuid7 import uuid7
 
 

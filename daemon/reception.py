@@ -11,6 +11,7 @@ import zmq.asyncio
 
 from ..models.errors import PzctlError
 from ..sim.control import bench_command
+from . import replies as reply
 from . import requests as ask
 from .desk import Desk
 from .frames import MOST_FRAMES, WireError, from_json, to_json
@@ -75,7 +76,7 @@ class Reception:
             return _refusal(_id_of(frames), error.problem)
         except WireError as error:
             self._desk.metrics.counts["garbage"] += 1
-            return _refusal(_id_of(frames), ask.Problem("bad-request", str(error), "see docs/wire.md"))
+            return _refusal(_id_of(frames), reply.Problem("bad-request", str(error), "see docs/wire.md"))
         if not isinstance(request, ONCE):
             return await self._carry_out(request, frames[1:])
         if request.id not in self._done:
@@ -98,16 +99,16 @@ class Reception:
             self._desk.metrics.counts["refused"] += 1
             return _refusal(request.id, error.problem)
         except JournalError as error:
-            return _refusal(request.id, ask.Problem("journal", str(error)))
+            return _refusal(request.id, reply.Problem("journal", str(error)))
         except WireError as error:
             self._desk.metrics.counts["garbage"] += 1
-            return _refusal(request.id, ask.Problem("bad-request", str(error), "see docs/wire.md"))
+            return _refusal(request.id, reply.Problem("bad-request", str(error), "see docs/wire.md"))
         except Exception as error:
             log.exception("request %s", request.id)
-            return _refusal(request.id, ask.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
+            return _refusal(request.id, reply.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
         return [to_json(answer), *more]
 
-    async def _bench(self, request: ask.Bench) -> ask.BenchAnswer:
+    async def _bench(self, request: ask.Bench) -> reply.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
         if self._desk.bench is None:
             raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
@@ -118,7 +119,7 @@ class Reception:
             answer = await asyncio.to_thread(bench_command, host, int(port), **request.command)
         except PzctlError as error:
             raise RequestError("bench-failed", str(error)) from None
-        return ask.BenchAnswer(id=request.id, answer=answer)
+        return reply.BenchAnswer(id=request.id, answer=answer)
 
 
 class _Named(msgspec.Struct):
@@ -173,5 +174,5 @@ def _id_of(frames: Sequence[bytes]) -> str | None:
         return None
 
 
-def _refusal(request: str | None, problem: ask.Problem) -> list[bytes]:
-    return [to_json(ask.Refusal(id=request, error=problem))]
+def _refusal(request: str | None, problem: reply.Problem) -> list[bytes]:
+    return [to_json(reply.Refusal(id=request, error=problem))]

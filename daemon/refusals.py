@@ -1,7 +1,7 @@
 """Why a request is not met."""
 
 from ..models.errors import PzctlError
-from .requests import Problem
+from .replies import Problem
 
 
 class RequestError(PzctlError):

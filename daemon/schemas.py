@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from . import replies as reply
 from . import requests as ask
 from . import wire
 
@@ -27,20 +28,20 @@ def schemas() -> dict[str, dict[str, Any]]:
     }
 
 
-ANSWERS: dict[str, type[ask.Answer]] = {
-    "done": ask.Answer,
-    "refused": ask.Refusal,
-    "hello": ask.HelloAnswer,
-    "status": ask.StatusAnswer,
-    "metrics": ask.MetricsAnswer,
-    "settings": ask.SettingsAnswer,
-    "measure": ask.MeasureAnswer,
-    "errand": ask.ErrandAnswer,
-    "lease": ask.LeaseAnswer,
-    "events": ask.EventsAnswer,
-    "samples": ask.SamplesAnswer,
-    "measurements": ask.MeasurementsAnswer,
-    "bench": ask.BenchAnswer,
+ANSWERS: dict[str, type[reply.Answer]] = {
+    "done": reply.Answer,
+    "refused": reply.Refusal,
+    "hello": reply.HelloAnswer,
+    "status": reply.StatusAnswer,
+    "metrics": reply.MetricsAnswer,
+    "settings": reply.SettingsAnswer,
+    "measure": reply.MeasureAnswer,
+    "errand": reply.ErrandAnswer,
+    "lease": reply.LeaseAnswer,
+    "events": reply.EventsAnswer,
+    "samples": reply.SamplesAnswer,
+    "measurements": reply.MeasurementsAnswer,
+    "bench": reply.BenchAnswer,
 }
 """`done` answers cancel, release, submit, shutdown; `events` replay, sweeps, fits; `errand` fit and diagnose."""
 

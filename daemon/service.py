@@ -9,9 +9,9 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -28,13 +28,13 @@ from .errands import Errand, Errands
 from .gate import Gate
 from .journal import Journal
 from .ledger import Ledger
-from .limits import Limits
 from .location import Location, announce, withdraw
 from .metrics import Metrics
-from .mismatch import AUTO, DIAGNOSIS, is_significant
+from .mismatch import DIAGNOSIS, is_significant
+from .options import Options
 from .paths import journal_folder, keys_folder, log_file, writable_home
 from .reception import Reception
-from .requests import FitterState
+from .replies import FitterState
 from .simulated import simulated_instrument
 from .sockets import bind_events, bind_requests, from_here, gate_for
 from .store import without_password
@@ -48,30 +48,6 @@ BEAT = 1.0
 
 DEATHS = 2
 """How often a fitter may die over a measurement before its answer is that it cannot."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a daemon is started."""
-
-    resource: str | None = None
-    """VISA resource of the analyzer; None starts a simulated 4294A."""
-    events: str = "tcp://127.0.0.1:*"
-    requests: str = "tcp://127.0.0.1:*"
-    fitters: tuple[str, ...] = ("mason", "mason-nelder-mead")
-    """Those the daemon keeps: entry points of `pzctl.fitters`, or `module:Class`."""
-    journal: str | None = None
-    """URL of a PostgreSQL database; None keeps the journal in the data folder."""
-    station: str = ""
-    """What this daemon is called in a journal that several write."""
-    bench: str | None = None
-    """`host:port` of the simulator's bench, where the resource is a simulated instrument."""
-    simulator: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Fields of `SimOptions` for the simulated 4294A, such as `{"time_scale": 0}`."""
-    limits: Limits = field(default_factory=Limits)
-    """What each fitter may use."""
-    diagnose: str = AUTO
-    """`auto`: a diagnosis follows a fit of the first fitter that leaves a mismatch; `asked`: only a request."""
 
 
 def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:

@@ -11,7 +11,7 @@ from .keys import ClientKey
 from .ledger import Ledger
 from .limits import Limits
 from .paths import log_file
-from .requests import FitterState
+from .replies import FitterState
 from .tending import tend
 
 FIRST_WAIT, LONGEST_WAIT = 0.5, 60.0

@@ -24,8 +24,8 @@ def page(
     check_installed()
     from ..buildfile import read_build
     from ..launch import running, start
+    from ..options import Options
     from ..page.guard import is_loopback, new_token
-    from ..service import Options
     from ..terminal import console
 
     known = read_build(build or Path(__file__).parents[1] / "thesis.toml")

@@ -14,7 +14,7 @@ from pzctl.daemon.client import connect
 from pzctl.daemon.journal import Journal
 from pzctl.daemon.launch import start
 from pzctl.daemon.location import Location
-from pzctl.daemon.service import Options
+from pzctl.daemon.options import Options
 from pzctl.daemon.wire import FitEvent, Instrument, Sample, SweepEvent, decode, encode, sweep_columns
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
 from pzctl.models.plan import Segment, SweepPlan

@@ -31,8 +31,8 @@ from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.journal import Journal
 from pzctl.daemon.launch import start
 from pzctl.daemon.location import Location
+from pzctl.daemon.options import Options
 from pzctl.daemon.paths import journal_folder
-from pzctl.daemon.service import Options
 from pzctl.daemon.wire import Instrument, Sample, StateEvent, SweepEvent, decode, encode, sweep_columns
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
 from pzctl.models.plan import Segment, SweepPlan

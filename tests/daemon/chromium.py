@@ -21,7 +21,7 @@ import pytest
 
 from pzctl.daemon.client import connect
 from pzctl.daemon.launch import start
-from pzctl.daemon.service import Options
+from pzctl.daemon.options import Options
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(

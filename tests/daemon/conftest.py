@@ -10,7 +10,7 @@ import pytest
 
 from pzctl.daemon.launch import start
 from pzctl.daemon.location import Location
-from pzctl.daemon.service import Options
+from pzctl.daemon.options import Options
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
 from pzctl.models.plan import Segment, SweepPlan
 

@@ -12,7 +12,7 @@ import pytest
 from pzctl.daemon.config import SETTINGS, ConfigError, options, settings
 from pzctl.daemon.limits import Limits
 from pzctl.daemon.logs import JsonLines
-from pzctl.daemon.service import Options
+from pzctl.daemon.options import Options
 
 ROOT = Path(__file__).parents[2]
 

@@ -15,8 +15,8 @@ from pzctl.daemon.archive import Archive
 from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.journal import Journal
 from pzctl.daemon.launch import start
+from pzctl.daemon.options import Options
 from pzctl.daemon.retention import Keeper, copy_journal
-from pzctl.daemon.service import Options
 from pzctl.daemon.store import JournalError
 from pzctl.daemon.wire import Sample, StateEvent
 from pzctl.models.build import Build
