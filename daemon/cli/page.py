@@ -23,8 +23,8 @@ def page(
 
     check_installed()
     from ..buildfile import read_build
+    from ..config import options, settings
     from ..launch import running, start
-    from ..options import Options
     from ..page.guard import is_loopback, new_token
     from ..terminal import console
 
@@ -32,7 +32,7 @@ def page(
     screen = console(stderr=True)
     if running() is None:
         screen.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}; it stays", style="dim")
-        start(Options(resource=resource, simulator={"time_scale": 0.02}))
+        start(options({"time_scale": 0.02} | settings({"resource": resource})))
     if token is None and not is_loopback(host):
         token = new_token()
     end = f"/?token={token}" if token else "/"
