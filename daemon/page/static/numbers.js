@@ -2,7 +2,10 @@
 
 export function withUncertainty(value, u) {
   if (value === null || value === undefined) return "–";
-  if (!u) return String(Number(value.toPrecision(6)));
+  if (!u) {
+    const short = Number(value.toPrecision(6)), size = Math.abs(short);
+    return short && (size >= 1e5 || size < 1e-3) ? short.toExponential().replace("e+", "e") : String(short);
+  }
   const digits = /^[1]/.test(u.toExponential(0)) || /^1/.test(u.toExponential(1)) ? 2 : 1;
   const exponent = Math.max(value ? Math.floor(Math.log10(Math.abs(value))) : 0, Math.floor(Math.log10(u)));
   const last = Math.floor(Math.log10(u)) - digits + 1;
