@@ -27,6 +27,7 @@ from .covariance import estimate
 from .descent import Descent, descend, softened
 from .disk2d_cache import reduced_disk
 from .disk2d_coordinates import COORDINATES, tensor_block
+from .disk2d_predict import predictions, sentence
 from .disk2d_search import searched
 from .disk2d_start import starts, tensor_priors
 from .interface import FitError, FitResult, FitTask
@@ -39,6 +40,8 @@ _ROUNDS, _STILL, _MOST = 12, 0.01, 12
 # At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 1 %.
 _CHECKED = 12
 # Frequencies at which the reduced model is checked against its full equations.
+_PREDICTED = 0.87
+# Part of the model's highest frequency up to which modes are told: 1.3 times the thickness resonance.
 _TOLD = 0.5
 # A constant counts as determined where the recording halves the uncertainty there was before it.
 
@@ -90,7 +93,20 @@ def finite_disk(
         *_undetermined(descent, layer),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
-    return planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
+    answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
+    return _predicting(answer, disk, model, descent)
+
+
+def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Descent) -> FitResult:
+    """Return the answer with what the disk does outside the recorded bands."""
+    coordinates = descent.objective.coordinates
+    values, _ = coordinates.forward(descent.x)
+    found = model.replace({name: values[name] for name in model.parameters()})
+    high = _PREDICTED * HIGHEST / disk.sizes["thickness"].re
+    covariance = estimate(descent).covariance
+    made = predictions(found, coordinates.parameters, covariance, disk.expected_radial_mode / 2, high)
+    told = sentence(made, disk.layer.name, disk.bands)
+    return replace(answer, derived={**answer.derived, **made}, says=(*answer.says, told))
 
 
 def _ratio(disk: BareDisk) -> float:

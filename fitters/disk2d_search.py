@@ -15,7 +15,7 @@ from .disk2d_start import matched
 from .objective import Objective, Posterior, Prior, Recording
 
 Known: TypeAlias = Prior | Posterior
-_COARSE = 160
+_COARSE = 400
 # Points of each sweep that the search uses.
 _SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
 # Misfits that the search takes for granted one after the other, from how many places, and how many steps from each.

@@ -39,7 +39,7 @@ _LOSS, _LOSS_FACTOR = 0.01, 2.7
 # Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest, as a logarithm with this standard deviation.
 _ANGLE = 0.03
 # How far the piezoelectric losses may lie from none, measured as the elements of A off its diagonal.
-_SCAN = 300
+_SCAN = 500
 # Points of each sweep that starts are compared on.
 _FACES: Reals = np.linspace(-0.16, 0.16, 65)
 _SPEED, _LEVEL = 0.08, 0.25

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import find_peaks
 
 from pzctl.daemon.buildfile import parse_build
 from pzctl.drivers.recordings import read_recording
@@ -102,6 +103,16 @@ def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
         assert abs(found.re - true.real) < 4 * found.u_re, name
         assert abs(found.im - true.imag) < 4 * found.u_im, name
     assert result.constants["disk.c33E"].u_re < 1e-3 * TRUTH.c33E.real
+    # between the two bands, where nothing was recorded
+    between = np.linspace(0.65e6, 1.55e6, 9001)
+    Z = disk.impedance(between)
+    for kind, curve in (("fs", (1 / Z).real), ("fp", Z.real)):
+        true = between[find_peaks(np.log(curve), prominence=0.02)[0]]
+        told = [c for name, c in result.derived.items() if name.startswith(f"disk.{kind}") and c.unit == "Hz"]
+        assert len(true) > 5
+        for f in true:
+            nearest = min(told, key=lambda c: abs(c.re - f))
+            assert abs(nearest.re - f) < 4 * nearest.u_re + 60, kind
 
 
 def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recordings):
@@ -124,5 +135,6 @@ def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recor
 )
 def test_disks_and_recordings_out_of_reach_are_refused(given, says):
     f = np.linspace(5e6, 6e6, 30)
+    C = 8e-9 * given.area.re / given.layers[0].values["thickness"].re
     with pytest.raises(FitError, match=says):
-        Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * 1e-9)),)}))
+        Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * C)),)}))
