@@ -9,6 +9,8 @@ from .interface import FitError
 
 _GIVEN = "build.toml"
 _LOSS_SIGN = {"c33D": 1, "eps33S": -1}
+_RADIAL = ("s11E", "s12E", "d31", "eps33T")
+_EITHER_SIGN = ("h33", "s12E", "d31")
 _TIED = (*ELASTIC_CONSTANTS, "thickness")
 
 
@@ -43,6 +45,7 @@ def known(build: Build) -> dict[str, Quantity]:
     found = {"area": build.area, "back.z": build.back.z, "front.z": build.front.z}
     for layer in build.layers:
         names = (*PIEZO_CONSTANTS, "density") if layer.kind == "piezo" else ELASTIC_CONSTANTS
+        names += tuple(name for name in _RADIAL if name in layer.values)
         found |= {f"{layer.name}.{name}": layer.values[name] for name in (*names, "thickness")}
     for step in build.steps:
         found |= {ground_name(layer, step.name): thickness for layer, thickness in step.reground.items()}
@@ -58,7 +61,7 @@ def _bounded(quantity: Quantity, name: str, low: float, high: float) -> Quantity
         raise FitError(
             f"cannot bound {name!r}: {quantity.re:g}, which it begins with, is not between {low:g} and {high:g}"
         )
-    if low <= 0 and not name.endswith(".h33"):
+    if low <= 0 and not name.endswith(_EITHER_SIGN):
         raise FitError(f"cannot bound {name!r} by {low:g}: its lowest value is positive")
     return replace(quantity, bounds=(low, high))
 
@@ -68,7 +71,7 @@ def _with_prior(build: Build, name: str, value: float, u: float) -> Build:
         raise FitError(f"prior of {name!r}: its uncertainty is {u:g}; a positive one is needed, or hold the constant")
     bare = name.removesuffix(".loss")
     constant = bare.rpartition(".")[2]
-    if value <= 0 and constant != "h33":
+    if value <= 0 and constant not in _EITHER_SIGN:
         raise FitError(f"prior of {name!r}: {value:g} is given; a positive number is needed")
     if name == bare:
         return _edited(

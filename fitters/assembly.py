@@ -127,19 +127,21 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
         if layer.kind == "piezo":
             constants = thickness_constants(layer.name)
             limits = {name: layer.values[name].bounds for name in PIEZO_CONSTANTS}
-            blocks.append(_bounded(constants, {f"{layer.name}.{name}": ends for name, ends in limits.items() if ends}))
+            blocks.append(
+                between_bounds(constants, {f"{layer.name}.{name}": ends for name, ends in limits.items() if ends})
+            )
         for name in ("density", "thickness") if layer.kind == "piezo" else (*ELASTIC_CONSTANTS, "thickness"):
             quantity, full = layer.values[name], f"{layer.name}.{name}"
             if quantity.same_as is not None:
                 followers.setdefault(quantity.same_as, []).append(full)
             else:
-                blocks.append(_bounded(positive(full), {full: quantity.bounds} if quantity.bounds else {}))
+                blocks.append(between_bounds(positive(full), {full: quantity.bounds} if quantity.bounds else {}))
     for name, quantity in _ground(build, steps).items():
-        blocks.append(_bounded(positive(name), {name: quantity.bounds} if quantity.bounds else {}))
+        blocks.append(between_bounds(positive(name), {name: quantity.bounds} if quantity.bounds else {}))
     return _with_ties(build, blocks, followers)
 
 
-def _bounded(block: Block, bounds: Mapping[str, tuple[float, float]]) -> Block:
+def between_bounds(block: Block, bounds: Mapping[str, tuple[float, float]]) -> Block:
     """Return the block within bounds (SI); all constants move as logarithms but h33, which may have either sign."""
     if not bounds:
         return block
@@ -156,7 +158,7 @@ def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[s
     for leader, names in followers.items():
         quantity = known_as(build, leader)
         block = shared(leader, tuple(names))
-        kept.append(_bounded(block, {leader: quantity.bounds} if quantity.bounds else {}))
+        kept.append(between_bounds(block, {leader: quantity.bounds} if quantity.bounds else {}))
     return tuple(kept)
 
 
@@ -166,7 +168,7 @@ def known_as(build: Build, name: str) -> Quantity:
     return build.layer(layer).values[constant]
 
 
-def _held(quantity: Quantity, piezo_constant: bool) -> bool:
+def is_held(quantity: Quantity, piezo_constant: bool) -> bool:
     """Say whether a quantity is held: a bare number of the build file, or a library value said to be exact.
 
     The thickness-mode constants of a library ceramic always move: no data sheet gives them well enough to hold them.
@@ -182,7 +184,7 @@ def _free_by_default(build: Build, steps: Iterable[str]) -> set[str]:
     for layer in layers:
         names = PIEZO_CONSTANTS if layer.kind == "piezo" else ELASTIC_CONSTANTS
         for name in (*names, "thickness", "density"):
-            if name in layer.values and not _held(layer.values[name], name in PIEZO_CONSTANTS):
+            if name in layer.values and not is_held(layer.values[name], name in PIEZO_CONSTANTS):
                 full = layer.values[name].same_as or f"{layer.name}.{name}"
                 free |= {full, f"{full}.loss"}
     return free

@@ -179,6 +179,13 @@ class Coordinates:
         """Return the same coordinates with these held at their start."""
         return Coordinates(self.blocks, self.start, tuple(name for name in self.free if name not in names))
 
+    def held_at(self, values: Mapping[str, float]) -> "Coordinates":
+        """Return the same coordinates with all that do not move where these model parameters have them."""
+        full = self._all_of(values)
+        full[self.moving] = self.x
+        whole = Coordinates(self.blocks, self.start, self.names)
+        return Coordinates(self.blocks, whole.forward(full)[0], self.free)
+
     def forward(self, x: Reals) -> tuple[dict[str, float], Reals]:
         """Return the model parameters and d parameter / d moving coordinate, shape (P, M)."""
         full = self.all.copy()

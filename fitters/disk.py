@@ -17,13 +17,20 @@ from ..models.radial import RadialError
 from ..models.stack import CausalConstantQ, Piezo, Stack
 from .assembly import stack_of
 from .bare_disk import BareDisk, bare_disk
-from .coordinates import Coordinates, positive
 from .derived import derived_of
 from .descent import ROUGH, Descent, descend, settle
 from .disk_coordinates import ARM_CONSTANTS, PLATE_CONSTANTS, both_modes_constants
 from .interface import FitError, FitResult, FitTask
 from .objective import Objective, Recording
-from .planar_answer import Named, disk_priors, passivity_says, planar_answer, plate_priors, radial_named
+from .planar_answer import (
+    Named,
+    disk_priors,
+    passivity_says,
+    planar_answer,
+    planar_coordinates,
+    plate_priors,
+    radial_named,
+)
 from .radial import radial_band, radial_start
 from .radial_coordinates import plate_blocks
 from .radial_modes import radial_peaks
@@ -116,22 +123,15 @@ def _descend(disk: BareDisk, model: BothModes, free: tuple[str, ...] | None) -> 
     at = disk.layer.name
     sizes = [disk.size_name(name) for name in disk.sizes]
     plate = [f"{at}.alpha", f"{at}.d33f"]
-    blocks = (both_modes_constants(at), *plate_blocks(at), *(positive(name) for name in sizes))
-    constants = {f"{at}.{name}" for name in (*PLATE_CONSTANTS, *ARM_CONSTANTS)}
-    uncertain = {disk.size_name(name) for name, q in disk.sizes.items() if q.u > 0}
-    moving = constants | uncertain | set(plate) if free is None else set(free)
-    known = constants | set(sizes) | set(plate)
-    if not moving <= known:
-        raise FitError(f"cannot free {min(moving - known)!r}: `disk` has {', '.join(sorted(known))}")
-    variants = tuple(variant for name in moving for variant in (name, f"{name}.loss"))
-    coordinates = Coordinates(blocks, model.parameters(), variants)
+    blocks, constants = (both_modes_constants(at), *plate_blocks(at)), (*PLATE_CONSTANTS, *ARM_CONSTANTS)
+    coordinates = planar_coordinates(disk, "disk", blocks, model, constants, ARM_CONSTANTS, free)
     split = _SPLIT * disk.expected_thickness_mode
     recordings = [
         Recording(disk.step, sweep, model, noise)
         for part in (disk.between(0.0, split), disk.between(split, np.inf))
         for sweep, noise in zip(part.sweeps, part.noises, strict=True)
     ]
-    priors = disk_priors(disk, (*PLATE_CONSTANTS, *ARM_CONSTANTS))
+    priors = disk_priors(disk, constants)
     # Sizes and thickness correction join last: far from the minimum they would take other constants' errors upon
     # themselves, and a density that has drifted off by ten standard uncertainties comes back slowly.
     held = coordinates.without(*plate, *sizes)

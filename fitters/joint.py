@@ -109,7 +109,7 @@ class _Way:
 
     def _coordinates(self, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of the next fit; frozen are those that moved in an earlier one."""
-        whole = coordinates_of(self.build, steps, start, self.free)
+        whole = coordinates_of(self.build, steps, start, self.free).held_at(self.values)
         if self.procedure != "frozen" or self.descent is None:
             return whole
         return whole.without(*(name for descent in self._passed for name in descent.objective.coordinates.free))

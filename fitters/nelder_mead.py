@@ -87,6 +87,8 @@ class MasonNelderMead:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit one step after another, earlier constants frozen. Raises FitError where a step cannot be fitted so."""
         began = time.perf_counter()
+        if task.free is not None:
+            raise FitError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
         build, sweeps = check_task(task)
         refuse_degenerate(build, sweeps)
         first = next(iter(sweeps))
@@ -232,6 +234,9 @@ def _answer(
         converged=search.converged,
         evaluations=search.evaluations,
         seconds=seconds,
-        says=("This baseline fitter gives no uncertainties and may have ended in a local minimum.",),
+        says=(
+            "This baseline fitter gives no uncertainties and may have ended in a local minimum. It fits what the "
+            "thesis fitted, whatever is held, tied, bounded or known beforehand.",
+        ),
         curves=tuple(curves),
     )

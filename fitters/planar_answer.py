@@ -8,14 +8,16 @@ import numpy as np
 
 from ..models.arrays import Reals
 from ..models.constants import Radial
+from ..models.model import Model
 from ..models.passivity import passivity_margin
 from .answer import curves_of, strong_correlations
-from .assembly import UNITS
+from .assembly import UNITS, between_bounds, is_held
 from .bare_disk import RADIAL_UNITS, BareDisk
+from .coordinates import Block, Coordinates, positive
 from .covariance import Estimate, estimate
 from .derived import DERIVED_UNITS
 from .descent import Descent
-from .interface import Constant, FitResult
+from .interface import Constant, FitError, FitResult
 from .objective import Prior
 
 RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
@@ -66,6 +68,51 @@ def disk_priors(disk: BareDisk, constants: tuple[str, ...]) -> tuple[Prior, ...]
         if q is not None and q.u > 0:
             priors.append(Prior(f"{at}.{name}.re", q.re, q.u))
     return tuple(priors)
+
+
+def planar_coordinates(
+    disk: BareDisk,
+    fitter: str,
+    blocks: tuple[Block, ...],
+    model: Model,
+    constants: tuple[str, ...],
+    together: tuple[str, ...],
+    free: tuple[str, ...] | None,
+) -> Coordinates:
+    """Return the coordinates of a fit of the disk's `constants`, its sizes, and motion through the thickness.
+
+    `together`: constants in whose place a combination moves, such as Poisson's ratio for s12E; they have no bounds.
+
+    What is held stands where the build has it, not where the recording's peaks would. Raises FitError for a name that
+    the fitter does not have, or a bound that it cannot keep.
+    """
+    at, plate = disk.layer.name, _plate(disk)
+    quantities = {f"{at}.{name}": disk.layer.values[name] for name in constants if name in disk.layer.values}
+    sizes = {disk.size_name(name): quantity for name, quantity in disk.sizes.items()}
+    known = {*(f"{at}.{name}" for name in constants), *sizes, *plate}
+    held = {name for name, quantity in quantities.items() if is_held(quantity, piezo_constant=True)}
+    held |= {name for name, quantity in sizes.items() if quantity.u == 0}
+    moving = known - held if free is None else set(free)
+    if not moving <= known:
+        raise FitError(f"cannot free {min(moving - known)!r}: `{fitter}` has {', '.join(sorted(known))}")
+    bounds = {name: q.bounds for name, q in (quantities | sizes).items() if q.bounds is not None and name in moving}
+    blocks = (*blocks, *(positive(name) for name in sizes))
+    for name in bounds:
+        if name.removeprefix(f"{at}.") in together:
+            raise FitError(f"cannot bound {name!r}: `{fitter}` moves it together with others; give it a prior instead")
+    blocks = tuple(
+        between_bounds(block, {name: ends for name, ends in bounds.items() if name in block.coordinates})
+        for block in blocks
+    )
+    wanted = tuple(variant for name in moving for variant in (name, f"{name}.loss"))
+    stated = {f"{name}.{part}": getattr(q, part) for name, q in quantities.items() for part in ("re", "im")}
+    stated |= {name: quantity.re for name, quantity in sizes.items()} | plate_priors(disk)
+    start = model.parameters()
+    return Coordinates(blocks, start, wanted).held_at({**start, **stated})
+
+
+def _plate(disk: BareDisk) -> tuple[str, str]:
+    return f"{disk.layer.name}.alpha", f"{disk.layer.name}.d33f"
 
 
 def radial_of(values: Mapping[str, float], layer: str) -> Radial:

@@ -17,7 +17,6 @@ from ..models.radial import RadialError
 from ..models.sherrit import radial_constants
 from ..models.stack import CausalConstantQ
 from .bare_disk import BareDisk, bare_disk
-from .coordinates import Coordinates, positive
 from .critical import linewidth
 from .descent import Descent, settle
 from .interface import FitError, FitResult, FitTask
@@ -27,6 +26,7 @@ from .planar_answer import (
     disk_priors,
     passivity_says,
     planar_answer,
+    planar_coordinates,
     plate_priors,
     radial_named,
     radial_of,
@@ -129,17 +129,9 @@ def _model(disk: BareDisk, constants: Radial, reference: float) -> RadialDisk:
 
 def _descend(disk: BareDisk, start: Radial, reference: float, free: tuple[str, ...] | None) -> Descent:
     at, model = disk.layer.name, _model(disk, start, reference)
-    sizes = [disk.size_name(name) for name in disk.sizes]
     plate = [f"{at}.alpha", f"{at}.d33f"]
-    blocks = (radial_constants_block(at), *plate_blocks(at), *(positive(name) for name in sizes))
-    uncertain = [disk.size_name(name) for name, q in disk.sizes.items() if q.u > 0]
-    moving = {f"{at}.{name}" for name in RADIAL_CONSTANTS} | {*plate, *uncertain} if free is None else set(free)
-    known = {name.removesuffix(".loss") for block in blocks for name in block.coordinates}
-    if not moving <= known:
-        raise FitError(f"cannot free {min(moving - known)!r}: `radial` has {', '.join(sorted(known))}")
-    coordinates = Coordinates(
-        blocks, model.parameters(), tuple(variant for name in moving for variant in (name, f"{name}.loss"))
-    )
+    blocks = (radial_constants_block(at), *plate_blocks(at))
+    coordinates = planar_coordinates(disk, "radial", blocks, model, RADIAL_CONSTANTS, ("s12E", "d31"), free)
     recordings = [
         Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
     ]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pzctl.fitters.amend import Amendments, amended
 from pzctl.fitters.assembly import stack_of
 from pzctl.fitters.disk import Disk
 from pzctl.fitters.interface import FitError, FitTask
@@ -74,3 +75,16 @@ def test_sizes_that_are_all_uncertain_do_not_drift(disk_build, swept, material, 
     for name in ("c33D", "h33", "eps33S", "s11E", "s12E", "d31"):
         found = result.constants[f"disk.{name}"]
         assert abs(found.re - true[f"disk.{name}.re"]) < 4 * found.u_re, name
+
+
+def test_held_and_bounded_constants(build, swept):
+    sweeps = {"disk": tuple(swept(both_modes(build), band, 2e-4, seed=k) for k, band in enumerate(BANDS))}
+    c33D, density = build.layer("disk").values["c33D"], build.layer("disk").values["density"]
+    known = amended(build, Amendments(prior=(("disk.density", density.re, 80.0),), hold=("disk.c33D",)))
+    held = Disk().fit(FitTask(known, sweeps)).constants
+    assert complex(held["disk.c33D"].re, held["disk.c33D"].im) == pytest.approx(c33D.value)
+    assert held["disk.density"].u_re < 8  # fp tells density where stiffness and thickness are known
+    low = (("disk.c33D", 0.9 * c33D.re, 1.1 * c33D.re),)
+    assert Disk().fit(FitTask(amended(build, Amendments(bound=low)), sweeps)).constants["disk.c33D"].free
+    with pytest.raises(FitError, match=r"cannot bound 'disk\.s11E': `disk` moves it together"):
+        Disk().fit(FitTask(amended(build, Amendments(bound=(("disk.s11E", 1e-11, 2e-11),))), sweeps))

@@ -175,3 +175,11 @@ def test_other_objectives_find_the_same_coupling(objective: str) -> None:
     task = replace(disk(options), sweeps={"disk": (plate(0.5e-3, points=3201),)})
     kt = Mason().fit(task).derived["disk.kt"]
     assert kt.re == pytest.approx((1.95e9 * (1 - 0.002j) * np.sqrt(TRUE.eps33S / TRUE.c33D)).real, rel=3e-3)
+
+
+def test_what_is_held_stands_where_the_build_has_it_not_where_the_peaks_are() -> None:
+    build = parse_build(DISK)
+    held = amended(build, Amendments(hold=("disk.c33D",)))
+    found = Mason().fit(FitTask(held, {"disk": (plate(0.5e-3),)})).constants["disk.c33D"]
+    assert not found.free
+    assert complex(found.re, found.im) == pytest.approx(build.layer("disk").values["c33D"].value)
