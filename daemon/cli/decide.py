@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _OPEN = 0.05
 """Probability of something else from which a finding counts as open."""
-_MOST_ROUNDS = 3
+_MOST_ROUNDS = 2
 """How often what was measured may give rise to further measurements of one step."""
 
 

@@ -24,7 +24,7 @@ diameter_mm = 16.0
 layers = [{ name = "disk", kind = "piezo", material = "Pz27", thickness_mm = { value = 0.512, u = 0.001 } }]
 load = { back = "air", front = "air" }
 steps = [{ name = "disk", layers = ["disk"] }]
-sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 201 }], oscillator_V = 0.5, bandwidth = 5 }
+sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 161 }], oscillator_V = 0.5, bandwidth = 5 }
 """
 
 
@@ -55,9 +55,8 @@ def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
     ("hidden", "kind", "parameter", "value"),
     [
         ({"drive-nonlinearity": 60.0}, "level", "softening", 60.0),
-        ({"sweep-lag": 4e-3}, "", "lag", 4e-3 * 2e6 / (200 * 0.16)),
+        ({"sweep-lag": 4e-3}, "", "lag", 4e-3 * 2e6 / (160 * 0.16)),
         ({"temperature-drift": 1e-3}, "", "relative", None),
-        ({"lead-inductance": 3e-10}, "wider", "inductance", 3e-10),
         ({"stray-capacitance": 5e-12}, "wider", "capacitance", 5e-12),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
@@ -67,11 +66,28 @@ def test_what_is_hidden_is_decided(
 ) -> None:
     start_daemon(simulator={"hidden": hidden, "jig": "ideal"})
     found = the_diagnosis(measured(tmp_path, "--yes"))
-    assert [finding["effect"] for finding in found["findings"]] == list(hidden)
+    named = [finding["effect"] for finding in found["findings"]]
+    assert named == [*hidden]
     assert found["verdict"] == "explained"
     assert any(kind in one["kind"] for one in found["decided_by"])
+    assert not {
+        one["effect"] for finding in found["findings"] for one in finding["alternatives"] if one["probability"] > 0.01
+    }
     size = found["findings"][0]["parameters"][parameter]
     assert value is None or abs(size["value"] - value) < max(5 * size["u"], 0.03 * value)
+
+
+def test_a_lead_is_told_from_a_stray_capacitance_and_what_only_a_person_can_decide_is_said(
+    start_daemon, tmp_path: Path
+) -> None:
+    start_daemon(simulator={"hidden": {"lead-inductance": 3e-10}, "jig": "ideal"})
+    done = measured(tmp_path, "--yes")
+    found = the_diagnosis(done)
+    (finding,) = found["findings"]
+    others = {one["effect"] for one in finding["alternatives"] if one["probability"] > 0.01}
+    assert {finding["effect"], *others} == {"lead-inductance", "cable"}, "a short cable is an inductance"
+    assert "no sweep can decide; to tell" in done.stderr
+    assert "sweep a short circuit in the same clip" in done.stderr
 
 
 def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> None:
