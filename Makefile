@@ -26,6 +26,11 @@ docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and 
 	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
 	$(BIN)/mkdocs build --quiet
 
+errors: .venv/ready ## run the tests and write down, in docs/errors.md, every sentence that one of them provokes
+	rm -f docs/provoked.jsonl
+	PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=tests $(BIN)/pytest -p provoked -n auto
+	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
+
 pictures: .venv/ready ## the screenshots of page and terminal in docs/pictures, made anew by their tests
 	PZCTL_SCREENSHOTS=docs/pictures $(BIN)/pytest -q tests/daemon/test_page_browser.py tests/daemon/test_terminal.py -k "button or hand or left_out or picture"
 
@@ -39,5 +44,5 @@ clean: ## remove what the other targets made
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-.PHONY: help demo test check bench docs pictures clean
+.PHONY: help demo test check bench docs errors pictures clean
 .DEFAULT_GOAL := help
