@@ -148,3 +148,11 @@ def without_idle(problem: Problem, found: Refit) -> Refit:
         if gain(trial, current) < SIGNIFICANT:
             current = trial
     return current
+
+
+def weightiest(problem: Problem, found: Refit, most: int) -> Refit:
+    """Return the fit with at most so many effects, those left out that are felt least."""
+    current = found
+    while len(current.effects) > most:
+        current = min((without(problem, current, effect) for effect in current.effects), key=price)
+    return current

@@ -13,13 +13,14 @@ from ..covariance import estimate
 from ..descent import lag_one
 from ..interface import Constant, FitTask
 from ..joint import solve
+from . import lateral
 from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
 from .candidates import candidates
-from .decide import DESCRIBED, Search, null_refit, polish, pursue, without_idle
+from .decide import DESCRIBED, Search, null_refit, polish, pursue, weightiest, without_idle
 from .disturbed import of_the_data, verdict_with
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
-from .gates.gate import gate
+from .gates.gate import Gated, gate
 from .problem import Candidate, Problem
 from .proof import held_out_chi2
 from .remainder import in_words, remainder
@@ -31,8 +32,10 @@ _EXPLAINED = 1.4
 """chi2 per degree of freedom of every recording up to which the effects found explain it."""
 _HELD_OUT = 1.6
 """The same on held-out bands: an explanation that fails there is none."""
-_MOST = 0.98
-"""Part of the misfit that effects must take away to be named although something is left over."""
+_MOST = (0.98, 0.995)
+"""Part of the misfit that one effect, or two, must take away to be named although something is left over."""
+_MOST_NAMED = len(_MOST)
+"""Three effects at once describe nearly anything: where two are not enough, the rest is called unknown."""
 _RIPPLE = 0.2
 """Correlation of neighbouring residuals from which something is left even where chi2 is small."""
 
@@ -53,13 +56,18 @@ def diagnose(
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
     search = Search(problem, choice, progress)
-    final = better_instead(search, without_idle(problem, pursue(search, null)))
+    found = better_instead(search, without_idle(problem, pursue(search, null)))
+    final = weightiest(problem, found, _MOST_NAMED)
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final.effects else held_before
-    named, verdict = _named(null, final, held_after)
+    named, verdict = _named(null, final, held_after, crowded=found is not final)
     if not named:
         final, held_after = null, held_before
+    if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
+        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, progress)
+        if wide is not None:
+            return _in_two_dimensions(wide, problem, null, held_before, gated, began)
     weighed = weigh(search, final)
     left = remainder(final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
@@ -86,18 +94,41 @@ def diagnose(
     )
 
 
-def _named(null: Refit, final: Refit, held_after: float) -> tuple[bool, Verdict]:
+def _in_two_dimensions(
+    wide: lateral.FiniteDisk, problem: Problem, null: Refit, held_before: float, gated: Gated, began: float
+) -> Diagnosis:
+    """Return the diagnosis of a disk whose finite diameter explains what a plate does not."""
+    own = [lateral.finding_of(wide, null, held_before)]
+    findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *own]
+    verdict = verdict_with(gated, "explained" if wide.described else "partly-explained")
+    before = curves_of(null.objective, null.descent.x, null.descent.x)
+    return Diagnosis(
+        verdict=verdict,
+        baseline=Fitted(null.chi2_per_dof, held_before, _constants(problem, null)),
+        final=Fitted(wide.result.chi2_per_dof, float("nan"), wide.result.constants),
+        findings=tuple(findings),
+        not_decidable=(),
+        leftover=Leftover((), wide.result.chi2_per_dof, own[0].step, (), None),
+        says=_says(verdict, findings),
+        before=before,
+        after=lateral.curves(wide, before),
+        data=gated.checks,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _named(null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple[bool, Verdict]:
     """Return whether the effects found may be named, and the verdict.
 
     An effect in the wrong family is often flexible enough to take away much of a misfit. So effects are named only
-    where they take away nearly all of it, and on bands that took no part too.
+    where they take away nearly all of it, and on bands that took no part too. `crowded`: a further one was needed.
     """
     if not final.effects:
         return False, "unexplained" if _something_left(null) else "no-mismatch"
-    if max(final.chi2) < _EXPLAINED:
+    if max(final.chi2) < _EXPLAINED and not crowded:
         return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
     taken = 1 - (final.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, 1e-9)
-    return (True, "partly-explained") if taken > _MOST else (False, "unexplained")
+    return (True, "partly-explained") if taken > _MOST[len(final.effects) - 1] else (False, "unexplained")
 
 
 def _something_left(found: Refit) -> bool:

@@ -1,0 +1,103 @@
+"""Is it the finite diameter? The disk in two dimensions against the recordings that a plate without rim leaves.
+
+Radial overtones and the edge mode are no small addition to the thickness mode: no extension of the one-dimensional
+model is right to the noise. So the whole disk is fitted anew, all ten constants, by the fitter `disk2d`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.effects import find_effect
+from ..disk2d import finite_disk
+from ..interface import Curve, FitError, FitResult, FitTask
+from .bands import guilty_bands
+from .findings import Finding, Size
+from .search import Refit
+
+NAME = "lateral-modes"
+_SHOWS = 30.0
+"""chi2 per degree of freedom of the one-dimensional fit from which it is worth asking: lateral modes are not faint."""
+_MOST = 0.98
+"""Part of the misfit that the second dimension must take away."""
+_DESCRIBED = 5e-3
+"""Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is no better."""
+_SECONDS = 12.0
+_PROBABILITY = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteDisk:
+    """The bare disk's recordings as a disk of finite diameter describes them."""
+
+    result: FitResult
+    taken: float
+    """Part of the misfit of these recordings that the second dimension takes away."""
+
+    @property
+    def described(self) -> bool:
+        """Whether what is left is what the two-dimensional model itself is worth."""
+        return self.result.rms_log_error < _DESCRIBED
+
+
+def finite(task: FitTask, null: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
+    """Return the disk in two dimensions where it explains the bare disk's recordings, else None.
+
+    None too where there is no recording of a round bare disk, or one so wide that its rim does not matter.
+    """
+    recordings = null.objective.recordings
+    if max(null.chi2) < _SHOWS:
+        return None
+    progress("fitting the disk in two dimensions")
+    try:
+        result = finite_disk(task, _SECONDS)
+    except FitError:
+        return None
+    before = max(
+        chi2
+        for recording, chi2 in zip(recordings, null.chi2, strict=True)
+        if recording.step in {curve.step for curve in result.curves}
+    )
+    taken = 1 - (result.chi2_per_dof - 1) / max(before - 1, 1e-9)
+    return FiniteDisk(result, taken) if taken > _MOST else None
+
+
+def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
+    """Return the finding; bands where the one-dimensional fit is off."""
+    layer = next(iter(finite.result.constants)).partition(".")[0]
+    where = f"layer:{layer}"
+    step = finite.result.curves[0].step
+    bands = [
+        band
+        for recording, ratio in zip(null.objective.recordings, null.objective.log_ratios(null.descent.x), strict=True)
+        if recording.step == step
+        for band in guilty_bands(recording.sweep.frequency, np.abs(ratio / recording.noise) ** 2 / 2)
+    ]
+    return Finding(
+        effect=NAME,
+        where=where,
+        step=step,
+        probability=_PROBABILITY,
+        bands_Hz=tuple(bands[:5]),
+        parameters=_sizes(finite.result, layer),
+        chi2_per_dof_before=null.chi2_per_dof,
+        chi2_per_dof_after=finite.result.chi2_per_dof,
+        held_out_before=held_before,
+        held_out_after=float("nan"),
+        alternatives=(),
+        says=find_effect(NAME).says.format(where=where)
+        + f" Fitted in two dimensions, {finite.result.rms_log_error:.2g} is left of ln Z (root mean square).",
+    )
+
+
+def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
+    """Return the curves after: those in two dimensions, and of all other steps those of the null fit."""
+    steps = {curve.step for curve in finite.result.curves}
+    return (*finite.result.curves, *(curve for curve in of_null if curve.step not in steps))
+
+
+def _sizes(result: FitResult, layer: str) -> dict[str, Size]:
+    """Return the lateral constants that the thickness mode does not have."""
+    found = {name: result.constants.get(f"{layer}.{name}") for name in ("c11E", "c12E", "c13E")}
+    return {name: Size(one.re, one.u_re or 0.0, one.unit) for name, one in found.items() if one is not None}
