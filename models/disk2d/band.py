@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import Complexes, Frequencies, Reals
 from .full import Shape
-from .line import Numbers
+from .line import Numbers, real_times
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
 _BELOW, _ABOVE = 0.9, 1.1
@@ -54,13 +54,6 @@ def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -
         lossy = disk.condensed(weights) / shape.mass - still
         losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
     return Modes(squared, shapes, losses, shapes.T @ (weights[PIEZO] @ disk.drive) / shape.mass, weights)
-
-
-def real_times(left: Reals, right: Numbers) -> Numbers:
-    """Return the product of a real matrix and a matrix by one real product."""
-    if not np.iscomplexobj(right):
-        return left @ right
-    return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
 def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Numbers:

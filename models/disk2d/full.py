@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ..arrays import Complexes, Frequencies, Reals
-from .line import Line, Matrix, Numbers
+from .line import Line, Matrix, Numbers, real_times
 from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
 
 _ORDER_R, _ORDER_Z = 7, 8
@@ -106,7 +106,7 @@ class FullDisk:
     def system(self, weights: Numbers, mass: float) -> Matrix:
         """Return H with these weights of its terms, the mass matrix weighed by `mass`, shape (n + 1, n + 1)."""
         columns, starts, entries = self._stored
-        weighed = entries @ np.append(weights, mass)
+        weighed = real_times(entries, np.append(weights, mass)[:, None]).ravel()
         return sp.csr_array((weighed, columns, starts), shape=(self.size + 1, self.size + 1))
 
     def factor(self, system: Matrix) -> Callable[[Numbers], Numbers]:

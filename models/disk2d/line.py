@@ -21,6 +21,13 @@ Numbers: TypeAlias = NDArray[Any]
 """Real or complex numbers; real in, real out."""
 
 
+def real_times(left: Reals, right: Numbers) -> Numbers:
+    """Return the product of a real matrix and a matrix by one real product."""
+    if not np.iscomplexobj(right):
+        return left @ right
+    return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
+
+
 @lru_cache(maxsize=8)
 def _element(order: int) -> tuple[Reals, Reals, Reals, Reals, Reals]:
     """Return nodes, quadrature points and weights on (-1, 1), and the nodal functions and slopes there, (Q, order + 1).

@@ -55,7 +55,7 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
         true = full.capacitance(shape, c[some], f[some])
         errors.append(np.abs(capacitance(reduced, shape, c, f)[some] / true - 1).max())
         said.append(estimate(full, reduced, shape, c[some], f[some]).max())
-    solution = least(lambda: full.capacitance(shape, c[400:402], f[400:402]), 3) / 2
+    solution = least(lambda: full.solution(shape, c[400], float(f[400])), 5)
     curve = least(lambda: capacitance(reduced, shape, c, f), 3)
     both = least(lambda: slopes(reduced, shape, c, f), 3)
     print(
@@ -63,8 +63,8 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
         f"801 sparse solutions {801 * solution:.0f} s, curve {1e3 * curve:.0f} ms (1/{801 * solution / curve:.0f}), "
         f"with derivatives {both / curve:.2f} times; error to 1.5 f0 {max(errors):.1g}, estimate {max(said):.1g}"
     )
-    assert max(said) < 3e-4  # of the basis
-    assert max(errors) < 1e-3  # ten losses that all differ are the hardest case for the last projection
+    assert max(said) < 6e-4  # of the basis; a fit enriches it where this is above 1e-4
+    assert max(errors) < 3e-4  # ten losses that all differ are the hardest case for the last projection
     assert both < 4 * curve
 
 

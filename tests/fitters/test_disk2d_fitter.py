@@ -9,7 +9,7 @@ from scipy.signal import find_peaks
 
 from pzctl.daemon.buildfile import parse_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.disk2d import Disk2DFitter
+from pzctl.fitters.disk2d import Disk2DFitter, finite_disk
 from pzctl.fitters.disk2d_cache import reduced_disk
 from pzctl.fitters.disk2d_coordinates import COORDINATES, tensor_block
 from pzctl.fitters.interface import FitError, FitTask
@@ -113,6 +113,24 @@ def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
         for f in true:
             nearest = min(told, key=lambda c: abs(c.re - f))
             assert abs(nearest.re - f) < 4 * nearest.u_re + 60, kind
+
+
+def test_a_very_soft_ceramic_unlike_any_of_the_library_is_found_from_the_constants_of_another():
+    real = np.array([126e9, 79.5e9, 84.1e9, 117e9, 23e9, -6.55, 23.3, 17.0, 15.05e-9, 13.02e-9])
+    loss = np.where(np.arange(10) < 5, 1 / 65, np.where(np.arange(10) < 8, 0.0, -0.02))
+    truth = Tensor6mm(*(real * (1 + 1j * loss)))
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    f = np.linspace(1.4e6, 3.2e6, 601)
+    law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
+    Z = Disk2D("disk", truth, np.pi * 25e-6, 1e-3, 7500.0, reduced, law).impedance(f)
+    rng = np.random.default_rng(2)
+    sweep = Sweep(f, Z * np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))))
+    result = finite_disk(FitTask(build(10, 1, 7500, "Pz27"), {"disk": (sweep,)}))
+    assert result.chi2_per_dof < 1.3
+    for name in CONSTANTS:
+        assert abs(result.constants[f"disk.{name}"].re - getattr(truth, name).real) < (
+            4 * result.constants[f"disk.{name}"].u_re
+        ), name
 
 
 def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recordings):

@@ -1,5 +1,7 @@
 """The disk in r and z against what is known otherwise: plate, thin disk, rod, statics, a strong-form solution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -241,6 +243,13 @@ def test_slopes_give_the_same_capacitance(five):
     f = np.linspace(0.1e6, 1.5e6, 50)
     c, shape = np.tile(C, (50, 1)), Shape(5e-3, 2e-3, DENSITY)
     np.testing.assert_allclose(slopes(five[1], shape, c, f).capacitance, capacitance(five[1], shape, c, f), rtol=1e-12)
+
+
+def test_a_rough_curve_is_right_to_a_thousandth_or_so(five):
+    f = np.linspace(0.1e6, 1.5e6, 301)
+    exact = disk(five[1])
+    rough = replace(exact, rough=True).impedance(f) / exact.impedance(f)
+    assert 1e-7 < np.abs(rough - 1).max() < 5e-3
 
 
 def test_few_frequencies_give_what_many_give(five):
