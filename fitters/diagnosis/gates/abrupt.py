@@ -15,6 +15,8 @@ from .templates import Flaw, adjusted, standing, strongest
 
 _SIGNIFICANT = 50.0
 """Score of a flaw. Two numbers at some 6000 places of white noise reach 45 once in a million recordings."""
+_UNCLEAR = 15.0
+"""What is left near a flaw, in noise and for correlated points, from which poles describe too little to judge by."""
 _MOST = 40
 _ROUNDS = 10
 _OF_SLOPE = 0.3
@@ -51,6 +53,7 @@ class Abrupt:
 def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
     """Return the flaws of a recording with this noise of Re and Im of ln Z, shape (N,)."""
     flaws = _local_steps(sweep, np.log(sweep.impedance * sweep.frequency), noise, [])
+    flaws = [replace(flaw, plain=True) for flaw in flaws]
     flaws, fit = _settled(sweep, noise, flaws, None)
     for _ in range(_ROUNDS):
         new, fit = _look(sweep, noise, flaws, fit)
@@ -142,7 +145,8 @@ def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], flaw: Flaw, fit:
     else:
         rest = [one for one in flaws if one is not flaw]
         again = standing(linear_fit(_frame(sweep, noise, rest), fit.poles), flaw)
-    return again if again.score > _SIGNIFICANT and _possible(sweep, again) else None
+    clear = flaw.plain or again.raw < _UNCLEAR * again.score
+    return again if clear and again.score > _SIGNIFICANT and _possible(sweep, again) else None
 
 
 def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw]) -> Frame:

@@ -20,8 +20,9 @@ from .templates import Flaw
 _LEAST = 60
 """Points below which abruptness and causality cannot be told from noise."""
 _SMOOTH = 15
-_EXCESS = 6.0
-"""Mean chi2 over `_SMOOTH` points beside the best fit of poles: where it is above, no linear device could be so."""
+_EXCESS, _LEAST_RMS = 6.0, 2e-3
+"""Mean chi2 over `_SMOOTH` points beside the best fit of poles, and root mean square of ln Z: where both are above, no
+linear device could be so. Less than that may be poles that the fit did not get."""
 _COARSE = 3.0
 """Points per linewidth below which a resonance is hardly seen at all."""
 
@@ -72,7 +73,7 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
     troubles = [
         *(_trouble(sweep, flaw) for flaw in found.flaws),
         *(Trouble("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
-        *(Trouble("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, found.fit)),
+        *(Trouble("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
     ]
     if density is not None and density[0] < _COARSE:
         troubles.append(Trouble("too coarse", (density[1], density[1]), None, density[0]))
@@ -102,14 +103,15 @@ def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:
     return seconds * (1 - part if sweep.settings.get("direction") == "down" else part)
 
 
-def _not_causal(sweep: Sweep, fit: PoleFit) -> list[tuple[float, float]]:
+def _not_causal(sweep: Sweep, noise: Reals, fit: PoleFit) -> list[tuple[float, float]]:
     """Return the bands in which even poles leave far more than noise, the worst first, three at most."""
     if fit.poles.size == MOST_POLES:
         return []  # more resonances than poles: a wide, thick disk is no broken law
     n = sweep.frequency.size
     excess: Reals = (fit.residual[:n] ** 2 + fit.residual[n:] ** 2) / 2
-    smooth = np.convolve(excess, np.ones(_SMOOTH) / _SMOOTH, mode="same")
-    guilty = smooth > _EXCESS
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    relative = np.convolve(excess * noise**2, kernel, mode="same")
+    guilty = (np.convolve(excess, kernel, mode="same") > _EXCESS) & (relative > _LEAST_RMS**2)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8))).reshape(-1, 2)
     ranked = sorted(edges.tolist(), key=lambda edge: -float(np.sum(excess[edge[0] : edge[1]])))[:3]
     return [(float(sweep.frequency[a]), float(sweep.frequency[b - 1])) for a, b in ranked]

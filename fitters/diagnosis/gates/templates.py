@@ -41,6 +41,8 @@ class Flaw:
     """Fall of chi2 that it brings."""
     score: float
     """The same in units of what is left over near it, and for as many points as are worth counting."""
+    plain: bool = False
+    """Whether it stands out against its own neighbourhood, without any fit of poles."""
 
     def is_step(self, points: int) -> bool:
         """Return whether it lasts to the end of a recording with this many points."""
