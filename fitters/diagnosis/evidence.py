@@ -37,7 +37,7 @@ def evidence_lost(rival: Refit, final: Refit) -> float:
 
 
 def freedom(found: Refit) -> float:
-    """Return what the knobs of its effects cost: -2 ln(part of what was possible that the recording leaves).
+    """Return what its effects cost: -2 ln(odds of each, and part of what was possible that the recording leaves).
 
     A size may be anything over some decades; every other knob anything between its limits. A knob that the recording
     leaves open costs nothing, whatever a criterion that counts knobs says.
@@ -47,6 +47,7 @@ def freedom(found: Refit) -> float:
     sigmas = _sigmas(found)
     for effect in found.effects:
         sizes = dict(effect.sizes)
+        cost -= 2 * float(np.log(effect.effect.odds))
         for name, knob in zip(effect.parameters, effect.knobs, strict=True):
             value, sigma = found.values[name], sigmas[name]
             cost += 2 * float(np.log1p(_possible(value, knob, size=name in sizes) / sigma))

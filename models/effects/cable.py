@@ -19,6 +19,7 @@ class Cable(Effect):
 
     name = "cable"
     stage = Stage.CABLE
+    odds = 0.7
     says = "There is a length of cable between analyzer and device that was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"
     references = (

@@ -68,6 +68,9 @@ class Effect(ABC):
     sizes: ClassVar[int] = 1
     """How many of the first knobs are sizes: the effect is absent where all of them are null."""
 
+    odds: ClassVar[float] = 1.0
+    """How often it is met against a look-alike that a recording cannot tell from it: a judgement, and a mild one."""
+
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return where in this stack it may sit: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
