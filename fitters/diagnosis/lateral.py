@@ -19,10 +19,11 @@ from .search import Refit
 NAME = "lateral-modes"
 _SHOWS = 30.0
 """chi2 per degree of freedom of the one-dimensional fit from which it is worth asking: lateral modes are not faint."""
-_MOST = 0.98
-"""Part of the misfit that the second dimension must take away."""
-_DESCRIBED = 5e-3
-"""Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is no better."""
+_MOST, _NEARLY_ALL = 0.98, 0.999
+"""Part of the misfit that the second dimension must take away where the disk is described, and where it is not quite:
+ten free constants imitate much that is none of theirs."""
+_DESCRIBED = 6e-3
+"""Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is hardly better."""
 _SECONDS = 12.0
 _PROBABILITY = 0.98
 
@@ -60,7 +61,8 @@ def finite(task: FitTask, null: Refit, progress: Callable[[str], None]) -> Finit
         if recording.step in {curve.step for curve in result.curves}
     )
     taken = 1 - (result.chi2_per_dof - 1) / max(before - 1, 1e-9)
-    return FiniteDisk(result, taken) if taken > _MOST else None
+    found = FiniteDisk(result, taken)
+    return found if taken > (_MOST if found.described else _NEARLY_ALL) else None
 
 
 def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
