@@ -218,7 +218,5 @@ def test_a_journal_on_a_read_only_disk_is_read(
 @pytest.mark.parametrize(("folder", "says"), [("/sys", "cannot be written"), ("/proc/no/such", "cannot be made")])
 def test_a_data_folder_that_is_of_no_use_is_said(folder: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PZCTL_HOME", folder)
-    with pytest.raises(
-        FolderError, match=f"the data folder {folder} {says}: .*; set PZCTL_HOME to"
-    ):
+    with pytest.raises(FolderError, match=f"the data folder {folder} {says}: .*; set PZCTL_HOME to"):
         start()
