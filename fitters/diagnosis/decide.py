@@ -18,6 +18,8 @@ DESCRIBED = 1.25
 SIGNIFICANT = 30.0
 """Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
 for forty candidates, and the noise itself is known to some per cent only."""
+_EVIDENT = 18.0
+"""What of this gain must remain when the freedom of its knobs is paid for: a line may be anywhere in the band."""
 _BEAM = (3, 3, 1)
 """How many explanations with one, two and three effects are kept."""
 _AS_GOOD = 4.0
@@ -69,7 +71,7 @@ def _next(search: Search, beam: Sequence[Refit]) -> list[Refit]:
     found: dict[frozenset[Candidate], Refit] = {}
     for current in beam:
         for one in search.onward(current):
-            if is_there(one) and gain(current, one) > SIGNIFICANT:
+            if is_there(one) and gain(current, one) > SIGNIFICANT and evidence_lost(current, one) > _EVIDENT:
                 found.setdefault(frozenset(one.effects), one)
     ordered = sorted(found.values(), key=price)
     return [one for one in ordered if one.chi2_per_dof < _AS_GOOD * ordered[0].chi2_per_dof]
