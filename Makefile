@@ -9,7 +9,7 @@ demo: .venv/ready ## the whole story: a simulated transducer measured and fitted
 	$(BIN)/pzctl measure --fit
 
 test: .venv/ready ## run the tests
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist loadscope
 
 check: .venv/ready ## lint, format, types, floors
 	$(BIN)/ruff check .

@@ -24,10 +24,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "findings": [_finding(finding) for finding in diagnosis.findings],
         "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
         "data": [_check(check) for check in diagnosis.data],
-        "leftover": {
-            "bands_Hz": [list(band) for band in diagnosis.leftover.bands_Hz],
-            "chi2_per_dof": number(diagnosis.leftover.chi2_per_dof),
-        },
+        "leftover": msgspec.to_builtins(diagnosis.leftover) | {"chi2_per_dof": number(diagnosis.leftover.chi2_per_dof)},
         "says": list(diagnosis.says),
         "seconds": diagnosis.seconds,
     }
@@ -78,11 +75,8 @@ def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
         console.print("May be there unseen, because the constants absorb it:", highlight=False)
         console.print(_open_table(found["not_decidable"]))
     before, after = found["baseline"], found["final"]
-    console.print(
-        f"chi2/dof {_fall(before, after, 'chi2_per_dof')}, on bands that took no part in the fit "
-        f"{_fall(before, after, 'held_out')}; {found['seconds']:.1f} s",
-        highlight=False,
-    )
+    held = f", on bands that took no part in the fit {_fall(before, after, 'held_out')}" if after["held_out"] else ""
+    console.print(f"chi2/dof {_fall(before, after, 'chi2_per_dof')}{held}; {found['seconds']:.1f} s", highlight=False)
 
 
 def print_constants(console: Console, diagnosis: Diagnosis) -> None:
@@ -95,8 +89,8 @@ def print_constants(console: Console, diagnosis: Diagnosis) -> None:
     for name, after in diagnosis.final.constants.items():
         before = diagnosis.baseline.constants.get(name)
         if after.free:
-            shown = [one for one in ((before, after) if found else (after,)) if one is not None]
-            values = (complex_with_uncertainty(one.re, one.im, one.u_re, one.u_im) for one in shown)
+            sides = (before, after) if found else (after,)
+            values = (complex_with_uncertainty(one.re, one.im, one.u_re, one.u_im) if one else "" for one in sides)
             table.add_row(name, *values, after.unit)
     console.print(table)
     for sentence in diagnosis.says[1 + len(diagnosis.findings) :]:

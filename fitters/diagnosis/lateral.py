@@ -5,7 +5,7 @@ model is right to the noise. So the whole disk is fitted anew, all ten constants
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,9 +94,19 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
 
 
 def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
-    """Return the curves after: those in two dimensions, and of all other steps those of the null fit."""
-    steps = {curve.step for curve in finite.result.curves}
-    return (*finite.result.curves, *(curve for curve in of_null if curve.step not in steps))
+    """Return the curves after, one for each before: beyond the reach of the two dimensions they stay as they were."""
+    left = list(finite.result.curves)
+    made: list[Curve] = []
+    for curve in of_null:
+        own = next((one for one in left if one.step == curve.step and set(one.frequency) <= set(curve.frequency)), None)
+        if own is None:
+            made.append(curve)
+            continue
+        left = [one for one in left if one is not own]
+        fitted = curve.fitted.copy()
+        fitted[np.isin(curve.frequency, own.frequency)] = own.fitted
+        made.append(replace(curve, fitted=fitted))
+    return tuple(made)
 
 
 def _sizes(result: FitResult, layer: str) -> dict[str, Size]:
