@@ -8,13 +8,14 @@ from importlib.metadata import version
 from typing import Any
 
 from ..fitters.interface import FitResult
-from ..models.build import Build, Quantity
+from ..models.build import Build
 from . import report_pictures as draw
 from .frames import to_json
 from .numbers import complex_with_uncertainty
 from .report_diagnosis import diagnosed
 from .report_table import table
 from .reported import SampleRecord, StepRecord
+from .tolerance import deviation
 
 DERIVED_SHOWN = ("kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay")
 """What is derived from the constants and asked for."""
@@ -63,7 +64,7 @@ def constants(fit: FitResult, build: Build) -> str:
         nominal = sheet.get(name)
         value = complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im)
         said = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
-        percent, classed = _deviation(c.re, c.u_re, nominal, c.free)
+        percent, classed = deviation(c.re, c.u_re, nominal, c.free)
         rows.append((name, value, c.unit, said, percent, nominal.source if nominal else ""))
         classes.append(classed)
     for name, c in fit.derived.items():
@@ -72,20 +73,6 @@ def constants(fit: FitResult, build: Build) -> str:
         rows.append((name, complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
         classes.append("held")
     return table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
-
-
-def _deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) -> tuple[str, str]:
-    """Return the deviation in words, and the class of its row: within, beyond 1 or beyond 2 uncertainties."""
-    if not free:
-        return "held", "held"
-    if nominal is None or not nominal.re:
-        return "", ""
-    percent = f"{100 * (re / nominal.re - 1):+.1f} %"
-    both = ((u or 0.0) ** 2 + nominal.u**2) ** 0.5
-    if not both:
-        return percent, ""
-    far = abs(re - nominal.re) / both
-    return f"{percent} ({far:.1f} u)", "far" if far > 2 else "off" if far > 1 else "near"
 
 
 def budget(fit: FitResult) -> str:
