@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from ...models.build import Build
 from ...models.effects import Device, Effect, Knob
-from ..assembly import coordinates_of, priors_of
+from ..assembly import coordinates_of, nominal_parameters, priors_of
 from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
 from ..objective import Objective, Prior, Recording
 from .conditions import as_devices
 
+_THIN = 1e-2
+"""Part of a layer's nominal thickness from which a fit can still go either way."""
 _LEAST = 1e-5
 """Part of a typical size that a fit can still be at home with."""
 
@@ -83,7 +85,13 @@ class Problem:
         return cls(solution.build, recordings, priors_of(solution.build, steps), values, free)
 
     def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
-        """Return the coordinates of a fit with these effects, starting at `values`."""
+        """Return the coordinates of a fit with these effects, starting at `values`.
+
+        A layer that a wrong model has made vanish starts again from next to nothing: from 1e-100 m no fit comes back.
+        """
+        nominal = nominal_parameters(self.build)
+        thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}
+        values = {**values, **{name: max(values[name], least) for name, least in thin.items()}}
         base = coordinates_of(self.build, self.steps, values, self.free)
         blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
         names = [name for effect in effects for name in effect.parameters]
