@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,9 @@ def test_a_deciding_measurement_is_kept_and_is_no_record_of_its_step(start_daemo
             lab.begin(build, "ml1", decides=own)
 
 
-def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(start_daemon, tmp_path: Path) -> None:
+def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
+    start_daemon, tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]
+) -> None:
     start_daemon(names=("mason",), simulator={"hidden": {"drive-nonlinearity": 200.0}, "jig": "ideal"})
     (tmp_path / "S1.toml").write_text(BUILD)
     build = read_build(tmp_path / "S1.toml")
@@ -136,7 +139,8 @@ def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(start_daemo
         lab.bench({"command": "hidden", "drive-nonlinearity": 0.0})
         sound = lab.measure(build, "disk").id
         lab.wait_fit("mason", sound)
-        assert lab.metrics().errands == 0
+        wait_until(lambda: lab.metrics().errands == 0)
+        assert not [heard for heard in lab.fits(sound) if isinstance(heard.event, DiagnosisEvent)]
     archive = open_journal()
     page = report_html(sample_record(archive, one))
     archive.close()
