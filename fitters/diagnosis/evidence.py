@@ -57,7 +57,7 @@ def freedom(found: Refit) -> float:
 def _possible(value: float, knob: Knob, size: bool) -> float:
     """Return the width of what a knob may be, in its unit: of a size, on a logarithmic scale around what it is."""
     away = abs(value - knob.null)
-    if size or knob.lower == knob.null == 0:
+    if size or knob.from_nothing:
         return away * _DECADES
     width = knob.upper - knob.lower
     if knob.lower > 0:

@@ -119,7 +119,7 @@ class Problem:
 
 
 def _block(name: str, knob: Knob, start: float, first: bool) -> Block:
-    if knob.lower == knob.null == 0:
+    if knob.from_nothing:
         # of the size it starts from, so that small ones are found as well as typical ones
         return hardly_negative(
             name, float(np.clip(start, _LEAST * knob.typical, knob.typical)) if start > 0 else knob.typical

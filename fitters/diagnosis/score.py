@@ -60,7 +60,7 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
     first, size = candidate.knobs[0], float(np.sqrt(np.mean(G[:, 0] ** 2)))
     norm = float(np.linalg.norm(outside[:, 0]))
     step = float(outside[:, 0] @ -r) / norm**2 if norm > 0 else 0.0
-    if _is_size(first):
+    if first.from_nothing:
         step = max(step, 0.0)
     gain = step**2 * norm**2
     if G.shape[1] > 1:
@@ -68,7 +68,7 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
         gain = max(gain, fall)
         others = list(enumerate(candidate.knobs))[1:]
         step = float(together[0])
-        start |= {candidate.parameters[k]: float(together[k]) * knob.typical for k, knob in others if _is_size(knob)}
+        start |= {candidate.parameters[k]: float(together[k]) * knob.typical for k, knob in others if knob.from_nothing}
     return Score(
         candidate,
         gain=gain,
@@ -152,15 +152,11 @@ def _together(outside: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, f
     norms = np.linalg.norm(outside, axis=0)
     felt = norms > 1e-9 * max(float(np.max(norms)), 1e-300)
     Q, R = np.linalg.qr(outside[:, felt] / norms[felt])
-    lower = np.array([0.0 if _is_size(knob) else -np.inf for knob in knobs])[felt]
+    lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in knobs])[felt]
     found = lsq_linear(R, -(Q.T @ r), (lower, np.inf), method="bvls")
     step = np.zeros(len(knobs))
     step[felt] = found.x / norms[felt]
     return step, float(np.sum(r**2) - np.sum((r + outside @ step) ** 2))
-
-
-def _is_size(knob: Knob) -> bool:
-    return knob.lower == knob.null == 0
 
 
 def _knob_columns(problem: Problem, candidate: Candidate, values: dict[str, float], rows: int) -> Reals:

@@ -102,9 +102,7 @@ def is_there(found: Refit) -> bool:
     """
     coordinates, newest = found.objective.coordinates, found.effects[-1]
     sizes = [coordinates.free.index(name) for name, _ in newest.sizes]
-    shapes = {
-        one for one, knob in zip(newest.parameters, newest.knobs, strict=True) if not knob.lower == knob.null == 0
-    }
+    shapes = {one for one, knob in zip(newest.parameters, newest.knobs, strict=True) if not knob.from_nothing}
     J = found.objective.jacobian(found.descent.x)
     others = [k for k, name in enumerate(coordinates.free) if k not in sizes and name not in shapes]
     own = J[:, sizes] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, sizes], rcond=1e-12)[0]

@@ -53,6 +53,11 @@ class Knob:
     scan: tuple[float, ...] = ()
     """Values to start from where the effect is too far from linear in this knob to find them (a delay, a share)."""
 
+    @property
+    def from_nothing(self) -> bool:
+        """Whether it grows from nothing: it is never negative, and zero where there is none."""
+        return self.lower == self.null == 0
+
 
 class Effect(ABC):
     """One piece of physics, as a nested extension: with all knobs at null the model is the one without it."""
