@@ -42,6 +42,7 @@ class Search:
     tried: dict[frozenset[Candidate], tuple[Refit, ...]] = field(
         default_factory=dict[frozenset[Candidate], tuple[Refit, ...]]
     )
+    missed: dict[tuple[Refit, Candidate], Refit] = field(default_factory=dict[tuple[Refit, Candidate], Refit])
 
     def onward(self, current: Refit) -> tuple[Refit, ...]:
         """Return refits with one effect more than `current`, of a kind that is not there yet; the best first."""
@@ -49,6 +50,12 @@ class Search:
         if key not in self.tried:
             self.tried[key] = tuple(_try_all(self.problem, self.candidates, current))
         return self.tried[key]
+
+    def without(self, found: Refit, effect: Candidate) -> Refit:
+        """Return the fit with every effect of `found` but this one."""
+        if (found, effect) not in self.missed:
+            self.missed[found, effect] = without(self.problem, found, effect)
+        return self.missed[found, effect]
 
 
 def pursue(search: Search, null: Refit) -> Refit:
@@ -140,21 +147,21 @@ def without(problem: Problem, found: Refit, effect: Candidate) -> Refit:
     return polish(problem, refit(resoftened(problem, found), rest, found.values, None))
 
 
-def without_idle(problem: Problem, found: Refit) -> Refit:
+def without_idle(search: Search, found: Refit) -> Refit:
     """Return the refit without the effects whose absence is hardly felt once the others are there."""
     current = found
     for effect in found.effects:
         if len(current.effects) < 2:
             break
-        trial = without(problem, current, effect)
+        trial = search.without(current, effect)
         if gain(trial, current) < SIGNIFICANT:
             current = trial
     return current
 
 
-def weightiest(problem: Problem, found: Refit, most: int) -> Refit:
+def weightiest(search: Search, found: Refit, most: int) -> Refit:
     """Return the fit with at most so many effects, those left out that are felt least."""
     current = found
     while len(current.effects) > most:
-        current = min((without(problem, current, effect) for effect in current.effects), key=price)
+        current = min((search.without(current, effect) for effect in current.effects), key=price)
     return current

@@ -56,8 +56,8 @@ def diagnose(
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
     search = Search(problem, choice, progress)
-    found = better_instead(search, without_idle(problem, pursue(search, null)))
-    final = weightiest(problem, found, _MOST_NAMED)
+    found = better_instead(search, without_idle(search, pursue(search, null)))
+    final = weightiest(search, found, _MOST_NAMED)
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final.effects else held_before

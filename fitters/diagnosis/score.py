@@ -39,8 +39,6 @@ class Score:
     """Values of the other knobs at which the score was taken, by parameter."""
     shifts: Reals
     """What the free coordinates do, per unit of the first knob, where the effect is there and ignored."""
-    surviving: Reals
-    """The direction that survives, normalised; zero where nothing does."""
 
 
 def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals) -> list[Score]:
@@ -77,7 +75,6 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
         value=step * first.typical,
         start=start,
         shifts=np.asarray(np.linalg.lstsq(R, held[:, 0], rcond=None)[0], np.float64) / -first.typical,
-        surviving=outside[:, 0] / norm if norm > 0 else outside[:, 0],
     )
 
 

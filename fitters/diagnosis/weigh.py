@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .decide import Search, without
+from .decide import Search
 from .evidence import evidence_lost, gain
 from .findings import Alternative
 from .problem import Candidate
@@ -34,7 +34,7 @@ def weigh(search: Search, final: Refit) -> list[Weighed]:
     """Return every effect of the final fit with its probability, the weightiest first."""
     found: list[Weighed] = []
     for candidate in final.effects:
-        rest = without(search.problem, final, candidate)
+        rest = search.without(final, candidate)
         rivals = _instead(search, rest, candidate)[:_RIVALS]
         odds = [float(np.exp(-0.5 * min(max(evidence_lost(one, final), -_DECIDED), 1400.0))) for one in rivals]
         total = 1.0 + sum(odds)
@@ -52,7 +52,7 @@ def better_instead(search: Search, final: Refit) -> Refit:
     """Return the final fit with look-alikes in the place of effects wherever the evidence is for them."""
     current = final
     for candidate in final.effects:
-        rivals = _instead(search, without(search.problem, current, candidate), candidate)
+        rivals = _instead(search, search.without(current, candidate), candidate)
         for rival in rivals:
             if evidence_lost(rival, current) < 0:
                 current = rival
