@@ -4,6 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -131,4 +132,7 @@ def _draw(rows: Sequence[tuple[int, float, float]], path: Path) -> None:
 
 if __name__ == "__main__":
     where, expected, *words = sys.argv[1:]
-    print(json.dumps({"page": str(write_page(Path(where), expected, " ".join(words)))}))
+    told = {"page": str(write_page(Path(where), expected, " ".join(words)))}
+    reached = figures(read_judged(Path(where), expected))
+    plain = [asdict(row) | {"value": None if math.isnan(row.value) else row.value} for row in reached]
+    print(json.dumps(told | {"figures": plain}))

@@ -1,5 +1,6 @@
 """`pzctl compensate`: measure what the fixture adds, step by step, and keep it."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
@@ -24,6 +25,7 @@ def compensate(
     ] = None,
     adapter: Annotated[str, typer.Option(help="OFF (none), M1, M2, APC7 or PROBE.")] = "OFF",
     apply: Annotated[bool, typer.Option("--apply", help="Give the instrument what FILE holds.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Measure the fixture open, shorted and, where wanted, with a load; every later sweep is corrected by it.
 
@@ -47,6 +49,10 @@ def compensate(
         else:
             stored = _measured(analyzer, wanted, adapter, screen)
             compensation_file.save(file, stored)
+    if as_json:
+        told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
+        print(json.dumps(told | {"measured": not apply}))
+        return
     held = ", ".join(stored.arrays)
     screen.print(
         f"{file}: {held}, taken {stored.taken}; the instrument corrects by it", highlight=False, soft_wrap=True

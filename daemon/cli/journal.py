@@ -40,6 +40,7 @@ def verify(
 def backup(
     target: Annotated[str, typer.Argument(help="A new folder, or the URL of a PostgreSQL database.")],
     station: Annotated[str | None, typer.Option(help="What a folder's journal is called in a database.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Copy the journal and verify the copy; a daemon may go on measuring meanwhile.
 
@@ -60,7 +61,9 @@ def backup(
     journal = open_journal()
     try:
         copied = copy_journal(journal, target if to_url else Path(target), called)
-        print(f"{copied} events copied to {without_password(target)} and verified")
+        where = without_password(target)
+        told = {"events": copied, "target": where}
+        print(json.dumps(told) if as_json else f"{copied} events copied to {where} and verified")
     finally:
         journal.close()
 
@@ -69,6 +72,7 @@ def backup(
 def prune(
     before: Annotated[str, typer.Option(help="Measurements before this day go: 2026-01-01 (UTC).")],
     backup_to: Annotated[Path, typer.Option("--backup", help="A new folder that all of it is copied to first.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Copy the journal, then remove its oldest measurements. No daemon may run meanwhile.
 
@@ -87,6 +91,8 @@ def prune(
         raise UsageError(f"--before {before}: a day is needed, such as 2026-01-01") from None
     keeper = Keeper(journal_folder(home()), *journal_of(settings({})))
     try:
-        print(f"{keeper.prune(day.isoformat(), backup_to)} events removed; all that was is in {backup_to}")
+        removed = keeper.prune(day.isoformat(), backup_to)
+        told = {"removed": removed, "backup": str(backup_to)}
+        print(json.dumps(told) if as_json else f"{removed} events removed; all that was is in {backup_to}")
     finally:
         keeper.close()

@@ -10,7 +10,9 @@ app = typer.Typer(no_args_is_help=True, help="Keys of those who may reach the da
 
 
 @app.command("server")
-def server() -> None:
+def server(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
     """Make the daemon's own key, once.
 
     Example: pzctl keys server
@@ -18,7 +20,8 @@ def server() -> None:
     from ..keys import make_server
     from ..paths import home, keys_folder
 
-    print(f"the daemon's public key: {make_server(keys_folder(home())).public}")
+    public = make_server(keys_folder(home())).public
+    print(json.dumps({"public": public}) if as_json else f"the daemon's public key: {public}")
 
 
 @app.command("client")
@@ -26,6 +29,7 @@ def client(
     name: Annotated[str, typer.Argument(help="Whose key it is.")],
     right: Annotated[str, typer.Option(help="watch, measure, bench or admin; each includes those before.")] = "watch",
     out: Annotated[Path | None, typer.Option(help="File for the client to keep; NAME.key unless given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Let a client in, and write the key that it needs.
 
@@ -43,8 +47,12 @@ def client(
     path = out or Path(f"{name}.key")
     if path.exists():
         raise UsageError(f"--out {path}: this file is there already")
-    write_secret(path, to_json(make_client(keys_folder(home()), name, found)))
-    print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
+    key = make_client(keys_folder(home()), name, found)
+    write_secret(path, to_json(key))
+    if as_json:
+        print(json.dumps({"name": name, "right": right, "file": str(path)}))
+    else:
+        print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
 
 
 @app.command("list")
@@ -67,7 +75,10 @@ def show(
 
 
 @app.command("revoke")
-def revoke(name: Annotated[str, typer.Argument(help="Whose key no longer counts.")]) -> None:
+def revoke(
+    name: Annotated[str, typer.Argument(help="Whose key no longer counts.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
     """Bar a client, at once; a running daemon need not be told.
 
     Example: pzctl keys revoke ana
@@ -76,3 +87,4 @@ def revoke(name: Annotated[str, typer.Argument(help="Whose key no longer counts.
     from ..paths import home, keys_folder
 
     bar(keys_folder(home()), name)
+    print(json.dumps({"name": name, "revoked": True}) if as_json else f"{name} no longer comes in")

@@ -1,5 +1,6 @@
 """`pzctl new`: a build.toml by asking."""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,15 +25,17 @@ class NotWritten(PzctlError):
 
 def new(
     out: Annotated[Path, typer.Argument(help="The file to write.")] = Path("build.toml"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write a commented build.toml by asking a few questions; nominal values stand in it with their sources.
 
-    An existing file is never overwritten. Exit status: 0 written, 2 not.
+    Questions go to standard error. An existing file is never overwritten. Exit status: 0 written, 2 not.
 
     Example: pzctl new S4.toml
     """
     from ..buildfile import parse_build
     from ..newbuild import NewBuild, build_text
+    from ..terminal import console
 
     if out.exists():
         raise NotWritten(f"{out}: this file is there already; name another one")
@@ -41,13 +44,17 @@ def new(
     layers = _layers()
     back, front = (_ask_material(f"What the {face} face rests on", "air", ("z",)) for face in ("back", "front"))
     text = build_text(NewBuild(name, diameter, tuple(layers), back, front))
-    parse_build(text, str(out))  # what is written can be read
+    known = parse_build(text, str(out))  # what is written can be read
     try:
         with out.open("x", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
         raise NotWritten(f"{out}: cannot be written: {error.strerror or error}") from None
-    typer.echo(f"written: {out}; measure with: pzctl measure --build {out} --fit", err=True)
+    if as_json:
+        print(json.dumps({"file": str(out), "build": known.name, "steps": [step.name for step in known.steps]}))
+    else:
+        says = f"written: {out}; measure with: pzctl measure --build {out} --fit"
+        console(stderr=True).print(says, highlight=False, soft_wrap=True, markup=False)
 
 
 def _layers() -> "list[NewLayer]":

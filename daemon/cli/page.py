@@ -1,5 +1,6 @@
 """`pzctl page`: the live page in a browser."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ def page(
     port: Annotated[int, typer.Option(help="Port to listen on.")] = 8294,
     token: Annotated[str | None, typer.Option(help="Token that lets one in; made up where one is needed.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource, where a daemon has to be started.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the address as one JSON object, then serve.")] = False,
 ) -> None:
     """Serve the live page: sweeps as they arrive, fits, the stack, and the buttons beside the press. Until Ctrl-C.
 
@@ -36,5 +38,6 @@ def page(
     if token is None and not is_loopback(host):
         token = new_token()
     end = f"/?token={token}" if token else "/"
-    screen.print(f"page: http://{host}:{port}{end}", highlight=False, soft_wrap=True, markup=False)
+    address = f"http://{host}:{port}{end}"
+    print(json.dumps({"page": address}) if as_json else f"page: {address}", flush=True)
     serve(known, host, port, token)

@@ -28,6 +28,7 @@ def prove(
     seed: Annotated[int, typer.Option(min=0, help="Which cases; from 1000 to 1999 never used for developing.")] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
     out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Prove the diagnosis on concealed cases: make them, publish the hash of their truth, diagnose, score.
 
@@ -37,7 +38,7 @@ def prove(
 
     if (out / "truth.json").exists():
         raise ProveError(f"{out}: there is a proof already; --out names another folder")
-    screen = console()
+    screen = console(stderr=as_json)
     # Another process makes them and a third one scores: what diagnoses has never seen a truth.
     published = _child("pzctl.sim.concealed", out, seed, count, jobs).strip()
     screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)
@@ -45,9 +46,13 @@ def prove(
     answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs, out / "answers.json")
     part = "Sealed part, never used while the diagnosis was developed" if seed in _SEALED else "Development cases"
     title = f"{part}: seed {seed}, {_commit()}."
-    page = Path(json.loads(_child("pzctl.daemon.proofpage", out, published, title))["page"])
-    screen.print(page.read_text(), markup=False, highlight=False, soft_wrap=True)
-    screen.print(f"{len(answers)} cases in {time.perf_counter() - began:.0f} s; page: {page}", highlight=False)
+    told = json.loads(_child("pzctl.daemon.proofpage", out, published, title))
+    seconds = time.perf_counter() - began
+    if as_json:
+        print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))
+        return
+    screen.print(Path(told["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
+    screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {told['page']}", highlight=False)
 
 
 def _commit() -> str:
@@ -72,6 +77,8 @@ def _child(module: str, *words: object) -> str:
 
 def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
     """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
+    from ..terminal import console
+
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     answers: dict[str, Any] = {}
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
@@ -81,7 +88,8 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
             answers[name] = done.result()
             found = [one["effect"] for one in answers[name].get("findings", [])]
             kept.write_text(json.dumps(dict(sorted(answers.items()))))
-            print(f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}", file=sys.stderr)
+            says = f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}"
+            console(stderr=True).print(says, markup=False, highlight=False, soft_wrap=True)
     return answers
 
 

@@ -1,5 +1,6 @@
 """`pzctl screenshot`: a file that the instrument makes of what it shows."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +20,7 @@ def screenshot(
     resource: Annotated[
         str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Fetch the instrument's screen, or the sweep on it in the instrument's own formats, as people left it there.
 
@@ -37,4 +39,7 @@ def screenshot(
         file.write_bytes(data)
     except OSError as error:
         raise InstrumentError(f"{file}: it cannot be written: {error.strerror}") from None
-    console(stderr=True).print(f"{file}: {len(data)} bytes", highlight=False, soft_wrap=True)
+    if as_json:
+        print(json.dumps({"file": str(file), "kind": kind, "bytes": len(data)}))
+    else:
+        console(stderr=True).print(f"{file}: {len(data)} bytes", highlight=False, soft_wrap=True)

@@ -133,17 +133,17 @@ def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
         patch.setenv("PZCTL_HOME", str(home))
         start(Options(fitters=("mason",), simulator={"time_scale": time_scale}))
         command = [Path(sys.executable).with_name("pzctl"), "page", "--port", str(port)]
-        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        assert server.stderr is not None
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert server.stdout is not None
         try:
-            assert f"page: http://127.0.0.1:{port}/" in server.stderr.readline()
+            assert f"page: http://127.0.0.1:{port}/" in server.stdout.readline()
             while not _listens(port):  # just after it said where
                 time.sleep(0.1)
             yield f"http://127.0.0.1:{port}/"
         finally:
             server.terminate()
             server.wait(20)
-            server.stderr.close()
+            server.stdout.close()
             with connect() as lab:
                 lab.shutdown()
 

@@ -51,6 +51,13 @@ def end(process: "subprocess.Popen[bytes]", status: int = 0) -> str:
     return text
 
 
+def told(process: "subprocess.Popen[bytes]") -> dict[str, Any]:
+    """What a command with --json says, where nothing else is said."""
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, b"")
+    return json.loads(out)
+
+
 def read_until(process: "subprocess.Popen[bytes]", words: bytes) -> None:
     """Read what the command says until it says `words`."""
     heard = b""
@@ -93,7 +100,8 @@ def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(sim: S
         analyzer.sendall(b"COMSTA OFF;COMSTB OFF;COMSTB?\n")
         assert replies.readline().strip() == "0"
     assert error_of(sim) > 0.1
-    end(start(tmp_path, *words, "--apply"))
+    given_back = told(start(tmp_path, *words, "--apply", "--json"))
+    assert (given_back["standards"], given_back["measured"]) == (["open", "short"], False)
     assert error_of(sim) == pytest.approx(compensated, rel=1e-3)
 
 
@@ -123,6 +131,8 @@ def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path) -
     for name, begins in (("s.tif", (b"II*", b"MM\0*")), ("s.txt", (b"4294A REV",)), ("s.s1p", (b"!", b"#"))):
         assert f"{name}: " in end(start(tmp_path, "screenshot", name, "--resource", sim.resource))
         assert (tmp_path / name).read_bytes().startswith(begins), name
+    seen = told(start(tmp_path, "screenshot", "t.tif", "--resource", sim.resource, "--json"))
+    assert seen == {"file": "t.tif", "kind": "screen", "bytes": (tmp_path / "t.tif").stat().st_size}
     refused = end(start(tmp_path, "screenshot", "s.png", "--resource", sim.resource), 2)
     assert "s.png: the name ends with '.png'; allowed are .tif, .txt, .dat, .s1p" in refused
 

@@ -155,8 +155,12 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in tmp_path.rglob("*") if path.is_file())
     assert keys("list").split("\t")[:2] == ["ana", "measure"]
     assert "'bob' is not known; there are ana" in keys("revoke", "bob")
-    assert keys("revoke", "ana") == ""
+    assert keys("revoke", "ana") == "ana no longer comes in\n"
     assert keys("list") == ""
+    assert json.loads(keys("client", "eve", "--json")) == {"name": "eve", "right": "watch", "file": "eve.key"}
+    assert json.loads(keys("revoke", "eve", "--json")) == {"name": "eve", "revoked": True}
+    (tmp_path / "keys" / "server.json").unlink()
+    assert json.loads(keys("server", "--json"))["public"]
 
 
 def test_a_key_that_others_may_read_is_refused(key_of, tmp_path: Path) -> None:

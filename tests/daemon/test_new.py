@@ -1,5 +1,8 @@
 """`pzctl new` as a person answers it; what it writes is what `pzctl measure` reads."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,7 +10,6 @@ from typer.testing import CliRunner, Result
 
 from pzctl.daemon.buildfile import read_build
 from pzctl.daemon.cli import app
-from pzctl.models.errors import PzctlError
 from pzctl.models.materials import MATERIALS
 
 
@@ -44,11 +46,11 @@ def test_wrong_answers_are_asked_again(tmp_path: Path) -> None:
     assert [layer.material for layer in read_build(tmp_path / "b.toml").layers] == ["Pz27"]
 
 
-def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
-    (tmp_path / "b.toml").write_text("mine")
-    done = answer(tmp_path / "b.toml")
-    assert isinstance(done.exception, PzctlError)
-    assert (tmp_path / "b.toml").read_text() == "mine"
+def test_as_json_nothing_else_is_on_standard_output(tmp_path: Path) -> None:
+    answers = "\n".join(("S1", "16", "Pz27", "0.5", "0.001", "n", "air", "air"))
+    words = [Path(sys.executable).with_name("pzctl"), "new", tmp_path / "b.toml", "--json"]
+    done = subprocess.run(words, input=answers, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == {"file": str(tmp_path / "b.toml"), "build": "S1", "steps": ["disk"]}
 
 
 @pytest.mark.parametrize("material", [one.name for one in MATERIALS if "c33D" in one.values])

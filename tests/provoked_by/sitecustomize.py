@@ -1,8 +1,9 @@
-"""A pytest plugin that writes down every sentence a test provokes; `make errors` makes docs/errors.md of them.
+"""Every Python that finds this file writes down the sentences that tests provoke in it: `make errors`.
 
-PZCTL_PROVOKED=file.jsonl PYTHONPATH=tests pytest -p provoked
+PZCTL_PROVOKED=file.jsonl PYTHONPATH=tests/provoked_by pytest
 """
 
+import contextlib
 import json
 import os
 import re
@@ -10,14 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pzctl.models.errors import PzctlError
-
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 OF_THIS_MACHINE = re.compile(r"(/[\w.-]+)*/pytest-of-\w+/[\w./-]*?/(?=[\w.-]+\b)")
 _seen: set[tuple[str, int]] = set()
 
 
-def _noted(error: PzctlError, *words: Any) -> None:
+def _noted(error: Exception, *words: Any) -> None:
     Exception.__init__(error, *words)
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_name == "__init__":
@@ -39,4 +38,8 @@ def _noted(error: PzctlError, *words: Any) -> None:
         file.write(json.dumps(row) + "\n")
 
 
-PzctlError.__init__ = _noted  # type: ignore[assignment]
+if "PZCTL_PROVOKED" in os.environ:
+    with contextlib.suppress(ImportError):  # a Python without pzctl has nothing to say
+        from pzctl.models.errors import PzctlError
+
+        PzctlError.__init__ = _noted  # type: ignore[method-assign, assignment]
