@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 from pzctl.daemon.buildfile import read_build
 from pzctl.daemon.cli import app
+from pzctl.models.errors import PzctlError
 from pzctl.models.materials import MATERIALS
 
 
@@ -51,6 +52,13 @@ def test_as_json_nothing_else_is_on_standard_output(tmp_path: Path) -> None:
     words = [Path(sys.executable).with_name("pzctl"), "new", tmp_path / "b.toml", "--json"]
     done = subprocess.run(words, input=answers, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == {"file": str(tmp_path / "b.toml"), "build": "S1", "steps": ["disk"]}
+
+
+def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
+    (tmp_path / "b.toml").write_text("mine")
+    done = answer(tmp_path / "b.toml")
+    assert isinstance(done.exception, PzctlError)
+    assert (tmp_path / "b.toml").read_text() == "mine"
 
 
 @pytest.mark.parametrize("material", [one.name for one in MATERIALS if "c33D" in one.values])
