@@ -27,6 +27,7 @@ from .covariance import estimate
 from .descent import Descent, descend, softened
 from .disk2d_cache import reduced_disk
 from .disk2d_coordinates import COORDINATES, tensor_block
+from .disk2d_known import undetermined
 from .disk2d_predict import predictions, sentence
 from .disk2d_search import searched
 from .disk2d_start import starts, tensor_priors
@@ -42,8 +43,6 @@ _CHECKED = 12
 # Frequencies at which the reduced model is checked against its full equations.
 _PREDICTED = 0.87
 # Part of the model's highest frequency up to which modes are told: 1.3 times the thickness resonance.
-_TOLD = 0.5
-# A constant counts as determined where the recording halves the uncertainty there was before it.
 
 
 class Disk2DFitter:
@@ -90,7 +89,7 @@ def finite_disk(
         f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
         f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
-        *_undetermined(descent, layer),
+        *undetermined(descent, layer),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
     answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
@@ -219,21 +218,3 @@ def _model(disk: BareDisk, reduced: ReducedDisk) -> Disk2D:
     tensor = _tensor_of(starts(disk)[0], layer)
     law = CausalConstantQ(_reference(disk))
     return Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced, law)
-
-
-def _undetermined(descent: Descent, layer: str) -> Sequence[str]:
-    """Return what the recording does not tell: constants whose uncertainty is still what it was before."""
-    result = estimate(descent)
-    objective = descent.objective
-    before = {prior.parameter: prior for prior in objective.priors}
-    values, _ = objective.coordinates.forward(descent.x)
-    spread = np.sqrt(np.maximum(np.diag(result.covariance), 0.0)).tolist()
-    u = dict(zip(objective.coordinates.parameters, spread, strict=True))
-    held = [f"{name}'" for name in CONSTANTS if u[f"{layer}.{name}.re"] > _TOLD * before[f"{layer}.{name}.re"].u]
-    held += [f"{name}''" for name in CONSTANTS if u[f"{layer}.{name}.im"] > _TOLD * abs(values[f"{layer}.{name}.im"])]
-    if not held:
-        return ()
-    return (
-        f"This recording does not determine {', '.join(held)}: what stands there is what PZT in general lets expect, "
-        "with that uncertainty.",
-    )

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ..arrays import Reals
 from .line import Line, Matrix, Numbers
 
 CONSTANTS = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
@@ -76,26 +77,27 @@ def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True) -> Mat
     kept = (places[1:] if move_in_plane else places[:0], places[:, 1:], places[:, 1:-1])
     columns: list[Matrix] = []
     for field, free in enumerate(kept):
-        columns.append(_unit(free.ravel() + field * nr * nz, 3 * nr * nz))
+        columns.append(unit_columns(free.ravel() + field * nr * nz, 3 * nr * nz))
     volt = np.zeros((3 * nr * nz, 1))
     volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
     keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
-    blocks = _blocks(along_r, along_z)
+    blocks = blocks_of(along_r, along_z)
 
     def built(parts: Mapping[tuple[int, int], Matrix]) -> Matrix:
         grid = [[parts.get((i, k), sp.csr_array((nr * nz, nr * nz))) for k in range(3)] for i in range(3)]
         whole = sp.csr_array(sp.block_array(grid))
-        return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if _is_coupling(parts) else whole) @ keep)
+        return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if is_coupling(parts) else whole) @ keep)
 
     *terms, mass = (built(parts) for parts in blocks)
     return Matrices(tuple(terms), mass, kept[0].size + kept[1].size)
 
 
-def _is_coupling(parts: Mapping[tuple[int, int], Matrix]) -> bool:
+def is_coupling(parts: Mapping[tuple[int, int], Matrix]) -> bool:
+    """Return whether all blocks are of two fields."""
     return all(i != k for i, k in parts)
 
 
-def _unit(rows: Numbers, size: int) -> Matrix:
+def unit_columns(rows: Numbers, size: int) -> Matrix:
     """Return the columns of the unit matrix of `size` at `rows`."""
     return sp.csr_array(sp.coo_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(size, rows.size)))
 
@@ -103,8 +105,13 @@ def _unit(rows: Numbers, size: int) -> Matrix:
 _kron: Callable[[Matrix, Matrix], Matrix] = sp.kron
 
 
-def _blocks(along_r: Line, along_z: Line) -> list[dict[tuple[int, int], Matrix]]:
-    """Return the blocks, on and above the diagonal, of each of TERMS and the mass; fields 0 u_r, 1 u_z, 2 phi."""
+def blocks_of(
+    along_r: Line, along_z: Line, within: Callable[[Reals], Reals] = np.ones_like
+) -> list[dict[tuple[int, int], Matrix]]:
+    """Return the blocks, on and above the diagonal, of each of TERMS and the mass; fields 0 u_r, 1 u_z, 2 phi.
+
+    `within`: 1 where there is material along z, else 0.
+    """
 
     def over_r(first: int, second: int, power: int) -> Matrix:
         return along_r.integral(first, second, lambda x: x**power)
@@ -113,8 +120,8 @@ def _blocks(along_r: Line, along_z: Line) -> list[dict[tuple[int, int], Matrix]]
     F = over_r(1, 0, 0)  # u' u/r with weight r
     spread = over_r(1, 0, 1) + over_r(0, 0, 0)  # (u' + u/r) w
     G = over_r(0, 1, 1)  # u w'
-    Zm, Zd = along_z.integral(0, 0), along_z.integral(1, 1)
-    Zs, Zt = along_z.integral(0, 1), along_z.integral(1, 0)
+    Zm, Zd = along_z.integral(0, 0, within), along_z.integral(1, 1, within)
+    Zs, Zt = along_z.integral(0, 1, within), along_z.integral(1, 0, within)
 
     def product(r: Matrix, z: Matrix) -> Matrix:
         return _kron(r, z)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pzctl.fitters.disk2d import Disk2DFitter
-from pzctl.fitters.disk2d_cache import reduced_disk
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.models.causal import continued
 from pzctl.models.disk2d.capacitance import capacitance, slopes
 from pzctl.models.disk2d.error import estimate
 from pzctl.models.disk2d.full import FullDisk, Shape
@@ -19,6 +19,8 @@ from pzctl.models.passivity import is_passive
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 from pzctl.models.tensor import Tensor6mm
+
+from ..disk_skfem import SkfemDisk
 
 pytestmark = pytest.mark.timeout(3600)
 DENSITY, THICKNESS = 7700.0, 2e-3
@@ -80,11 +82,22 @@ def build(diameter, nominal):
     return Build("D", area, (layer,), air, air, (Step("disk", ("disk",)),), Quantity(diameter))
 
 
-def test_what_comes_back_of_twenty_random_ceramics():
-    """D/t 8 to 20, noise 0.02 %, starts up to 15 % wrong; radial and thickness bands."""
+def deviations(result, truth):
+    """Return how far each real and imaginary part is from the truth, in its uncertainties."""
+    made = {}
+    for name in CONSTANTS:
+        found, true = result.constants[f"disk.{name}"], complex(getattr(truth, name))
+        made[f"{name}'"] = abs(found.re - true.real) / found.u_re
+        made[f"{name}''"] = abs(found.im - true.imag) / found.u_im
+    return made
+
+
+@pytest.mark.parametrize("bands", ["radial and thickness", "thickness"])
+def test_what_comes_back_of_twenty_random_ceramics(bands):
+    """D/t 8 to 20, noise 0.02 %, starts up to 15 % wrong; curves by scikit-fem: nothing of the fitter is in them."""
     rng = np.random.default_rng(11)
-    within, silent, seconds, missed = dict.fromkeys(CONSTANTS, 0), [], [], []
-    told = dict.fromkeys(CONSTANTS, 0)
+    within, told = dict.fromkeys(CONSTANTS, 0), dict.fromkeys(CONSTANTS, 0)
+    silent, seconds, missed, beyond, unsaid = [], [], [], 0, []
     for k in range(20):
         truth = lossy(rng)
         ratio = float(rng.choice([8, 10, 12.5, 16, 20]))
@@ -93,29 +106,37 @@ def test_what_comes_back_of_twenty_random_ceramics():
         factors = np.where(np.arange(10) < 5, s, np.where(np.arange(10) < 8, np.sqrt(s * e), e))
         nominal = Tensor6mm(*(factors * np.array([getattr(truth, name) for name in CONSTANTS])))
         diameter = ratio * THICKNESS
-        _, reduced = reduced_disk(ratio, lambda _: None)
         fp, fr = truth.thickness.speed(DENSITY).real / (2 * THICKNESS), 2900 * 2.07 / (np.pi * diameter)
-        f = np.concatenate([np.linspace(0.7 * fr, 3 * fr, 401), np.linspace(0.8 * fp, 1.15 * fp, 401)])
+        f = np.linspace(0.8 * fp, 1.15 * fp, 201)
+        if bands != "thickness":
+            f = np.concatenate([np.linspace(0.7 * fr, 3 * fr, 201), f])
         law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
-        area = np.pi * diameter**2 / 4
-        Z = Disk2D("disk", truth, area, THICKNESS, DENSITY, reduced, law).impedance(f)
+        over = np.array([continued(law, getattr(truth, name), f)[0] for name in CONSTANTS]).T
+        Z = 1 / (2j * np.pi * f * SkfemDisk(diameter / 2, THICKNESS, 3).capacitance(over, DENSITY, f))
         noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
         result = Disk2DFitter().fit(FitTask(build(diameter, nominal), {"disk": (Sweep(f, Z * np.exp(noise)),)}))
         seconds.append(result.seconds)
-        worst = 0.0
+        off = deviations(result, truth)
+        beyond += sum(value > 3 for value in off.values())
         for name in CONSTANTS:
-            found, true = result.constants[f"disk.{name}"], complex(getattr(truth, name))
-            off = max(abs(found.re - true.real) / found.u_re, abs(found.im - true.imag) / found.u_im)
-            worst = max(worst, off)
-            within[name] += off < 3
-            told[name] += found.u_re < 0.02 * abs(true.real)
-        if worst > 3:
-            missed.append((k, ratio, round(worst, 1), result.rms_log_error))
-            if result.rms_log_error < 1e-3:
+            within[name] += max(off[f"{name}'"], off[f"{name}''"]) < 3
+            told[name] += result.constants[f"disk.{name}"].u_re < 0.02 * abs(getattr(truth, name).real)
+            vague = result.constants[f"disk.{name}"].u_re > 0.05 * abs(getattr(truth, name).real)
+            if vague and not any(f"disk.{name}" in sentence for sentence in result.says):
+                unsaid.append((k, name))
+        worst = max(off, key=off.get)
+        if off[worst] > 3:
+            missed.append((k, ratio, worst, round(off[worst], 1), float(f"{result.rms_log_error:.2g}")))
+            if off[worst] > 5 and result.rms_log_error < 1e-3:
                 silent.append(k)
         print(
-            f"\n{k}: D/t {ratio:g}, rms {result.rms_log_error:.2g}, worst {worst:.1f} sigma, {result.seconds:.0f} s",
+            f"\n{k}: D/t {ratio:g}, rms {result.rms_log_error:.2g}, worst {worst} {off[worst]:.1f} sigma, "
+            f"{result.seconds:.0f} s; " + " ".join(said for said in result.says if "determine" in said),
             end="",
+            flush=True,
         )
-    print(f"\nwithin 3 sigma of 20: {within}\nknown to 2 %: {told}\nmissed (disk, D/t, sigma, rms): {missed}")
-    print(f"seconds a fit: median {np.median(seconds):.0f}, at most {max(seconds):.0f}; silently wrong: {silent}")
+    print(f"\nwithin 3 sigma of 20: {within}\nknown to 2 %: {told}")
+    print(f"beyond 3 sigma: {beyond} of 400 numbers; worst of each disk (disk, D/t, number, sigma, rms): {missed}")
+    print(f"unknown to 5 % and not said: {unsaid}; silently wrong (5 sigma, rms 0.1 %): {silent}")
+    print(f"seconds a fit: median {np.median(seconds):.0f}, at most {max(seconds):.0f}")
+    assert not silent

@@ -20,6 +20,8 @@ from pzctl.models.materials import find
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 from pzctl.models.tensor import Tensor6mm
 
+from ..disk_skfem import SkfemDisk
+
 BERGEN = Tensor6mm(*(find("Pz27 Bergen").values[name].value for name in CONSTANTS))
 C = np.array([getattr(BERGEN, name) for name in CONSTANTS])
 DENSITY = 7700.0
@@ -172,6 +174,26 @@ def test_a_strong_form_solution_agrees(ratio, name):
     shape, f = Shape(ratio * 1e-3, 2e-3, DENSITY), np.array([0.05e6, 0.4e6, 0.9e6])
     other = strong_form(shape, constants, f, 31 if ratio < 8 else 41, 15)
     np.testing.assert_allclose(other / FullDisk.of(ratio).capacitance(shape, constants, f), 1, atol=2e-3)
+
+
+@pytest.mark.parametrize(("ratio", "name"), [(5, "Pz27 Bergen"), (10, "PIC255"), (20, "PZT-5A")])
+def test_a_general_finite_element_package_agrees(ratio, name):
+    constants = np.array([find(name).values[key].value for key in CONSTANTS])
+    shape = Shape(ratio * 1e-3, 2e-3, DENSITY)
+    f = np.array([0.05e6, 0.4e6, 0.9e6, 1.05e6, 1.2e6, 1.6e6])
+    other, own = SkfemDisk(shape.radius, shape.thickness, 3), FullDisk.of(ratio)
+    np.testing.assert_allclose(
+        other.capacitance(constants, DENSITY, f) / own.capacitance(shape, constants, f), 1, atol=2e-4
+    )
+    near = np.sqrt(Tensor6mm(*constants).radial.c11p.real / DENSITY) * 2.07 / (2 * np.pi * shape.radius)
+    places = [
+        brentq(lambda f, of=of: 1 / of(np.array([f]))[0].real, 0.9 * near, 1.02 * near, xtol=0.02)
+        for of in (
+            lambda f: other.capacitance(constants.real + 0j, DENSITY, f),
+            lambda f: own.capacitance(shape, constants.real + 0j, f),
+        )
+    ]
+    assert places[0] == pytest.approx(places[1], rel=1e-6)
 
 
 def test_a_finer_mesh_changes_nothing(five):
