@@ -3,22 +3,80 @@
 hand = of_sample("S4", step="ml1")
 hand.look(Choices(values={"glue1.thickness": 12e-6})).chi2_per_dof
 result, there = hand.fit(Choices(free=("disk.c33D", "glue1.thickness"), effects=(("lead-inductance", "terminals"),)))
+hand.keep(there, by="ana")          # fitted once more, and in the journal with her name
 """
+
+import hashlib
+from dataclasses import replace
+
+import msgspec
 
 from ..fitters.byhand import ByHand, Choices
 from ..fitters.interface import FitResult, FitTask
 from ..fitters.plugins import DEFAULT
+from ..models.errors import PzctlError
 from ..models.sweep import Sweep
 from .archive import Archive, Measurement
 from .client import fit_of
+from .frames import to_json
+from .paths import home
+from .refits import keeping
 from .reported import UnknownSampleError
 from .samples import open_journal
 from .wire import FitEvent, decode
 
-__all__ = ["ByHand", "Choices", "of_measurement", "of_sample"]
+__all__ = ["ByHand", "Choices", "InHand", "NobodyError", "of_measurement", "of_sample"]
+
+_LONGEST_NAME = 64
+_FEW = 6
+"""Constants that a sentence names one by one."""
 
 
-def of_sample(name: str, step: str | None = None) -> ByHand:
+class NobodyError(PzctlError):
+    """A fit by hand that is to be kept, and nobody who made it."""
+
+
+class InHand(ByHand):
+    """A measurement of the journal, taken in hand."""
+
+    measurement = ""
+    """Its id."""
+
+    def keep(self, choices: Choices, by: str) -> tuple[FitResult, Choices]:
+        """Fit with exactly these choices and write the result into the journal, with who made it and what was chosen.
+
+        Return what `fit` returns. The same fit by the same person is in the journal once. Raises NobodyError where
+        `by` names nobody, FitError, DaemonError, JournalError.
+        """
+        who = " ".join(by.split())
+        if not 0 < len(who) <= _LONGEST_NAME or not who.isprintable():
+            raise NobodyError(f"by: {by!r} names nobody; 1 to {_LONGEST_NAME} letters say who made the fit")
+        result, there = self.fit(choices)
+        result = _signed(result, choices, who)
+        sweeps = tuple(sweep.id for step in result.steps for sweep in self._sweeps[step])
+        with keeping(home()) as put:
+            put(self.measurement, sweeps, result)
+        return result, there
+
+
+def _signed(result: FitResult, choices: Choices, by: str) -> FitResult:
+    """Return the result with its maker and the choices in it; its version tells it from a fit with other choices."""
+    free = [name for name, one in result.constants.items() if one.free]
+    moved = ", ".join(free) if len(free) <= _FEW else f"{len(free)} constants"
+    chosen = {"by": by, **msgspec.to_builtins(choices)}
+    mark = hashlib.sha256(to_json(chosen)).hexdigest()[:12]
+    says = f"fitted by hand, by {by}; free: {moved}"
+    bands = [
+        f"{step} {', '.join(f'{low / 1e6:g} to {high / 1e6:g} MHz' for low, high in of_step) or 'left out'}"
+        for step, of_step in choices.bands.items()
+    ]
+    says += f"; bands: {', '.join(bands)}" if bands else ""
+    effects = [f"{name} at {where}" for name, where in choices.effects]
+    says += f"; with {', '.join(effects)}" if effects else ""
+    return replace(result, version=f"{result.version}+{mark}", says=(f"{says}.", *result.says), chosen=chosen)
+
+
+def of_sample(name: str, step: str | None = None) -> InHand:
     """Return the latest measurement of a sample's step in hand, with the steps before it; None: the latest step.
 
     Handles begin where the latest fit ended. Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
@@ -29,13 +87,14 @@ def of_sample(name: str, step: str | None = None) -> ByHand:
         chosen = [one for one in found if step in (None, one.sample.step)]
         if not chosen:
             there = ", ".join(dict.fromkeys(one.sample.step for one in found)) or "none"
-            raise UnknownSampleError(f"sample {name!r}: step {step!r} was not measured; measured: {there}")
+            asked = f"step {step!r} was not measured" if step else "it was not measured"
+            raise UnknownSampleError(f"sample {name!r}: {asked}; measured: {there}")
         return _in_hand(archive, chosen[-1])
     finally:
         archive.close()
 
 
-def of_measurement(measurement: str) -> ByHand:
+def of_measurement(measurement: str) -> InHand:
     """Return one measurement in hand, be it still running, with the latest of each step before it.
 
     Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
@@ -50,7 +109,7 @@ def of_measurement(measurement: str) -> ByHand:
         archive.close()
 
 
-def _in_hand(archive: Archive, one: Measurement) -> ByHand:
+def _in_hand(archive: Archive, one: Measurement) -> InHand:
     build = archive.build(one.id)
     names = [step.name for step in build.steps]
     sweeps: dict[str, tuple[Sweep, ...]] = {}
@@ -61,7 +120,9 @@ def _in_hand(archive: Archive, one: Measurement) -> ByHand:
             sweeps[step] = tuple(decode(event).sweep() for event in archive.sweeps(found))
             result = _fit(archive, found) or result
     task = FitTask(build, sweeps)
-    return ByHand.after(task, result) if result is not None else ByHand(task)
+    hand = InHand.after(task, result) if result is not None else InHand(task)
+    hand.measurement = one.id
+    return hand
 
 
 def _fit(archive: Archive, measurement: str) -> FitResult | None:

@@ -1,6 +1,9 @@
 """Numbers as the field writes them: 1.514(3)e11, with the uncertainty in the last digits."""
 
 import math
+import re
+
+_EXPONENT = re.compile(r"e(?:\+|(-))0*(\d+)")
 
 
 def with_uncertainty(value: float, u: float | None) -> str:
@@ -12,7 +15,7 @@ def with_uncertainty(value: float, u: float | None) -> str:
     if not math.isfinite(value):
         return "-"
     if u is None or u == 0 or not math.isfinite(u):
-        return f"{value:.6g}"
+        return _EXPONENT.sub(r"e\1\2", f"{value:.6g}")
     exponent = math.floor(math.log10(abs(value))) if value else 0
     exponent = max(exponent, math.floor(math.log10(u)))
     digits = _digits(u)

@@ -1,9 +1,12 @@
-"""Keeping what a batch found: each result goes into the journal, as if its fitter had answered the measurement."""
+"""Keeping what was found outside the daemon: a result goes into the journal, as if its fitter had answered there."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeAlias
 
 from ..fitters.batch import Outcome
+from ..fitters.interface import FitResult
 from .client import Client
 from .config import journal_of, settings
 from .journal import Journal
@@ -13,42 +16,48 @@ from .reports import curve_columns, report_of
 from .samples import Sample
 from .wire import FitEvent
 
+Put: TypeAlias = Callable[[str, Sequence[str], FitResult], None]
+"""Keeps a result; given the measurement's id, and those of the sweeps it is about."""
 
-def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> None:
-    """Hand in the results of `samples` to the daemon of this data folder, or write them down where none runs.
+
+@contextmanager
+def keeping(home: Path) -> Generator[Put]:
+    """Give a function that hands results to the daemon of this data folder, or writes them down where none runs.
 
     A result that the same version found before from the same sweeps is there already, and not written again. Raises
     DaemonError or JournalError.
     """
-    measurements = {sample.name: sample for sample in samples}
     where = find(home)
     if where is not None:
         with Client(where.events, where.requests, where.key) as client:
-            for outcome in outcomes:
-                _submit(client, measurements[outcome.sample], outcome)
+            yield lambda measurement, sweeps, result: client.submit(
+                measurement, sweeps, result.fitter, result.version, result
+            )
         return
     journal = Journal(journal_folder(home), *journal_of(settings({})))
     try:
-        for outcome in outcomes:
-            _write(journal, measurements[outcome.sample], outcome)
+        yield lambda measurement, sweeps, result: _write(journal, measurement, sweeps, result)
     finally:
         journal.close()
+
+
+def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> None:
+    """Keep the results of `samples`, each for its measurement. Raises DaemonError or JournalError."""
+    of = {sample.name: sample for sample in samples}
+    with keeping(home) as put:
+        for outcome in outcomes:
+            sample = of[outcome.sample]
+            if outcome.result is not None and sample.measurement is not None:
+                put(sample.measurement, _sweeps(sample), outcome.result)
 
 
 def _sweeps(sample: Sample) -> tuple[str, ...]:
     return tuple(sweep.id for of_step in sample.job.task.sweeps.values() for sweep in of_step) if sample.job else ()
 
 
-def _submit(client: Client, sample: Sample, outcome: Outcome) -> None:
-    result = outcome.result
-    if result is not None and sample.measurement is not None:
-        client.submit(sample.measurement, _sweeps(sample), result.fitter, result.version, result)
-
-
-def _write(journal: Journal, sample: Sample, outcome: Outcome) -> None:
-    known = journal.measurement(sample.measurement or "")
-    result = outcome.result
-    if result is None or known is None:
+def _write(journal: Journal, measurement: str, sweeps: Sequence[str], result: FitResult) -> None:
+    known = journal.measurement(measurement)
+    if known is None:
         return
     columns, payload = curve_columns(result.curves)
     event = FitEvent(
@@ -56,7 +65,7 @@ def _write(journal: Journal, sample: Sample, outcome: Outcome) -> None:
         sample=known.sample,
         fitter=result.fitter,
         version=result.version,
-        sweeps=_sweeps(sample),
+        sweeps=tuple(sweeps),
         report=report_of(result),
         curves=tuple(curve.step for curve in result.curves),
         columns=columns,

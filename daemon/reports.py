@@ -41,6 +41,8 @@ class FitReport(msgspec.Struct, frozen=True):
     says: tuple[str, ...] = ()
     budget: Budget | None = None
     """What makes up the uncertainties; None where the fitter does not tell."""
+    chosen: dict[str, Any] | None = None
+    """Of a fit by hand: `by`, `free`, `values`, `bands` (Hz), `effects`."""
 
 
 def report_of(result: FitResult) -> FitReport:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from ..models.arrays import Frequencies, Impedances
 from ..models.build import Build
@@ -129,6 +129,8 @@ class FitResult:
     """What a person must know to read the numbers, a sentence each."""
     curves: tuple[Curve, ...] = field(default=())
     budget: Budget | None = None
+    chosen: Mapping[str, Any] | None = None
+    """Of a fit by hand: who made it, and what was chosen; nothing else in a result comes from a person."""
 
 
 class Fitter(Protocol):

@@ -6,16 +6,18 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from multiprocessing import get_context
 from threading import Lock
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 
 from ...fitters.byhand import ByHand, Choices
 from ...fitters.interface import Curve
 from ...models.errors import PzctlError
-from ..byhand import of_measurement
+from ..byhand import InHand, of_measurement
 from ..samples import open_journal
 from .plain import fitted_json, numbers_json
+
+Work: TypeAlias = Literal["look", "fit", "keep"]
 
 PATIENCE = 120.0
 """Seconds that an answer may take."""
@@ -34,6 +36,8 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     values: dict[str, float] = {}
     bands: dict[str, tuple[tuple[float, float], ...]] = {}
     effects: tuple[tuple[str, str], ...] = ()
+    by: str = ""
+    """Who makes the fit, where it is to be kept."""
 
     @property
     def choices(self) -> Choices:
@@ -50,11 +54,15 @@ class Hands:
 
     def look(self, words: dict[str, Any]) -> dict[str, Any]:
         """Return handles, places of effects, and the model's curves of a wish. Raises HandError, FitError."""
-        return self._ask(words, fitting=False)
+        return self._ask(words, "look")
 
     def fit(self, words: dict[str, Any]) -> dict[str, Any]:
         """Return the fit of a wish, and the handles where it has brought them. Raises HandError, FitError."""
-        return self._ask(words, fitting=True)
+        return self._ask(words, "fit")
+
+    def keep(self, words: dict[str, Any]) -> dict[str, Any]:
+        """Fit once more and write it into the journal; return what `fit` returns. Raises PzctlError."""
+        return self._ask(words, "keep")
 
     def close(self) -> None:
         """End the process."""
@@ -63,7 +71,7 @@ class Hands:
         if pool is not None:
             _end(pool)
 
-    def _ask(self, words: dict[str, Any], *, fitting: bool) -> dict[str, Any]:
+    def _ask(self, words: dict[str, Any], work: Work) -> dict[str, Any]:
         try:
             wish = msgspec.convert(words, Wish)
         except msgspec.ValidationError as error:
@@ -71,7 +79,7 @@ class Hands:
         with self._lock:
             pool = self._pool = self._pool or _begun()
         try:
-            return pool.submit(_answer, wish, fitting).result(PATIENCE)
+            return pool.submit(_answer, wish, work).result(PATIENCE)
         except (BrokenProcessPool, TimeoutError):
             with self._lock:
                 self._pool = None if self._pool is pool else self._pool
@@ -98,7 +106,7 @@ def _polite() -> None:
         os.nice(_NICE)
 
 
-def _answer(wish: Wish, fitting: bool) -> dict[str, Any]:
+def _answer(wish: Wish, work: Work) -> dict[str, Any]:
     """Do the work, within the process."""
     journal = open_journal()
     try:
@@ -106,15 +114,15 @@ def _answer(wish: Wish, fitting: bool) -> dict[str, Any]:
     finally:
         journal.close()
     hand = _in_hand(wish.measurement, version)
-    if not fitting:
+    if work == "look":
         return _looked(hand, wish.choices)
-    result, there = hand.fit(wish.choices)
+    result, there = hand.keep(wish.choices, wish.by) if work == "keep" else hand.fit(wish.choices)
     made = fitted_json(result, hand.steps[-1])
     return _looked(hand, there) | {"fit": made}
 
 
 @lru_cache(4)
-def _in_hand(measurement: str, version: tuple[Any, ...]) -> ByHand:
+def _in_hand(measurement: str, version: tuple[Any, ...]) -> InHand:
     return of_measurement(measurement)
 
 

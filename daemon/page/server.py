@@ -62,6 +62,7 @@ def page_app(build: Build, token: str | None = None) -> Starlette:
         Route("/api/cancel", _answering(desk.cancel), methods=["POST"]),
         Route("/api/look", _answering(lambda words: JSONResponse(hands.look(words))), methods=["POST"]),
         Route("/api/fit", _answering(lambda words: JSONResponse(hands.fit(words))), methods=["POST"]),
+        Route("/api/keep", _answering(lambda words: JSONResponse(hands.keep(words))), methods=["POST"]),
         Route("/download/{measurement}/{segment:int}.csv", _answering(desk.download)),
         Route("/report/{name:path}", _answering(desk.report)),
         Route("/pdf/{name:path}", _answering(desk.pdf)),

@@ -93,6 +93,9 @@ class Browser:
         for kind in ("keyDown", "keyUp"):
             self._send("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code, **text)
 
+    def type(self, text: str) -> None:
+        self._send("Input.insertText", text=text)
+
     def picture(self, path: Path) -> int:
         """Take a picture of the whole page; return its size in bytes."""
         shot = self._send("Page.captureScreenshot", captureBeyondViewport=True)

@@ -5,10 +5,12 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.buildfile import read_build
-from pzctl.daemon.byhand import Choices, of_measurement, of_sample
+from pzctl.daemon.byhand import Choices, NobodyError, of_measurement, of_sample
 from pzctl.daemon.client import connect
 from pzctl.daemon.notebook import Board
-from pzctl.daemon.reported import UnknownSampleError
+from pzctl.daemon.report import report_html
+from pzctl.daemon.reported import UnknownSampleError, sample_record
+from pzctl.daemon.samples import open_journal
 
 BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
 
@@ -30,6 +32,22 @@ def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_it(start_daemo
         of_sample("thesis", "ml2")
     with pytest.raises(UnknownSampleError, match="no measurement 'x'"):
         of_measurement("x")
+
+    wanted = Choices(free=("disk.c33D",), bands={"disk": ((1e6, 6e6),)}, effects=(("lead-inductance", "terminals"),))
+    with pytest.raises(NobodyError, match="by: ' ' names nobody"):
+        hand.keep(wanted, " ")
+    for _ in range(2):  # the daemon takes the second for the first
+        made, _ = hand.keep(wanted, "Ana B.")
+    with connect() as lab:
+        (kept,) = (one.event for one in lab.fits(second.id) if one.event.fitter == "by-hand")
+    assert kept.report.version == made.version
+    assert kept.report.chosen["by"] == "Ana B."
+    assert kept.report.chosen["bands"] == {"disk": [[1e6, 6e6]]}
+    assert kept.report.says[0] == (
+        "fitted by hand, by Ana B.; free: disk.c33D; bands: disk 1 to 6 MHz; with lead-inductance at terminals."
+    )
+    assert len(kept.sweeps) == 4
+    assert "by Ana B." in report_html(sample_record(open_journal(), "thesis"), "by-hand")
 
     pytest.importorskip("ipywidgets")
     board = Board(hand, Choices(bands={"disk": ()}))

@@ -6,10 +6,12 @@ Set PZCTL_SCREENSHOTS to a folder to keep the pictures.
 import os
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from pzctl.daemon.buildfile import read_build
 from pzctl.daemon.client import connect
 
 from .chromium import Browser, live_page, needs_chromium
@@ -96,6 +98,17 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     browser.wait(f"{at_rest} && {misfit} < 1.5")
     assert browser.run("document.getElementById('fitter').textContent").startswith("by by-hand")
     assert browser.run("document.querySelectorAll('#constants tbody tr:not(.held)').length") == 1, "only c33D was free"
+
+    # Kept, it is in the journal with the name of who made it, and beside the others.
+    assert browser.run("document.getElementById('hand-keep-it').disabled"), "nobody has said who it is"
+    browser.run("document.getElementById('hand-by').focus()")
+    browser.type("Ana")
+    browser.key("Enter")
+    browser.wait("document.getElementById('hand-kept').textContent === 'kept, by Ana'")
+    browser.wait("document.querySelectorAll('#fits button').length === 2")
+    assert browser.run("[...document.querySelectorAll('#fits button')].at(-1).textContent") == "by-hand · Ana"
+    browser.run("document.getElementById('hand-fit').scrollIntoView()")
+    browser.picture(pictures / "page-by-hand-kept.png")
     assert browser.problems == []
 
 
@@ -145,3 +158,66 @@ def test_stop_and_what_the_daemon_refuses(page: str, browser: Browser) -> None:
     browser.wait("![...document.querySelectorAll('#steps button')][0].disabled")
     browser.run("[...document.querySelectorAll('#steps button')].find((b) => b.textContent === 'disk').click()")
     browser.wait("document.getElementById('problem').textContent.includes('glue does not come off')")
+
+
+@needs_chromium
+def test_a_past_sample_beside_this_one_its_report_as_pdf_and_everything_by_keyboard(
+    page: str, browser: Browser, pictures: Path
+) -> None:
+    build = read_build(Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml")
+    with connect() as lab:
+        lab.bench({"command": "new-sample", "seed": 7})
+        lab.wait_fit("mason", lab.measure(replace(build, name="older"), "disk").id)
+        lab.bench({"command": "new-sample", "seed": 8})
+        lab.wait_fit("mason", lab.measure(replace(build, name="newer"), "disk").id)
+    browser.open(page)
+    choose = "[...document.querySelectorAll('#samples button')].find((b) => b.textContent.startsWith('{} · disk'))"
+    browser.wait(f"{choose.format('newer')} !== undefined")
+    browser.run(f"{choose.format('older')}.click()")
+    browser.wait("document.getElementById('sample').textContent === 'older'")
+    browser.run("document.getElementById('keep').click()")
+    browser.run(f"{choose.format('newer')}.click()")
+    browser.wait("document.getElementById('sample').textContent === 'newer'")
+    assert browser.run("document.getElementById('kept-name').textContent") == "older · disk"
+    for theme in ("light", "dark"):
+        browser.run(
+            f"if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
+        )
+        assert browser.run(GREEN) > 200, "the kept curve is drawn"
+        browser.picture(pictures / f"page-compared-{theme}.png")
+
+    link = "[...document.querySelectorAll('#downloads a')].find((a) => a.textContent === 'report (PDF)')"
+    began = (
+        f"fetch({link}.href).then((r) => r.blob()).then(async (b) => [b.type, b.size, (await b.text()).slice(0, 5)])"
+    )
+    kind, size, begins = browser.run(began)
+    assert (kind, begins) == ("application/pdf", "%PDF-")
+    assert size > 50_000
+
+    browser.run("document.activeElement.blur(); window.scrollTo(0, 0)")
+    wanted, reached = set(browser.run(REACHABLE)), set[str]()
+    for _ in range(2 * len(wanted)):
+        browser.key("Tab")
+        reached.add(browser.run(f"({NAMED})(document.activeElement)"))
+    assert wanted - reached == set()
+    assert any(one.startswith("BUTTON next Measure ml1") for one in wanted)
+    assert browser.problems == []
+
+
+NAMED = "(one) => `${one.tagName} ${one.id} ${one.textContent.slice(0, 60)}`"
+REACHABLE = f"""[...document.querySelectorAll('a[href], button, input, select')]
+    .filter((one) => !one.disabled && one.checkVisibility()).map({NAMED})"""
+GREEN = """(() => {
+    const canvas = document.querySelector('#plot-z canvas'), ink = canvas.getContext('2d');
+    const name = getComputedStyle(document.documentElement).getPropertyValue('--good').trim();
+    const box = document.createElement('canvas').getContext('2d');
+    box.fillStyle = name;
+    box.fillRect(0, 0, 1, 1);
+    const [r, g, b] = box.getImageData(0, 0, 1, 1).data, all = ink.getImageData(0, 0, canvas.width, canvas.height).data;
+    let found = 0;
+    for (let k = 0; k < all.length; k += 4) {
+        const off = Math.abs(all[k] - r) + Math.abs(all[k + 1] - g) + Math.abs(all[k + 2] - b);
+        if (off < 30 && all[k + 3] > 200) found += 1;
+    }
+    return found;
+})()"""

@@ -60,10 +60,12 @@ def test_quiet_leaves_standard_output_alone() -> None:
         (2455.0, 150.0, "2455(150)"),
         (0.0, 2e-3, "0.000(2)"),
         (7700.0, 0.0, "7700"),
+        (2.8e6, 0.0, "2.8e6"),
+        (-1.25e-10, None, "-1.25e-10"),
         (float("nan"), 1.0, "-"),
     ],
 )
-def test_numbers_are_written_as_in_the_field(value: float, u: float, written: str) -> None:
+def test_numbers_are_written_as_in_the_field(value: float, u: float | None, written: str) -> None:
     assert with_uncertainty(value, u) == written
 
 

@@ -123,11 +123,18 @@ function showCurve() {
 const moved = (found) => { state.model = found.curves; state.chi2 = found.chi2_per_dof; showCurve(); };
 const whole = (found) => { take(found); showEffects(); showHandles(); showCurve(); };
 
+// What was fitted can be kept once, by somebody who says who it is.
+function offer() {
+  $("hand-keep-it").disabled = !state?.fitted || !$("hand-by").value.trim();
+  $("hand-kept").textContent = state?.fitted ? "not kept yet" : "";
+}
+
 function begin(measurement, view) {
   Object.assign(view, { segment: view.segment });
   state = { measurement, step: view.step, steps: [], handles: [], free: new Set(), values: {}, effects: [], places: {}, model: [], chi2: 0, view: () => view };
   ask("/api/look", { measurement }, (found) => {
     for (const h of found.handles) if (h.free) state.free.add(h.name);
+    offer();
     $("hand-board").hidden = false;
     whole(found);
   });
@@ -137,7 +144,24 @@ export function wire(view) {
   const restart = () => { $("hand-bands").value = ""; begin(view.measurement, view); };
   $("hand-open").onclick = restart;
   $("hand-reset").onclick = restart;
-  $("hand-fit").onclick = () => send("/api/fit", (found) => { view.fit = found.fit; view.changed(); whole(found); });
+  $("hand-fit").onclick = () => {
+    let made;
+    try { made = wish(); } catch (error) { $("hand-problem").textContent = error.message; return; }
+    made = structuredClone(made);
+    ask("/api/fit", made, (found) => { state.fitted = made; view.fit = found.fit; view.changed(); whole(found); offer(); });
+  };
+  $("hand-by").value = localStorage.getItem("by") ?? "";
+  $("hand-by").oninput = offer;
+  $("hand-keep").onsubmit = (event) => {
+    event.preventDefault();
+    const by = $("hand-by").value.trim();
+    localStorage.setItem("by", by);
+    ask("/api/keep", { ...state.fitted, by }, (found) => {
+      state.fitted = null;
+      offer();
+      $("hand-kept").textContent = `kept, by ${found.fit.chosen.by}`;
+    });
+  };
   $("hand-bands").onchange = () => send("/api/look", moved);
   $("hand-earlier").onchange = () => send("/api/look", moved);
   $("hand-add").onclick = () => {

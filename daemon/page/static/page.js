@@ -6,7 +6,7 @@ import { history, stack } from "./sketch.js";
 import { complexWithUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
-const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null };
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null };
 
 function element(tag, text, properties = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, properties);
@@ -94,6 +94,16 @@ function showFit() {
   }));
 }
 
+// One button for each fitter that answered, where there are several; a fit by hand says who made it.
+function showFits() {
+  const whose = view.fits.length > 1 ? view.fits : [];
+  $("fits").replaceChildren(...whose.map((fit) => {
+    const one = element("button", fit.chosen ? `${fit.fitter} · ${fit.chosen.by}` : fit.fitter, { type: "button", onclick: () => { view.fit = fit; showAll(); } });
+    one.setAttribute("aria-pressed", String(fit === view.fit));
+    return one;
+  }));
+}
+
 function showControls() {
   const steps = view.build.steps.map((step) => step.name);
   $("steps").replaceChildren(...steps.map((step) => {
@@ -135,7 +145,7 @@ function showHistory() {
 function showAll() {
   $("sample").textContent = view.sample ?? view.build.name;
   $("when").textContent = view.sweeps[0] ? `recorded ${view.sweeps[0].time.slice(0, 19).replace("T", " ")} UTC` : "";
-  for (const show of [showControls, showStack, showFit, showCurves, showKept, showDownloads]) show();
+  for (const show of [showControls, showStack, showFit, showFits, showCurves, showKept, showDownloads]) show();
   follow(view);
 }
 
@@ -161,7 +171,7 @@ function painted(time) {
 async function open(sample, step) {
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
   const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
-  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fit: one.fits[0] ?? null });
+  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null });
   showAll();
 }
 
@@ -193,14 +203,19 @@ const heard = {
   },
   sweep: (event) => {
     if (event.decides) return; // made to decide a diagnosis: no record of its step
-    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fit: null, diagnosis: null, segment: 0 });
+    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0 });
     view.sweeps.push(event.sweep);
     showAll();
     painted(event.time);
   },
   fit: (event) => {
     if (event.measurement !== view.measurement) return;
-    if (event.fit && (!view.fit || event.fit.fitter === "mason" || view.fit.fitter !== "mason")) { view.fit = event.fit; showAll(); refresh(); }
+    if (event.fit) {
+      view.fits = [...view.fits.filter((one) => one.fitter !== event.fit.fitter), event.fit];
+      if (!view.fit || event.fit.chosen || event.fit.fitter === "mason" || view.fit.fitter !== "mason") view.fit = event.fit;
+      showAll();
+      refresh();
+    }
     if (event.error) $("words").append(element("p", `${event.fitter}: ${event.error}`));
   },
   diagnosis: (event) => { if (event.measurement === view.measurement) { view.diagnosis = event.diagnosis; showAll(); } },

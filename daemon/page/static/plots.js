@@ -94,9 +94,11 @@ export function circle(id, sets) {
   const scale = Math.min((width - 80) / (g1 - g0 || 1), (HEIGHT - 50) / (b1 - b0 || 1));
   const at = ([g, b]) => [60 + (g - g0) * scale, HEIGHT - 28 - (b - b0) * scale];
   pen.strokeRect(60, HEIGHT - 28 - (b1 - b0) * scale, (g1 - g0) * scale, (b1 - b0) * scale);
-  pen.fillText(`G ${g0.toPrecision(2)} … ${g1.toPrecision(3)}`, 60, HEIGHT - 8);
-  pen.fillText(b1.toPrecision(3), 4, HEIGHT - 16 - (b1 - b0) * scale);
-  pen.fillText(b0.toPrecision(3), 4, HEIGHT - 28);
+  const short = (value) => String(Number(value.toPrecision(3)));
+  pen.fillText(`G ${short(g0)} … ${short(g1)}`, 60, HEIGHT - 8);
+  pen.fillText(short(b1), 4, HEIGHT - 16 - (b1 - b0) * scale);
+  pen.fillText("B", 34, HEIGHT - 24 - ((b1 - b0) * scale) / 2);
+  pen.fillText(short(b0), 4, HEIGHT - 28);
   trace(pen, sets, at);
 }
 

@@ -1,5 +1,7 @@
 // The stack to scale with the guilty places marked, and the history of one constant; both as SVG.
 
+import { withUncertainty } from "./numbers.js";
+
 const NS = "http://www.w3.org/2000/svg";
 const SMALLEST = 0.07; // of the width: a glue line of 10 µm beside a disk of 0.5 mm must stay visible
 
@@ -46,6 +48,8 @@ function wires(svg) {
   svg.append(make("path", { d: "M190 138 v12 h20 v-12", fill: "none", stroke: "var(--warn)", "stroke-width": 6, class: "guilty" }));
 }
 
+const short = (value) => withUncertainty(Number(value.toPrecision(4)), 0);
+
 export function history(home, points) {
   const svg = make("svg", { viewBox: "0 0 480 210", role: "img", "aria-label": "history of the constant" });
   if (points.length) {
@@ -61,8 +65,10 @@ export function history(home, points) {
       if (points.length < 9) svg.append(make("text", { x: x(k), y: 178, "font-size": 15, "text-anchor": "middle" }, p.step));
       if (points.length < 9 && (k === 0 || points[k - 1].sample !== p.sample)) svg.append(make("text", { x: x(k), y: 200, "font-size": 15 , "text-anchor": "middle"}, p.sample));
     });
-    svg.append(make("text", { x: 4, y: 26, "font-size": 15 }, high.toPrecision(4)));
-    svg.append(make("text", { x: 4, y: 152, "font-size": 15 }, low.toPrecision(4)));
+    svg.append(make("text", { x: 4, y: 26, "font-size": 15 }, short(high)));
+    svg.append(make("text", { x: 4, y: 152, "font-size": 15 }, short(low)));
+    const unit = points[0].unit === "1" ? "" : points[0].unit;
+    svg.append(make("text", { x: 4, y: 89, "font-size": 15 }, unit));
   }
   home.replaceChildren(svg);
 }
