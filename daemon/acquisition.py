@@ -5,7 +5,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -101,12 +101,14 @@ class Acquisition:
         analyzer: AnalyzerThread,
         instrument: Instrument,
         publish: Callable[[Event, Payload], None],
+        ready: Callable[[], Awaitable[None]],
     ) -> None:
         self.current: Job | None = None
         self.waiting: deque[Job] = deque()
         self._analyzer = analyzer
         self._instrument = instrument
         self._publish = publish
+        self._ready = ready
         self._more = asyncio.Event()
 
     def add(self, job: Job) -> None:
@@ -139,6 +141,7 @@ class Acquisition:
         """Measure for ever. Raises JournalError: what cannot be recorded is not measured on."""
         while True:
             while self.waiting:
+                await self._ready()  # the journal, to take what will be measured
                 self.current = self.waiting.popleft()
                 await self._do(self.current)
                 self.current = None

@@ -40,6 +40,7 @@ class Archive:
 
     def __init__(self, place: Place, station: str = "", *, write: bool = False) -> None:
         self.station = station
+        self._place = place
         self.store = open_store(place, write=write)
 
     @property

@@ -217,6 +217,7 @@ class Desk:
         known = self._known(request.measurement)
         event = checked(self.journal, known, request, raw)
         if event is not None:
+            self.journal.store.check_room()  # answers without end must not take what measurements need
             self.publish(event, tuple(raw))
         return reply.Answer(id=request.id), []
 

@@ -43,6 +43,7 @@ class Gate:
         """For those who can read this user's files: the commands and fitters on this machine."""
         self._known: dict[str, Client] = {}
         self._read_at = -1
+        self._barred = False
         if not self._clients():
             raise KeyFileError(f"{self._folder}: nobody may come in yet; make a key with `pzctl keys client NAME`")
 
@@ -63,6 +64,12 @@ class Gate:
     def allows(self, key: str | None) -> bool:
         """Return whether a key may come in now."""
         return self._who(key or "") is not None
+
+    def somebody_was_barred(self) -> bool:
+        """Return whether a key was taken away since this was last asked."""
+        self._clients()
+        barred, self._barred = self._barred, False
+        return barred
 
     def check(self, key: str | None, request: ask.Request) -> None:
         """Raise RequestError where who asks with this key may not ask for this."""
@@ -88,9 +95,11 @@ class Gate:
         changed = self._folder.stat().st_mtime_ns if self._folder.is_dir() else 0
         if changed != self._read_at:
             self._read_at = changed
+            before = {*self._known}
             try:
                 self._known = {one.public: one for one in clients(self._root)}
             except KeyFileError:  # one bad file must not let anybody in who was barred
                 log.exception("keys")
                 self._known = {}
+            self._barred |= bool(before - {*self._known})
         return self._known

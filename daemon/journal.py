@@ -16,7 +16,7 @@ from ..models.sweep import now_utc
 from .archive import Archive, Measurement
 from .folderlock import take_lock
 from .frames import to_json
-from .store import digest_of
+from .store import JournalError, Store, digest_of, open_store
 from .uuid7 import uuid7
 from .wire import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
 
@@ -64,6 +64,33 @@ class Journal(Archive):
                 self.store.write_array(stamped.id, data)
         self.last_seq += 1
         return stamped, frames
+
+    def said(self, event: str) -> list[bytes] | None:
+        """Return the frames of the event with this id; None where there is none."""
+        return next(iter(self._frames("id = ?", event)), None)
+
+    def reopened(self) -> Store:
+        """Return the place of this journal, opened anew: its server had gone. Touches nothing of what is open."""
+        store = open_store(self._place, write=True)
+        try:
+            store.claim(self.station)
+        except JournalError:
+            store.close()
+            raise
+        return store
+
+    def resume(self, store: Store) -> None:
+        """Go on where the server left off. Raises JournalError where the record is not the one that was left."""
+        self.store.close()
+        self.store = store
+        newest = self.newest
+        ours = self._one("SELECT id FROM runs WHERE station = ? ORDER BY id DESC LIMIT 1", self.station) == (self.run,)
+        if not ours or newest not in (self.last_seq, self.last_seq + 1):  # one more: its answer did not reach us
+            raise JournalError(
+                f"{self.name}: the record of station {self.station!r} stood at event {self.last_seq} when its server "
+                f"went, and stands at {newest} now: another daemon wrote it meanwhile, or the server lost some"
+            )
+        self.last_seq = newest
 
     def answered(self, event: FitEvent | DiagnosisEvent) -> int | None:
         """Return the `seq` of the answer that stands already for these sweeps, fitter and version.

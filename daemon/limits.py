@@ -22,6 +22,15 @@ class Limits:
     """From the start of the process until it says hello."""
 
 
+def allow_many_files() -> None:
+    """Let this process open as many files as it may: every connection is one."""
+    if sys.platform != "win32":
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+
+
 def limit_memory(memory_MB: int) -> None:
     """Limit this process for good: address space, size of any file it writes, no core dumps.
 

@@ -45,6 +45,11 @@ def journal_folder(home: Path) -> Path:
     return home / "journal"
 
 
+def unsaved_folder(home: Path) -> Path:
+    """Return the folder of events that the journal's server was not there to take."""
+    return home / "unsaved"
+
+
 def daemon_file(home: Path) -> Path:
     """Return the file that says where the running daemon is."""
     return home / "daemon.json"

@@ -16,7 +16,7 @@ from typing import Any
 import psycopg
 
 from .migrations import check_version, migrate_postgres
-from .store import JournalError, Store, without_password
+from .store import JournalAway, JournalError, Store, without_password
 
 PATIENCE = 5.0
 """Seconds that a writer waits for the one before it to go."""
@@ -38,8 +38,10 @@ class PostgresStore(Store):
 
     def __init__(self, url: str, *, write: bool) -> None:
         self.name = without_password(url)
-        with self._told():
-            self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=10_000)
+        try:
+            self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
+        except psycopg.Error as error:
+            raise JournalAway(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
         try:
             with self._told():
                 if write:
@@ -49,6 +51,15 @@ class PostgresStore(Store):
         except JournalError:
             self._db.close()
             raise
+
+    @property
+    def gone(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether the server has hung up; asked without sending it anything."""
+        try:
+            self._db.pgconn.consume_input()
+        except psycopg.OperationalError:
+            return True
+        return self._db.closed
 
     def close(self) -> None:
         """Let go of the connection."""
@@ -142,8 +153,16 @@ class PostgresStore(Store):
         try:
             yield
         except psycopg.Error as error:
-            says = " ".join(str(error).split()) or type(error).__name__
-            raise JournalError(f"{self.name}: the journal cannot be read or written: {says}") from error
+            if self._db.closed:
+                raise JournalAway(
+                    f"{self.name}: the journal's server has gone, and nothing is measured until it is back: "
+                    + _words(error)
+                ) from error
+            raise JournalError(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
+
+
+def _words(error: psycopg.Error) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _theirs(sql: str) -> Any:

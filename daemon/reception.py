@@ -5,6 +5,7 @@ import logging
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import msgspec
 import zmq.asyncio
@@ -16,6 +17,7 @@ from . import requests as ask
 from .desk import Desk
 from .frames import MOST_FRAMES, WireError, from_json, to_json
 from .gate import Gate
+from .intake import Intake
 from .refusals import RequestError
 from .store import JournalError
 from .wire import WIRE
@@ -26,87 +28,148 @@ REMEMBERED = 1000
 """Answers kept, so that a request that is sent again is answered again and not done again."""
 
 AT_ONCE = 100
-"""Requests that are being answered; the next are read when one of them has been."""
+"""Requests that somebody else has to do something for; the next are read when one of them has been answered."""
+
+TURN = 0.002
+"""Seconds of answering after which others have their turn. Where there was nonsense among what was answered, as long
+is waited: who floods the daemon does not take a whole core, and so what is asked properly finds it awake."""
 
 ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
 """Requests that change something each time they are done; the others may be answered anew."""
 
+LONG = (ask.Bench, ask.Lease, ask.Diagnose)
+"""Those that others than the desk have a part in."""
+
+Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
+"""The frames of an answer, or of one that takes a while."""
+
 
 class Reception:
-    """Answers requests for as long as `serve` runs."""
+    """Answers requests for as long as `serve` runs.
 
-    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk, gate: Gate | None) -> None:
-        self._socket = socket
+    The socket is read and written without waiting: a ROUTER drops what somebody does not take.
+    """
+
+    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk, gate: Gate | None, intake: Intake) -> None:
+        self._coming = socket
+        self._socket: zmq.Socket[bytes] = zmq.Socket(shadow=socket)
         self._gate = gate
         self._desk = desk
-        self._done: OrderedDict[str, asyncio.Future[list[bytes]]] = OrderedDict()
+        self._intake = intake
+        self._done: OrderedDict[str, Said] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def serve(self) -> None:
         """Answer for ever."""
+        counts = self._desk.metrics.counts
         while True:
-            received = await self._socket.recv_multipart(copy=False)
-            key = _key(received[-1]) if self._gate else None
-            sender, *frames = [frame.bytes for frame in received]
-            envelope = [sender]
-            if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
-                envelope.append(frames.pop(0))
-            task = asyncio.create_task(self._reply(envelope, frames, key))
-            self._tasks.add(task)  # the loop itself keeps no hold of a task
-            task.add_done_callback(self._tasks.discard)
-            await asyncio.sleep(0)  # a message that is there already is read without a pause: let others have theirs
-            if len(self._tasks) >= AT_ONCE:
+            await self._coming.poll()
+            garbage, until = counts["garbage"], time.monotonic() + TURN
+            while self._answer_next() and time.monotonic() < until:
+                pass
+            nonsense = counts["garbage"] > garbage and time.monotonic() >= until
+            await asyncio.sleep(TURN if nonsense else 0)
+            while len(self._tasks) >= AT_ONCE:
                 await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
-    async def _reply(self, envelope: list[bytes], frames: list[bytes], key: str | None) -> None:
-        began = time.monotonic()
-        answer = await self._answer(frames, key)
+    def _answer_next(self) -> bool:
+        """Answer the next request; return False where none is there."""
+        received = self._receive()
+        if received is None:
+            return False
+        began, last = time.monotonic(), received[-1]
+        handle, key = _property(last, "__fd"), _property(last, "User-Id") if self._gate else None
+        if handle:
+            self._intake.heard(int(handle))
+        sender, *frames = [frame.bytes for frame in received]
+        envelope = [sender]
+        if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
+            envelope.append(frames.pop(0))
+        answer = self._answer(frames, key)
+        if isinstance(answer, list):
+            self._send(envelope, answer, began)
+        else:
+            task = asyncio.create_task(self._send_later(envelope, answer, began))
+            self._tasks.add(task)  # the loop itself keeps no hold of a task
+            task.add_done_callback(self._tasks.discard)
+        return True
+
+    def _receive(self) -> list[zmq.Frame] | None:
+        """Return a message, of one that has too many frames the first and the last; None where none is there."""
+        try:
+            frames = [self._socket.recv(zmq.NOBLOCK, copy=False)]
+        except zmq.Again:
+            return None
+        while frames[-1].more:
+            following = self._socket.recv(zmq.NOBLOCK, copy=False)
+            if len(frames) > MOST_FRAMES + 2:
+                frames.pop()
+            frames.append(following)
+        return frames
+
+    def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float) -> None:
         self._desk.metrics.counts["requests"] += 1
         self._desk.metrics.lasted("request", time.monotonic() - began)
-        await self._socket.send_multipart([*envelope, *answer])  # pyright: ignore[reportUnknownMemberType]
+        self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
 
-    async def _answer(self, frames: list[bytes], key: str | None) -> list[bytes]:
-        """Return the answer's frames: whatever came, somebody who asked hears why not."""
+    async def _send_later(self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float) -> None:
+        self._send(envelope, await answer, began)
+
+    def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
+        """Return the answer: whatever came, somebody who asked hears why not."""
         try:
             request = _read(frames)
             if self._gate:
                 self._gate.check(key, request)
-        except RequestError as error:
-            self._desk.metrics.counts["refused"] += 1
-            return _refusal(_id_of(frames), error.problem)
-        except WireError as error:
-            self._desk.metrics.counts["garbage"] += 1
-            return _refusal(_id_of(frames), reply.Problem("bad-request", str(error), "see docs/wire.md"))
-        if not isinstance(request, ONCE):
-            return await self._carry_out(request, frames[1:])
-        if request.id not in self._done:
-            self._done[request.id] = asyncio.ensure_future(self._carry_out(request, frames[1:]))
+        except PzctlError as error:
+            return self._why_not(_id_of(frames), error)
+        if request.id in self._done:
+            return self._done[request.id]
+        if isinstance(request, LONG):
+            said = asyncio.ensure_future(self._arrange(request))
+        else:
+            try:
+                answer, more = self._desk.answer(request, frames[1:])
+                said = [to_json(answer), *more]
+            except Exception as error:
+                said = self._why_not(request.id, error)
+                if isinstance(error, JournalError):  # asked again, it may be done
+                    return said
+        if isinstance(request, ONCE):
+            self._done[request.id] = said
             if len(self._done) > REMEMBERED:
                 self._done.popitem(last=False)
-        return await self._done[request.id]
+        return said
 
-    async def _carry_out(self, request: ask.AnyRequest, raw: Sequence[bytes]) -> list[bytes]:
+    async def _arrange(self, request: ask.Bench | ask.Lease | ask.Diagnose) -> list[bytes]:
+        """Answer what takes others: the bench, the instrument, the catalogue of effects."""
         try:
             if isinstance(request, ask.Bench):
-                answer, more = await self._bench(request), list[bytes]()
-            else:
-                if isinstance(request, ask.Diagnose) and request.effects:
-                    _check_effects(request.effects, await self._desk.errands.effects())
-                answer, more = self._desk.answer(request, raw)
-                if isinstance(request, ask.Lease):
-                    await self._desk.acquisition.let_go()
-        except RequestError as error:
-            self._desk.metrics.counts["refused"] += 1
-            return _refusal(request.id, error.problem)
-        except JournalError as error:
-            return _refusal(request.id, reply.Problem("journal", str(error)))
-        except WireError as error:
-            self._desk.metrics.counts["garbage"] += 1
-            return _refusal(request.id, reply.Problem("bad-request", str(error), "see docs/wire.md"))
+                return [to_json(await self._bench(request))]
+            if isinstance(request, ask.Diagnose) and request.effects:
+                _check_effects(request.effects, await self._desk.errands.effects())
+            answer, more = self._desk.answer(request, ())
+            if isinstance(request, ask.Lease):
+                await self._desk.acquisition.let_go()
+            return [to_json(answer), *more]
         except Exception as error:
-            log.exception("request %s", request.id)
-            return _refusal(request.id, reply.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
-        return [to_json(answer), *more]
+            if isinstance(error, JournalError):
+                self._done.pop(request.id, None)
+            return self._why_not(request.id, error)
+
+    def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
+        """Return the refusal that an error becomes, and count it."""
+        counts = self._desk.metrics.counts
+        if isinstance(error, RequestError):
+            counts["refused"] += 1
+            return _refusal(request, error.problem)
+        if isinstance(error, WireError):
+            counts["garbage"] += 1
+            return _refusal(request, reply.Problem("bad-request", str(error), "see docs/wire.md"))
+        if isinstance(error, JournalError):
+            return _refusal(request, reply.Problem("journal", str(error)))
+        log.error("request %s", request, exc_info=error)
+        return _refusal(request, reply.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
 
     async def _bench(self, request: ask.Bench) -> reply.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
@@ -158,10 +221,10 @@ def _check_effects(asked: Sequence[str], known: frozenset[str]) -> None:
         )
 
 
-def _key(frame: zmq.Frame) -> str | None:
-    """Return the public key of who sent a frame, as the authenticator found it."""
+def _property(frame: zmq.Frame, name: str) -> str | None:
+    """Return what libzmq knows of the connection that a frame came over: its descriptor, whose key it came in with."""
     try:
-        return str(frame.get("User-Id"))
+        return str(frame.get(name))
     except zmq.ZMQError:
         return None
 

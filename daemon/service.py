@@ -1,14 +1,15 @@
 """The daemon: owns the analyzer and the journal, answers requests, publishes what happened.
 
-One asyncio loop owns both sockets and the journal, one thread owns the analyzer, each fitter is a process.
+One asyncio loop owns the journal and answers requests, one thread owns the analyzer, one the events socket, each
+fitter is a process.
 """
 
 import asyncio
+import gc
 import logging
 import os
 import signal
 import sys
-import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import asdict, replace
@@ -16,30 +17,35 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import zmq
 import zmq.asyncio
 
 from ..drivers import open_analyzer as open_visa
 from ..drivers.analyzer import Analyzer
 from ..models.sweep import now_utc
 from .acquisition import Acquisition, AnalyzerThread
-from .audience import Audience
 from .desk import Desk
 from .errands import Errand, Errands
 from .gate import Gate
+from .intake import LARGEST_MESSAGE, MOST_SUBSCRIBED, Intake
 from .journal import Journal
 from .ledger import Ledger
+from .limits import allow_many_files
 from .location import Location, announce, withdraw
 from .metrics import Metrics
 from .mismatch import DIAGNOSIS, is_significant
 from .options import Options
-from .paths import journal_folder, keys_folder, log_file, writable_home
+from .paths import journal_folder, keys_folder, log_file, unsaved_folder, writable_home
+from .publishing import Publisher
 from .reception import Reception
 from .replies import FitterState
 from .simulated import simulated_instrument
-from .sockets import bind_events, bind_requests, from_here, gate_for
+from .sockets import bind_events, bind_requests, from_here, gate_for, port_of
 from .store import without_password
 from .supervisor import Fate, Supervisor
-from .wire import BeatEvent, Event, FitEvent, Instrument, Payload, StateEvent, encode
+from .unsaved import Unsaved
+from .voice import Voice
+from .wire import BeatEvent, Event, FitEvent, Instrument, StateEvent, encode
 
 log = logging.getLogger(__name__)
 
@@ -77,15 +83,21 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
         gate = gate_for((options.events, options.requests), keys_folder(folder))
         if gate is not None:
             stack.callback(gate.start(context).stop)
-        events, heard_at = bind_events(context, options.events, gate)
+        allow_many_files()
+        plain: zmq.Context[zmq.Socket[bytes]] = zmq.Context(shadow=context)
+        events, heard_at = bind_events(plain, options.events, gate)
         stack.callback(events.close)
         requests, asked_at = bind_requests(context, options.requests, gate)
         stack.callback(requests.close)
+        intake = Intake({port_of(heard_at): MOST_SUBSCRIBED, port_of(asked_at): LARGEST_MESSAGE})
+        voice = Voice(plain, events)
+        stack.callback(voice.close, lambda: intake.cut(port_of(heard_at), "the daemon ends"))
         analyzer = AnalyzerThread(resource, open_analyzer)
         stack.push_async_callback(analyzer.close)
         identity = await analyzer.identify()
         instrument = Instrument(**asdict(identity), simulated=options.bench is not None)
-        daemon = Daemon(journal, events, requests, analyzer, instrument, options, folder, (heard_at, asked_at), gate)
+        endpoints = (heard_at, asked_at)
+        daemon = Daemon(journal, voice, requests, intake, analyzer, instrument, options, folder, endpoints, gate)
         where = Location(
             pid=os.getpid(),
             run=journal.run,
@@ -109,8 +121,9 @@ class Daemon:
     def __init__(
         self,
         journal: Journal,
-        events: zmq.asyncio.Socket,
+        voice: Voice,
         requests: zmq.asyncio.Socket,
+        intake: Intake,
         analyzer: AnalyzerThread,
         instrument: Instrument,
         options: Options,
@@ -119,16 +132,19 @@ class Daemon:
         gate: Gate | None,
     ) -> None:
         self._journal = journal
-        self._events = events
-        self._audience = Audience(events)
+        self._voice = voice
+        self._intake = intake
+        self._heard_at = port_of(endpoints[0])
         self._gate = gate
         self._options = options
         self._folder = folder
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
-        self._acquisition = Acquisition(analyzer, instrument, self.publish)
         around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
         self._metrics = Metrics()
+        self._publisher = Publisher(journal, Unsaved(unsaved_folder(folder)), self._metrics, voice.say, self._said)
+        self.publish = self._publisher.publish
+        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there)
         self._ledger = Ledger(options.fitters)
         self._supervisor = Supervisor(
             *around,
@@ -151,14 +167,10 @@ class Daemon:
             shutdown=self._end,
             metrics=self._metrics,
         )
-        self._reception = Reception(requests, desk, gate)
+        self._reception = Reception(requests, desk, gate, intake)
 
-    def publish(self, event: Event, payload: Payload) -> None:
-        """Put an event on disk, then say it. Raises JournalError, and then nothing was said."""
-        began = time.monotonic()
-        _, frames = self._journal.append(event, payload)
-        self._say(frames)
-        self._metrics.lasted("publish", time.monotonic() - began)
+    def _said(self, event: Event) -> None:
+        """Take note of what was said."""
         self._metrics.note(event)
         self._ledger.note(event)
         if isinstance(event, FitEvent):
@@ -178,12 +190,15 @@ class Daemon:
     async def serve(self) -> None:
         """Serve until told to end. Raises JournalError where the journal fails."""
         _on_signals(self._end)
+        self._publisher.catch_up()
         self.publish(StateEvent(state="started"), ())
         for left in self._journal.unfinished():
             says = "the daemon ended before this measurement did; measure again"
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
+        gc.collect()
+        gc.freeze()  # what is there now stays: to look through it again and again would hold up answers
         acquiring = asyncio.create_task(self._acquisition.work())
-        others = [self._reception.serve(), self._audience.listen(), self._beat()]
+        others = [self._reception.serve(), self._intake.watch(), self._publisher.mend(), self._beat()]
         others += [self._supervisor.keep(name) for name in self._options.fitters]
         tasks = [acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())
@@ -212,20 +227,18 @@ class Daemon:
                 tasks.discard(task)
         self.publish(StateEvent(state="stopping"), ())
         self._acquisition.cancel_all()
-        while not acquiring.done() and (self._acquisition.current is not None or self._acquisition.waiting):
+        waiting = self._acquisition.waiting
+        while not acquiring.done() and (self._acquisition.current or (waiting and not self._publisher.is_away)):
             await asyncio.sleep(0.02)
 
     async def _beat(self) -> None:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
-            self._say(encode(beat))
-            if self._gate is not None:
-                self._audience.keep(self._gate.allows)
+            self._voice.say(encode(beat))
+            if self._gate is not None and self._gate.somebody_was_barred():
+                # libzmq asks for a key at the handshake alone: all must come in again, and miss nothing by it
+                self._intake.cut(self._heard_at, "a key was revoked, and whose this is cannot be told")
             await asyncio.sleep(BEAT)
-
-    def _say(self, frames: list[bytes]) -> None:
-        """Publish; an XPUB never waits, it drops for whoever is too slow."""
-        self._events.send_multipart(frames)  # pyright: ignore[reportUnknownMemberType]
 
     def _fitter_changed(self, fitter: FitterState, says: str) -> None:
         self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
@@ -236,7 +249,7 @@ class Daemon:
         It takes one measurement after the other: the first open one is what it died over.
         """
         measurement = self._ledger.first(fate.fitter)
-        known = self._journal.measurement(measurement) if measurement else None
+        known = self._journal.measurement(measurement) if measurement and not self._publisher.is_away else None
         if known is None:
             return
         key = (fate.fitter, known.id)

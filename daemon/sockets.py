@@ -73,21 +73,25 @@ def from_here(endpoint: str) -> str:
     return endpoint.replace("//0.0.0.0:", "//127.0.0.1:").replace("//[::]:", "//[::1]:")
 
 
-def bind_events(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
-    """Bind the socket that publishes; return it and the address it got. Raises EndpointError.
-
-    It must be read from all the time, or its welcome is never sent.
-    """
-    events = context.socket(zmq.XPUB)
+def bind_events(
+    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: Gate | None
+) -> tuple["zmq.Socket[bytes]", str]:
+    """Bind the socket that publishes; return it and the address it got. Raises EndpointError."""
+    events = context.socket(zmq.PUB)
     events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
-    events.set(zmq.XPUB_VERBOSE, 1)  # every subscription is shown, not the first to a topic alone
     return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
 
 
 def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
-    return requests, _bind(requests, endpoint, gate, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
+    plain: zmq.Socket[bytes] = zmq.Socket(shadow=requests)
+    return requests, _bind(plain, endpoint, gate, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
+
+
+def port_of(endpoint: str) -> int:
+    """Return the port of a bound address; 0 where it has none."""
+    return urlsplit(endpoint).port or 0
 
 
 def limit(any_socket: "zmq.Socket[bytes]") -> None:
@@ -110,7 +114,7 @@ def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
 
 
 def _bind(
-    any_socket: zmq.asyncio.Socket,
+    any_socket: "zmq.Socket[bytes]",
     endpoint: str,
     gate: Gate | None,
     *,
@@ -119,7 +123,7 @@ def _bind(
     longest: int = LARGEST_FRAME,
 ) -> str:
     """Bind, to a loopback address where there is no gate, or close the socket and say why not."""
-    limit(any_socket)  # pyright: ignore[reportArgumentType]
+    limit(any_socket)
     any_socket.set(zmq.SNDHWM, kept)
     any_socket.set(zmq.RCVHWM, waiting)
     any_socket.set(zmq.MAXMSGSIZE, longest)

@@ -21,11 +21,18 @@ class JournalError(CannotError):
     """The journal cannot be opened, written or read as it should be."""
 
 
+class JournalAway(JournalError):
+    """The server that keeps the journal cannot be reached; it may be back soon."""
+
+
 class Store(ABC):
     """An open journal's rows and arrays. Every method raises JournalError where disk or server do not do as asked."""
 
     name: str
     """Where it is, as error messages say it; without a password."""
+
+    gone: bool = False
+    """Whether it was on a server that can no longer be reached over this."""
 
     @abstractmethod
     def close(self) -> None:

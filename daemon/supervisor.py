@@ -14,6 +14,9 @@ from .paths import log_file
 from .replies import FitterState
 from .tending import tend
 
+QUIET = 1.0
+"""Seconds within which a fitter that is ready is not announced again: it must not fill the journal."""
+
 FIRST_WAIT, LONGEST_WAIT = 0.5, 60.0
 """Seconds until a fitter that died is started again; doubled at each death, forgotten after a long life."""
 
@@ -44,12 +47,19 @@ class Supervisor:
     died: Callable[[Fate], None]
     """Called when a process ended by itself."""
     states: dict[str, FitterState] = field(default_factory=dict[str, FitterState])
+    _told: dict[str, float] = field(default_factory=dict[str, float])
 
     def ready(self, name: str, version: str) -> None:
         """Note that a fitter said hello; said again, it is no news."""
         state = FitterState(name, "ready", version)
-        if self.states.get(name) != state:
-            self._set(state)
+        known = self.states.get(name)
+        if known == state:
+            return
+        if known is not None and known.state == "ready" and time.monotonic() - self._told.get(name, -QUIET) < QUIET:
+            self.states[name] = state
+            return
+        self._told[name] = time.monotonic()
+        self._set(state)
 
     async def keep(self, name: str) -> None:
         """Run a fitter for ever, or until it says that starting it again is of no use."""

@@ -433,7 +433,8 @@ def test_both_engines(home: Path) -> None:
     if postgres.reason_why_not():
         pytest.skip(postgres.reason_why_not())
     event, payload = a_sweep()
-    with postgres.server() as url:
+    with postgres.running() as server:
+        url = server.url
         journals = {"folder": Journal(home / "a"), "PostgreSQL": Journal(home / "b", url, "bench")}
         kept: dict[str, list[float]] = {name: [] for name in journals}
         read: dict[str, list[float]] = {name: [] for name in journals}

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 def programs() -> Path | None:
@@ -30,33 +31,58 @@ def reason_why_not() -> str:
     return ""
 
 
+class Server:
+    """A server in a folder, with a database called `record`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.url = f"postgresql://pzctl:secret@/record?host={folder}"
+        self._folder = folder
+        self._who: dict[str, Any] = {}
+        if os.geteuid() == 0:
+            user = pwd.getpwnam("postgres")
+            os.chown(folder, user.pw_uid, user.pw_gid)
+            self._who = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
+        (folder / "said").touch()
+
+    def make(self) -> None:
+        """Make its files, and the database; it runs then."""
+        self._run("initdb", *self._data, "-U", "pzctl", "-A", "trust", "--no-sync", "--no-locale", "-E", "UTF8")
+        self.start()
+        self._run("createdb", "-h", str(self._folder), "-U", "pzctl", "record")
+
+    def start(self) -> None:
+        """Start it, unless it runs."""
+        if not (self._folder / "data" / "postmaster.pid").exists():
+            options = f"-k {self._folder} -c listen_addresses="
+            self._run("pg_ctl", *self._data, "-w", "-l", str(self._folder / "log"), "-o", options, "start")
+
+    def stop(self) -> None:
+        """End it at once, as a kill would."""
+        self._run("pg_ctl", *self._data, "-m", "immediate", "stop")
+        (self._folder / "data" / "postmaster.pid").unlink(missing_ok=True)
+
+    @property
+    def _data(self) -> tuple[str, str]:
+        return ("-D", str(self._folder / "data"))
+
+    def _run(self, program: str, *words: str) -> None:
+        programs_here = programs()
+        assert programs_here is not None
+        with (self._folder / "said").open("ab") as said:
+            command = [programs_here / program, *words]
+            subprocess.run(command, cwd=self._folder, stdout=said, stderr=said, check=True, **self._who)
+
+
 @contextmanager
-def server() -> Generator[str]:
-    """Give the URL of a database of a server that ends with this."""
-    bin_folder = programs()
-    assert bin_folder is not None
+def running() -> Generator[Server]:
+    """Give a server that ends with this."""
     folder = Path(tempfile.mkdtemp(prefix="pzctl-pg-", dir="/tmp"))
-    who = {}
-    if os.geteuid() == 0:
-        user = pwd.getpwnam("postgres")
-        os.chown(folder, user.pw_uid, user.pw_gid)
-        who = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
-
-    def run(program: str, *words: str) -> None:
-        with (folder / "said").open("ab") as said:
-            subprocess.run([bin_folder / program, *words], cwd=folder, stdout=said, stderr=said, check=True, **who)
-
-    (folder / "said").touch()
     try:
-        run(
-            "initdb", "-D", str(folder / "data"), "-U", "pzctl", "-A", "trust", "--no-sync", "--no-locale", "-E", "UTF8"
-        )
-        options = f"-k {folder} -c listen_addresses="
-        run("pg_ctl", "-D", str(folder / "data"), "-w", "-l", str(folder / "log"), "-o", options, "start")
+        server = Server(folder)
+        server.make()
         try:
-            run("createdb", "-h", str(folder), "-U", "pzctl", "record")
-            yield f"postgresql://pzctl:secret@/record?host={folder}"
+            yield server
         finally:
-            run("pg_ctl", "-D", str(folder / "data"), "-m", "immediate", "stop")
+            server.stop()
     finally:
         shutil.rmtree(folder)

@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,7 +17,7 @@ from pzctl.daemon.journal import Journal
 from pzctl.daemon.launch import start
 from pzctl.daemon.options import Options
 from pzctl.daemon.retention import Keeper, copy_journal
-from pzctl.daemon.store import JournalError
+from pzctl.daemon.store import JournalAway, JournalError
 from pzctl.daemon.wire import Sample, StateEvent
 from pzctl.models.build import Build
 
@@ -30,17 +30,27 @@ pytestmark = pytest.mark.skipif(bool(why_not), reason=why_not)
 psycopg = pytest.importorskip("psycopg")
 
 
+ECHO = "guest_examples:Echo"
+
+
 @pytest.fixture(scope="module")
-def server() -> Iterator[str]:
-    with postgres.server() as url:
-        yield url
+def server() -> Iterator[postgres.Server]:
+    with postgres.running() as found:
+        yield found
 
 
 @pytest.fixture
-def url(server: str) -> Iterator[str]:
+def restartable(server: postgres.Server) -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
+    """What ends the server at once, and what starts it again; it runs again after the test."""
+    yield server.stop, server.start
+    server.start()
+
+
+@pytest.fixture
+def url(server: postgres.Server) -> Iterator[str]:
     """An empty database."""
-    yield server
-    with psycopg.connect(server, autocommit=True) as db:
+    yield server.url
+    with psycopg.connect(server.url, autocommit=True) as db:
         db.execute("DROP SCHEMA public CASCADE; DROP SCHEMA IF EXISTS pzctl_v3 CASCADE; CREATE SCHEMA public")
 
 
@@ -112,22 +122,79 @@ def test_killed_at_any_moment_nothing_announced_is_lost(
     archive.close()
 
 
-def test_a_server_that_goes_away_ends_the_daemon_before_it_says_what_it_has_not_kept(
-    start_daemon, url: str, build: Build
+def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
+    start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until
 ) -> None:
-    where = start_daemon(journal=url, station="a")
+    """While it is gone nothing new is measured, what runs is finished, and is there when it is back."""
+    stop_server, start_server = restartable
+    start_daemon("Echo", journal=url, station="a", time_scale=0.3)
     with connect() as lab:
-        measured = lab.measure(build, "disk").id
-        with psycopg.connect(url, autocommit=True) as db:
-            db.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid != pg_backend_pid()")
-        with pytest.raises(DaemonError, match="the journal cannot be read or written"):
-            lab.begin(build, "disk")
-    with pytest.raises(JournalError, match=r"pzctl:\*\*\*@/gone.*the journal cannot be read or written"):
-        Archive(url.replace("/record", "/gone"))
-    archive = Archive(url)
-    assert [one.id for one in archive.measurements()] == [measured]
+        lab.wait_fit(ECHO, lab.measure(build, "disk").id, patience=60)
+        events = lab.listen(patience=60)
+        running, waiting = lab.begin(build, "disk"), lab.begin(build, "ml1")
+        while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
+            pass
+        stop_server()
+        wait_until(lambda: any((tmp_path / "unsaved").glob("*.event")))
+        for ask in (lambda: lab.begin(build, "disk"), lab.samples):
+            with pytest.raises(DaemonError, match="the journal's server has gone, and nothing is measured until it"):
+                ask()
+        assert lab.status().queue == (waiting,), "the daemon answers; what waits is not begun"
+        start_server()
+        ended: list[str | None] = []
+        while len(ended) < 2:
+            if isinstance(event := next(events).event, StateEvent) and event.state == "measured":
+                ended.append(event.measurement)
+        assert ended == [running, waiting]
+        again = lab.measure(build, "disk")
+        assert len(again.sweeps) == 2
+        seqs = [one.event.seq for one in lab.replay(1)]
+        assert seqs == list(range(1, len(seqs) + 1)), "none lost, none twice"
+    assert not any((tmp_path / "unsaved").iterdir())
+    archive = Archive(url, "a")
+    assert [one.state for one in archive.measurements()] == ["measured"] * 4
+    assert archive.verify() == []
     archive.close()
-    assert where.journal == url
+
+
+def test_what_was_measured_while_the_server_was_gone_outlives_the_daemon(
+    start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until, end
+) -> None:
+    stop_server, start_server = restartable
+    where = start_daemon(journal=url, station="a", time_scale=0.3)
+    with connect() as lab:
+        events = lab.listen(patience=60)
+        running = lab.begin(build, "disk")
+        while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
+            pass
+        stop_server()
+        wait_until(lambda: len(list((tmp_path / "unsaved").glob("*.event"))) == 3)
+    end(where.pid, signal.SIGKILL)
+    start_server()
+    start_daemon(journal=url, station="a")
+    archive = Archive(url, "a")
+    assert [(one.id, one.state) for one in archive.measurements()] == [(running, "measured")]
+    assert len(archive.sweep_ids(running)) == 2
+    assert archive.verify() == []
+    archive.close()
+
+
+def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "one", url, "a")
+    journal.append(StateEvent(state="started"))
+    with psycopg.connect(url, autocommit=True) as db:
+        db.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid != pg_backend_pid()")
+    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@.*the journal's server has gone"):
+        journal.append(StateEvent(state="started"))
+    other = Journal(tmp_path / "other", url, "a")
+    other.append(StateEvent(state="started"))
+    other.close()
+    assert journal.store.gone
+    with pytest.raises(JournalError, match="stood at event 1 when its server went, and stands at 2 now"):
+        journal.resume(journal.reopened())
+    journal.close()
+    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@/gone.*the journal cannot be read or written"):
+        Archive(url.replace("/record", "/gone"))
 
 
 def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build, tmp_path: Path) -> None:

@@ -1,0 +1,30 @@
+"""A peer that speaks ZMTP 3.0 by hand, byte for byte: libzmq would not send what a hostile program can."""
+
+import socket
+
+GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(16) + b"\0" + bytes(31)
+
+MORE, LARGE = b"\x01", b"\x03"
+"""Flags of a frame that is not the last of its message: with one byte of length, with eight."""
+
+
+def greeted(endpoint: str, kind: bytes) -> socket.socket:
+    """Return a connection to a socket of the daemon, the handshake done, as a socket of this kind would."""
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    link = socket.create_connection((host, int(port)), timeout=20)
+    body = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
+    link.sendall(GREETING + b"\x04" + bytes([len(body)]) + body)
+    answer = b""
+    while b"READY" not in answer:
+        answer += link.recv(4096)
+    return link
+
+
+def send_until_cut(link: socket.socket, block: bytes, most: int) -> bool:
+    """Send the same bytes again and again, `most` at most; return whether the other side ended the connection."""
+    try:
+        for _ in range(most // len(block)):
+            link.sendall(block)
+    except (ConnectionResetError, BrokenPipeError):
+        return True
+    return False
