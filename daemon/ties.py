@@ -19,11 +19,12 @@ def _value(layer: LayerSpec, name: str, known: Mapping[str, Quantity], source: s
     quantity = layer.values[name]
     if quantity.same_as is None:
         return quantity
-    where = f"{source}: {name} of layer {layer.name!r} is the same as {quantity.same_as}"
+    where = f"{source}: {name} of layer {layer.name!r}: same_as is {quantity.same_as.removesuffix(f'.{name}')!r}"
     leader = known.get(quantity.same_as)
     if leader is None:
-        others = sorted(full for full in known if full.endswith(f".{name}") and full != f"{layer.name}.{name}")
-        raise BuildError(f"{where}, which this file does not have; there are {', '.join(others)}")
+        own, end = f"{layer.name}.{name}", f".{name}"
+        others = sorted(full.removesuffix(end) for full in known if full.endswith(end) and full != own)
+        raise BuildError(f"{where}; the layers with {name} are {', '.join(others) or 'none'}")
     if leader.same_as is not None:
-        raise BuildError(f"{where}, which is itself the same as {leader.same_as}; tie both to one that stands alone")
+        raise BuildError(f"{where}, which is tied to {leader.same_as} itself; tie both to one that stands alone")
     return replace(leader, same_as=quantity.same_as)
