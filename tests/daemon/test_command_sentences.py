@@ -1,0 +1,191 @@
+"""Sentences of the command line and of what lies under it, each without a daemon: what, where, found, allowed."""
+
+import os
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zmq
+from typer.testing import CliRunner
+
+from pzctl.daemon.buildfile import parse_build, read_build
+from pzctl.daemon.cli import app
+from pzctl.daemon.cli.adaptive import adapted_plan
+from pzctl.daemon.guest import load_fitter
+from pzctl.daemon.keys import read_client_key
+from pzctl.daemon.notebook import sliders
+from pzctl.daemon.page.serve import serve, served_beside
+from pzctl.daemon.reports import curves_of
+from pzctl.daemon.simulated import simulated_instrument
+from pzctl.daemon.sockets import _bind
+from pzctl.daemon.wire import BeatEvent, Heard
+from pzctl.models.errors import PzctlError
+
+BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
+ROWS = "".join(f"{1e6 + 1e4 * k},1,{-100 + k}\n" for k in range(30))
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a recording, and a data folder in which nothing was measured."""
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "disk.csv").write_text(f"frequency_Hz,R_ohm,X_ohm\n{ROWS}")
+    (tmp_path / "samples").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ["journal", "prune", "--before", "new year", "--backup", "old"],
+            "--before new year: a day is needed, such as 2026-01-01",
+        ),
+        (["keys", "client", "ana", "--out", "disk.csv"], "--out disk.csv: this file is there already"),
+        (["measure", "--step", "ml9"], "--step ml9: build 'thesis' has the steps disk, ml1, ml2"),
+        (["fit", "--fitter", "bvd", "d=disk.csv@memory"], "disk.csv carries no memory trace"),
+        (
+            ["fit", "--all", "samples"],
+            "samples: no subfolder holds a build.toml; each sample needs build.toml and STEP.csv files",
+        ),
+        (
+            ["screenshot", "s.tif", "--resource", "recording:disk.csv"],
+            "--resource recording:disk.csv: a recording has no fixture and no screen; name an instrument",
+        ),
+        (["new", "disk.csv"], "disk.csv: this file is there already; name another one"),
+        (["prove", "--out", "proof"], "proof: there is a proof already; --out names another folder"),
+        (["page", "--build", "no.toml"], "no.toml: cannot be read: No such file or directory"),
+    ],
+    ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else None,
+)
+def test_a_command_that_cannot_be_done(here: Path, words: list[str], says: str) -> None:
+    (here / "proof").mkdir()
+    (here / "proof" / "truth.json").write_text("{}")
+    done = CliRunner().invoke(app, words)
+    assert isinstance(done.exception, PzctlError)
+    assert str(done.exception) == says
+
+
+def without_plan() -> object:
+    text = BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
+    nobody: Any = None
+    return adapted_plan(nobody, parse_build(text), "disk", nobody)
+
+
+def long_name() -> object:
+    return parse_build(BUILD.read_text(encoding="utf-8").replace('"thesis"', f'"{65 * "x"}"'))
+
+
+def huge_file() -> object:
+    with Path("huge.toml").open("wb") as file:
+        file.truncate(1_000_001)
+    return read_build(Path("huge.toml"))
+
+
+def bad_key() -> object:
+    Path("ana.key").write_text("{}")
+    Path("ana.key").chmod(0o600)
+    return read_client_key(Path("ana.key"))
+
+
+def curves_of_two_lengths() -> object:
+    z = np.zeros(3, complex)
+    return curves_of(("disk",), {f"0.{part}": z[: 3 - k] for k, part in enumerate(PARTS)})
+
+
+PARTS = ("frequency", "measured", "start", "fitted")
+
+
+def beat_as_sweep() -> object:
+    return Heard(BeatEvent(), {}).sweep()
+
+
+def bound(endpoint: str) -> object:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    try:
+        return _bind(context.socket(zmq.ROUTER), endpoint, None)
+    finally:
+        context.term()
+
+
+def simulator_that_does_not_start() -> object:
+    with simulated_instrument(Path("sim.log"), {"jig": "spoon"}) as instrument:
+        return instrument
+
+
+@pytest.mark.parametrize(
+    ("work", "says"),
+    [
+        (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its time are needed"),
+        (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
+        (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
+        (bad_key, "ana.key is no key: message: "),
+        (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
+        (beat_as_sweep, "message: BeatEvent holds no sweep"),
+        (lambda: load_fitter("masn"), "fitter 'masn' is not installed; installed are bvd, "),
+        (
+            lambda: load_fitter("no_such_module:Fitter"),
+            "fitter 'no_such_module:Fitter' cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'",
+        ),
+        (
+            lambda: bound("tcp://0.0.0.0:*"),
+            "endpoint 'tcp://0.0.0.0:*' can be reached from other machines; that needs keys",
+        ),
+        (simulator_that_does_not_start, "simulated 4294A: it did not start: "),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_what_lies_under_the_commands(here: Path, work: Callable[[], object], says: str) -> None:
+    with pytest.raises(PzctlError) as caught:
+        work()
+    assert str(caught.value).startswith(says)
+
+
+def test_a_port_that_is_taken(here: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(PzctlError, match=rf"endpoint 'tcp://127.0.0.1:{port}' cannot be bound: Address already"):
+            bound(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: nobody can listen there; is the port taken"):
+            serve(read_build(BUILD), "127.0.0.1", port, None)
+        with (
+            pytest.raises(PzctlError, match="the port is taken; --page-port takes another"),
+            served_beside(BUILD, port),
+        ):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("module", "work", "says"),
+    [
+        (
+            "starlette",
+            lambda: serve(read_build(BUILD), "127.0.0.1", 0, None),
+            r"starlette is not installed; the page needs it: pip install 'pzctl\[web\]'",
+        ),
+        (
+            "ipywidgets",
+            lambda: sliders(None),  # type: ignore[arg-type]
+            r"ipywidgets is not installed; sliders need it: pip install 'pzctl\[notebook\]'",
+        ),
+    ],
+)
+def test_what_is_not_installed(
+    monkeypatch: pytest.MonkeyPatch, module: str, work: Callable[[], object], says: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(PzctlError, match=says):
+        work()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="/dev/full is of Linux")
+def test_a_file_that_cannot_be_written(here: Path) -> None:
+    (here / "file").write_text("")
+    answers = "\n".join(("S1", "16", "Pz27", "0.5", "0.001", "n", "air", "air"))
+    done = CliRunner().invoke(app, ["new", "file/build.toml"], input=answers)
+    assert str(done.exception) == "file/build.toml: cannot be written: Not a directory"
