@@ -2,11 +2,12 @@
 
 libzmq keeps the frames of a message until the last one has come, and every subscription, and has no limit for either.
 How much has come over a connection is asked of the kernel (TCP_INFO); that a whole request was read of it is told
-here. To cut a connection is to shut its TCP socket down: libzmq then lets go of it as it does of any client that
-goes, and gives back what it kept. The client may come again. Only Linux says as much; elsewhere nobody is cut off.
+here. To cut a connection is to reset it: libzmq then lets go of it as it does of any client that goes, and gives
+back what it kept. The client may come again. Only Linux says as much; elsewhere nobody is cut off.
 """
 
 import asyncio
+import ctypes
 import logging
 import os
 import socket
@@ -176,12 +177,12 @@ def _memory() -> int:
 
 
 def _cut(line: _Line, why: str) -> None:
-    """Shut a connection down, unless its number belongs to another one by now."""
+    """Reset a connection, unless its number belongs to another one by now.
+
+    Shut down it would go on to take what comes: Linux resets a TCP socket that is connected to no address.
+    """
     if _link(line.handle) != line.link:
         return
-    with _borrowed(line.handle) as one:
-        try:
-            one.shutdown(socket.SHUT_RDWR)
-        except OSError:
-            return  # it had gone already
+    if ctypes.CDLL(None).connect(line.handle, bytes(16), 16):  # AF_UNSPEC is 0
+        return  # it had gone already
     log.warning("the connection from %s was cut off: %s", line.peer, why)

@@ -16,7 +16,8 @@ def greeted(endpoint: str, kind: bytes) -> socket.socket:
     link.sendall(GREETING + b"\x04" + bytes([len(body)]) + body)
     answer = b""
     while b"READY" not in answer:
-        answer += link.recv(4096)
+        answer += (said := link.recv(4096))
+        assert said, f"a {kind.decode()} is not let in"
     return link
 
 

@@ -1,9 +1,12 @@
 """Messages made to harm: none is believed, none is obeyed, and whoever asks properly is answered meanwhile."""
 
 import json
+import mmap
 import random
+import socket
+import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +16,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl import connect
-from pzctl.daemon.audience import MOST_SUBSCRIPTIONS
 from pzctl.daemon.frames import MOST_FRAMES, WireError
+from pzctl.daemon.intake import MOST_CONNECTIONS
 from pzctl.daemon.paths import home, log_file
 from pzctl.daemon.reception import NAMES, _read
 from pzctl.daemon.wire import decode
 from pzctl.models.build import Build
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import raw_peer
 
 FOLDER = Path(__file__).parents[1] / "wire" / "v1"
 
@@ -104,16 +111,72 @@ def test_the_daemon_answers_all_of_it_and_goes_on(start_daemon, build: Build, se
         assert lab.measure(build, "disk").sweeps
 
 
-def test_who_subscribes_without_end_is_cut_off(start_daemon, build: Build, wait_until, tmp_path: Path) -> None:
+ENDLESS = {
+    "empty frames": (b"DEALER", raw_peer.MORE + b"\0"),
+    "short frames": (b"DEALER", raw_peer.MORE + b"\x7d" + bytes(125)),
+    "the longest frames": (b"DEALER", raw_peer.LARGE + (8 << 20).to_bytes(8, "big") + bytes(8 << 20)),
+    "subscriptions": (b"SUB", b"".join(b"\0\5\1" + k.to_bytes(4, "big") for k in range(10_000))),
+    "the same subscription": (b"SUB", b"\0\2\1x"),
+    "what is taken back": (b"SUB", b"\0\2\0x"),
+}
+
+
+def test_who_sends_without_end_is_cut_off_before_memory_runs_out(start_daemon, build: Build, tmp_path: Path) -> None:
+    where = start_daemon()
+    memory = Path(f"/proc/{where.pid}/statm")
+    with connect() as lab, connect() as listener:
+        events = listener.listen(patience=20)
+        before = int(memory.read_text().split()[1])
+        for what, (kind, sent) in ENDLESS.items():
+            with raw_peer.greeted(where.requests if kind == b"DEALER" else where.events, kind) as link:
+                assert raw_peer.send_until_cut(link, sent * (65_536 // len(sent) or 1), 4 << 30), what
+            assert lab.status().seq > 0
+            assert int(memory.read_text().split()[1]) - before < (500 << 20) // mmap.PAGESIZE, what
+        assert log_file(tmp_path, "daemon").read_text().count("was cut off: it sends without end") >= len(ENDLESS)
+        assert lab.measure(build, "disk").sweeps
+        assert next(events).event.seq > 0, "who listens properly goes on hearing"
+
+
+def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:
+    where = start_daemon()
+    links: list[socket.socket] = []
+    with connect() as lab:
+        for endpoint, kind in ((where.events, b"SUB"), (where.requests, b"DEALER")):
+            host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+            for sent in (b"", b"GET / HTTP/1.1\r\n\r\n", raw_peer.GREETING[:20], raw_peer.GREETING + bytes(300)):
+                links.append(socket.create_connection((host, int(port))))
+                links[-1].sendall(sent)
+            links.append(raw_peer.greeted(endpoint, kind))
+            with suppress(OSError):
+                links[-1].sendall(random.Random(0).randbytes(1 << 20))  # noqa: S311
+        assert lab.measure(build, "disk").sweeps
+    for link in links:
+        link.close()
+
+
+def test_who_only_connects_takes_no_descriptors_that_the_journal_needs(start_daemon, build: Build, wait_until) -> None:
+    where = start_daemon()
+    host, _, port = where.events.removeprefix("tcp://").rpartition(":")
+    with connect() as lab, ExitStack() as stack:
+        lab.status()
+        for _ in range(MOST_CONNECTIONS + 100):
+            stack.enter_context(socket.create_connection((host, int(port))))
+        wait_until(lambda: len(list(Path(f"/proc/{where.pid}/fd").iterdir())) < MOST_CONNECTIONS + 60)
+        assert lab.measure(build, "disk").sweeps
+
+
+def test_a_fitter_that_says_hello_without_end_does_not_fill_the_journal(start_daemon) -> None:
     where = start_daemon()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    with connect() as lab, context.socket(zmq.XSUB) as link:
-        link.setsockopt(zmq.LINGER, 0)
-        link.connect(where.events)
-        for k in range(MOST_SUBSCRIPTIONS + 1):
-            link.send(b"\1" + str(k).encode())
-        wait_until(lambda: "was cut off: it subscribes to more than" in log_file(tmp_path, "daemon").read_text())
-        assert lab.measure(build, "disk").sweeps, "the others hear"
+    with connect() as lab, context.socket(zmq.DEALER) as link:
+        link.connect(where.requests)
+        before = lab.status().seq
+        for k in range(300):
+            link.send(json.dumps({"id": str(k), "request": "hello", "fitter": "f", "version": str(k)}).encode())
+            link.recv()
+        found = lab.status()
+        assert 0 < found.seq - before < 10
+        assert found.fitters[0].version == "299"
     context.term()
 
 
