@@ -28,7 +28,7 @@ MOST_SUBSCRIBED = 16 << 10
 LIFE_SIGNS = 1000.0
 """Bytes a second that count for nothing: heartbeats, which under CURVE are longer."""
 
-MOST_GROWTH = 64 << 20
+MOST_GROWTH = 32 << 20
 """Bytes by which this process may have grown since a connection said something whole, if a little came over it: empty
 frames cost thirty times what they weigh on the way."""
 

@@ -26,6 +26,9 @@ HIGH_WATER = 1000
 REQUESTS_KEPT = 10
 """Requests of one connection that wait to be read; its TCP connection holds back what comes then."""
 
+RECEIVE_BUFFER = 128 << 10
+"""Bytes of one connection that the kernel holds: one thread of libzmq's reads all of them, and the next one waits."""
+
 ANSWERS_KEPT = 50
 """Answers kept for who asks and does not read; one of them may carry 50 sweeps."""
 
@@ -127,6 +130,7 @@ def _bind(
     any_socket.set(zmq.SNDHWM, kept)
     any_socket.set(zmq.RCVHWM, waiting)
     any_socket.set(zmq.MAXMSGSIZE, longest)
+    any_socket.set(zmq.RCVBUF, RECEIVE_BUFFER)
     if gate is not None:
         any_socket.set(zmq.CURVE_SERVER, 1)
         any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())

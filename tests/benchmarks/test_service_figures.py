@@ -25,6 +25,8 @@ import zmq
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "daemon"))
 
+from test_hostile_messages import ENDLESS
+
 from pzctl.daemon.archive import Archive
 from pzctl.daemon.client import Client, connect
 from pzctl.daemon.connection import DaemonError
@@ -41,6 +43,7 @@ from pzctl.models.sweep import Sweep
 SOAK = int(os.environ.get("PZCTL_SOAK", "300"))
 KILLS = int(os.environ.get("PZCTL_KILLS", "10"))
 HOSTILE = int(os.environ.get("PZCTL_HOSTILE", "20000"))
+FLOOD_SECONDS = float(os.environ.get("PZCTL_FLOOD_SECONDS", "2"))
 
 AIR = Load("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
@@ -325,30 +328,96 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+ECHO_SERVER = """
+import zmq
+link = zmq.Context().socket(zmq.ROUTER)
+print(link.bind_to_random_port("tcp://127.0.0.1"), flush=True)
+while True:
+    link.send_multipart(link.recv_multipart())
+"""
+"""What is asked beside the daemon, and not flooded: what it takes longer is the machine's doing."""
+
+
+class Questions:
+    """Asks a daemon, and in turn a plain echo, while a flood lasts; keeps how long each answer took, and the memory."""
+
+    def __init__(self, where: Location) -> None:
+        self.ours: list[float] = []
+        self.echo: list[float] = []
+        self.rss: list[float] = []
+        self._where = where
+
+    def ask_while(self, flood: "subprocess.Popen[bytes] | subprocess.Popen[str]") -> None:
+        """Ask until the flood has ended."""
+        server = subprocess.Popen([sys.executable, "-c", ECHO_SERVER], stdout=subprocess.PIPE)
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        link = context.socket(zmq.REQ)
+        try:
+            assert server.stdout is not None
+            link.connect(f"tcp://127.0.0.1:{int(server.stdout.readline())}")
+            with connect() as lab:
+                while flood.poll() is None:
+                    began = time.perf_counter()
+                    lab.status()
+                    between = time.perf_counter()
+                    link.send(b"?")
+                    link.recv()
+                    self.ours.append(between - began)
+                    self.echo.append(time.perf_counter() - between)
+                    self.rss.append(rss_MB(self._where.pid))
+                    time.sleep(0.02)
+        finally:
+            server.kill()
+            server.communicate()
+            link.close()
+            context.term()
+
+    def says(self) -> str:
+        """What came of it."""
+        parts: list[str] = []
+        for name, found in (("daemon", self.ours), ("echo that nobody floods", self.echo)):
+            ordered = sorted(1e3 * one for one in found)
+            late = sum(one > 100 for one in ordered)
+            parts.append(
+                f"{name}: median {statistics.median(ordered):.1f} ms, 99 % {ordered[int(0.99 * len(ordered))]:.1f} ms, "
+                f"99.9 % {ordered[int(0.999 * len(ordered))]:.1f} ms, worst {ordered[-1]:.1f} ms, {late} above 100 ms"
+            )
+        return f"{len(self.ours)} questions; " + "; ".join(parts)
+
+
 def test_hostile(home: Path) -> None:
     """Messages made to harm, from another process over eight connections; a proper question is asked meanwhile."""
     where = begin()
-    delays: list[float] = []
     before, began, used = rss_MB(where.pid), time.perf_counter(), cpu_seconds(where.pid)
     flood = subprocess.Popen([sys.executable, str(FLOODER), where.requests, str(HOSTILE), "8"])
-    rss: list[float] = []
+    asked = Questions(where)
+    asked.ask_while(flood)
+    seconds, used = time.perf_counter() - began, cpu_seconds(where.pid) - used
     with connect() as lab:
-        while flood.poll() is None:
-            asked = time.perf_counter()
-            lab.status()
-            delays.append(time.perf_counter() - asked)
-            rss.append(rss_MB(where.pid))
-            time.sleep(0.02)
-        seconds, used = time.perf_counter() - began, cpu_seconds(where.pid) - used
         counts = lab.metrics().counts
-    ordered = sorted(1e3 * delay for delay in delays)
     print(f"\nhostile: {HOSTILE} messages in {seconds:.1f} s; {counts.get('garbage', 0)} counted as garbage, ", end="")
-    print(f"{1e6 * used / HOSTILE:.0f} us of the daemon's processor time each")
-    print(f"a proper question meanwhile, {len(ordered)} of them: median {statistics.median(ordered):.1f} ms, ", end="")
-    print(f"99.9 % {ordered[int(0.999 * len(ordered))]:.1f} ms, most {ordered[-1]:.1f} ms")
-    tenths = [round(rss[k * len(rss) // 10], 1) for k in range(10)]
+    print(f"{1e6 * used / HOSTILE:.0f} us of the daemon's processor time each; load {os.getloadavg()[0]:.1f}")
+    print(asked.says())
+    tenths = [round(asked.rss[k * len(asked.rss) // 10], 1) for k in range(10)]
     print(f"memory {before:.1f} MB before; by tenths {tenths} MB; {rss_MB(where.pid):.1f} MB after")
     assert flood.returncode == 0
+
+
+@pytest.mark.parametrize("what", sorted(ENDLESS))
+def test_without_end(home: Path, what: str) -> None:
+    """Subscriptions without end, and messages that never end, over four connections that come again when cut."""
+    where = begin()
+    before = rss_MB(where.pid)
+    endpoint = where.requests if ENDLESS[what][0] == b"DEALER" else where.events
+    command = [sys.executable, str(FLOODER.with_name("raw_flooder.py")), endpoint, what, str(FLOOD_SECONDS)]
+    flood = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    asked = Questions(where)
+    asked.ask_while(flood)
+    MB, cuts = (flood.communicate()[0]).split()
+    print(f"\n{what} without end, {FLOOD_SECONDS:g} s: {MB} MB sent, {cuts} times cut off; ", end="")
+    print(f"memory {before:.0f} MB before, {max(asked.rss):.0f} MB at most; load {os.getloadavg()[0]:.1f}")
+    print(asked.says())
+    assert int(cuts)
 
 
 def spread(seconds: list[float]) -> str:
