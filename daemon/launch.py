@@ -16,7 +16,7 @@ from .client import Client
 from .connection import DaemonError
 from .folderlock import is_written
 from .frames import to_json
-from .location import Location, find
+from .location import Location, find, same_resource
 from .logs import begin_log
 from .options import Options
 from .paths import home, journal_folder, log_file, writable_home
@@ -49,7 +49,7 @@ def start(options: Options | None = None) -> Location:
         time.sleep(0.05)  # one is just starting, or ending
     found = running()
     if found is not None:
-        if wanted.resource not in (None, found.resource):
+        if wanted.resource is not None and not same_resource(wanted.resource, found.resource):
             raise DaemonError(
                 f"a daemon runs already (process {found.pid}) and measures with {found.resource}, "
                 f"not {wanted.resource}; end it first",

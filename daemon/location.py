@@ -30,6 +30,17 @@ class Location(msgspec.Struct, frozen=True):
     """What lets those in who can read this file, where the daemon asks for keys."""
 
 
+def same_resource(one: str, other: str) -> bool:
+    """Return whether two resource strings name the same instrument: `HOST:PORT` is short for `TCPIP0::HOST::...`."""
+    from ..drivers.analyzer import InstrumentError
+    from ..drivers.visa import resource_name
+
+    try:
+        return one == other or resource_name(one) == resource_name(other)
+    except InstrumentError:  # a recording has one name only
+        return False
+
+
 def announce(folder: Path, location: Location) -> None:
     """Write the file, whole or not at all, for its owner alone."""
     path = daemon_file(folder)

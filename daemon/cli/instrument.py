@@ -22,12 +22,13 @@ def own_4294a(given: str | None) -> "Generator[Agilent4294A]":
     from ..config import settings
     from ..connection import DaemonError
     from ..launch import running
+    from ..location import same_resource
 
     resource = settings({"resource": given}).get("resource")
     if resource is None:
         raise UsageError("no instrument is named: give --resource, set PZCTL_RESOURCE, or write it into config.toml")
     place = running()
-    if place is not None and place.resource == resource:
+    if place is not None and same_resource(resource, place.resource):
         raise DaemonError(f"the daemon that runs owns {resource}; end it with `pzctl daemon --stop`", "owner")
     analyzer = open_analyzer(resource)
     try:

@@ -102,6 +102,7 @@ def _daemon(
     from ..config import options, settings
     from ..connection import DaemonError
     from ..launch import running, start
+    from ..location import same_resource
 
     place = running()
     started = place is None
@@ -114,7 +115,7 @@ def _daemon(
         if fitters:
             wished = replace(wished, fitters=tuple(dict.fromkeys((*fitters, *found.get("fitters", ())))))
         place = start(wished)
-    elif resource is not None and place.resource != resource:
+    elif resource is not None and not same_resource(resource, place.resource):
         raise DaemonError(
             f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
         )

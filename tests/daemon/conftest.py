@@ -33,7 +33,7 @@ def build() -> Build:
 def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
     """Return a function that starts a daemon on this test's data folder; what it started is ended after the test."""
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
     pids: list[int] = []
 
     def begin(

@@ -43,6 +43,8 @@ def sentence(work: Callable[[], object]) -> str:
 
 def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> None:
     where = start_daemon()
+    host, port = where.resource.split("::")[1:3]
+    assert start(Options(resource=f"{host}:{port}")) == where, "the same instrument by its short name"
     with connect() as lab:
         one = lab.measure(build, "disk")
         sweeps = tuple(sweep.id for sweep in one.sweeps)

@@ -1,0 +1,94 @@
+"""The examples of the guides that name an instrument or files of one's own, run against a simulated instrument.
+
+What stands indented in a guide is for the reader's bench; here its addresses are those of the simulator, and its files
+are recordings made there.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pzctl.sim.control import bench_command
+from pzctl.sim.server import SimOptions, running
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PZCTL = str(Path(sys.executable).with_name("pzctl"))
+INDENTED = re.compile(r"^    pzctl ([^#\n]*)", re.MULTILINE)
+S4 = re.compile(r"<!-- file: S4.toml -->\n```toml\n(.*?)```", re.DOTALL)
+GUIDES = ("connecting-a-4294A", "first-measurement", "when-the-fit-is-wrong", "diagnosis")
+ELSEWHERE = {
+    "doctor": "tests/daemon/test_show_export_doctor.py",
+    "measure --diagnose": "tests/daemon/test_measure_diagnose.py",
+}
+"""Which test runs a command that takes too long to be done twice."""
+
+
+class Bench:
+    """A folder with a transducer's description and recordings, and a simulated instrument."""
+
+    def __init__(self, folder: Path, resources: dict[str, str]) -> None:
+        self.folder, self.resources = folder, resources
+        self.environment = {**os.environ, "PZCTL_HOME": str(folder / "home")}
+
+    def pzctl(self, *words: str) -> None:
+        words = tuple(self.resources.get(word, word) for word in words)
+        done = subprocess.run(
+            [PZCTL, *words], cwd=self.folder, env=self.environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"pzctl {shlex.join(words)}\n{done.stdout[-800:]}\n{done.stderr[-800:]}"
+        assert "Traceback" not in done.stderr
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    folder = tmp_path_factory.mktemp("bench")
+    found = S4.search((DOCS / "transducer.md").read_text(encoding="utf-8"))
+    assert found
+    text = found[1].replace("801", "201")
+    for name in ("S4.toml", "build.toml"):
+        (folder / name).write_text(text, encoding="utf-8")
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
+        by_name = {
+            "TCPIP0::192.168.0.17::5025::SOCKET": sim.resource,
+            "192.168.0.17:5025": f"127.0.0.1:{sim.port}",
+            "GPIB0::17::INSTR": f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17",
+        }
+        made = Bench(folder, by_name)
+        for step in ("disk", "ml1"):
+            bench_command("127.0.0.1", sim.bench_port, command="step", name=step)
+            made.pzctl("measure", "--build", "S4.toml", "--step", step, "--resource", sim.resource, "--quiet")
+        made.pzctl("daemon", "--stop")
+        made.pzctl("screenshot", "disk.txt", "--resource", sim.resource)
+        made.pzctl("export", "S4")
+        for old, new in (("disk-2", "disk"), ("ml1-2", "ml1"), ("ml1-1", "ml1-first")):
+            shutil.copy(folder / f"S4-{old}.csv", folder / f"{new}.csv")
+        shutil.copy(folder / "S4-ml1-2.csv", folder / "ml1-second.csv")
+        shutil.copy(folder / "disk.txt", folder / "RB5100.txt")
+        bench_command("127.0.0.1", sim.bench_port, command="new-sample", seed=1)
+        yield made
+        subprocess.run([PZCTL, "daemon", "--stop"], env=made.environment, capture_output=True, check=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX end the daemon")
+@pytest.mark.parametrize("guide", GUIDES)
+def test_an_example_with_an_instrument_or_with_files(bench: Bench, guide: str) -> None:
+    lines = INDENTED.findall((DOCS / f"{guide}.md").read_text(encoding="utf-8"))
+    assert lines
+    for line in map(str.strip, lines):
+        if line in ELSEWHERE or "..." in line:
+            continue
+        bench.pzctl(*shlex.split(line))
+        if "--resource" in line and line.startswith("measure"):
+            bench.pzctl("daemon", "--stop")  # the next example has another instrument
+
+
+def test_what_is_run_elsewhere_is() -> None:
+    for file in ELSEWHERE.values():
+        assert (DOCS.parent / file).exists()
