@@ -18,6 +18,8 @@ from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
 _ORDER_R, _ORDER_Z = 7, 8
 _SIZES = {"c": 1e11, "e": 30.0, "eps": 9e-9}
 _SCALE = np.array([_SIZES["eps" if name.startswith("eps") else name[0]] for name in CONSTANTS])
+_LAYER = 1e10
+# Pa, of the constants of a bonded layer.
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,12 @@ class Shape:
 
     def weights(self, constants: Numbers) -> Numbers:
         """Return what each of TERMS is weighed by, shape (..., 13), for constants in SI units, shape (..., 10)."""
-        return constants[..., OF_TERM] * self.lengths
+        return constants[..., self.of_term] * self.lengths
+
+    @property
+    def of_term(self) -> Numbers:
+        """Which constant belongs to each of TERMS, shape (13,)."""
+        return OF_TERM
 
     @property
     def lengths(self) -> Reals:
@@ -71,7 +78,8 @@ class FullDisk:
     @cached_property
     def scale(self) -> Reals:
         """What each unknown is measured by, shape (n,): its own static stiffness for a typical ceramic of this mesh."""
-        diagonal = sum(s * t.diagonal() for s, t in zip(_SCALE[OF_TERM], self.matrices.terms, strict=True))
+        sizes = np.append(_SCALE[OF_TERM], np.full(len(self.matrices.terms) - OF_TERM.size, _LAYER))
+        diagonal = sum(s * t.diagonal() for s, t in zip(sizes, self.matrices.terms, strict=True))
         return 1 / np.sqrt(np.abs(np.asarray(diagonal)[: self.size]))
 
     @cached_property
@@ -130,7 +138,7 @@ class FullDisk:
 
         The whole disk is two halves of 2 pi each, and half C V^2 is minus the value of H at its stationary point.
         """
-        each = np.broadcast_to(constants, (frequency.size, len(CONSTANTS)))
+        each = np.broadcast_to(constants, (frequency.size, constants.shape[-1]))
         made: list[complex] = []
         for f, c in zip(frequency.tolist(), each, strict=True):
             x = self.solution(shape, c, f)

@@ -47,10 +47,10 @@ def _element(order: int) -> tuple[Reals, Reals, Reals, Reals, Reals]:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line from 0 to 1 in elements of one order."""
+    """A line in elements of one order."""
 
     breaks: Reals
-    """Ends of the elements, shape (E + 1,), from 0 to 1."""
+    """Ends of the elements, shape (E + 1,), rising."""
     order: int
 
     @property
@@ -63,7 +63,7 @@ class Line:
         """Places of the nodes, shape (size,)."""
         own, *_ = _element(self.order)
         parts = [low + (high - low) * (own[:-1] + 1) / 2 for low, high in pairwise(self.breaks.tolist())]
-        return np.concatenate([*parts, [1.0]])
+        return np.concatenate([*parts, self.breaks[-1:]])
 
     def integral(self, first: int, second: int, weight: Callable[[Reals], Reals] = np.ones_like) -> Matrix:
         """Return the integrals of weight N_i N_k, shape (size, size); `first`, `second`: 1 for the derivative, or 0.

@@ -81,20 +81,17 @@ def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True) -> Mat
     volt = np.zeros((3 * nr * nz, 1))
     volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
     keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
-    blocks = blocks_of(along_r, along_z)
 
-    def built(parts: Mapping[tuple[int, int], Matrix]) -> Matrix:
-        grid = [[parts.get((i, k), sp.csr_array((nr * nz, nr * nz))) for k in range(3)] for i in range(3)]
-        whole = sp.csr_array(sp.block_array(grid))
-        return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if is_coupling(parts) else whole) @ keep)
-
-    *terms, mass = (built(parts) for parts in blocks)
+    *terms, mass = (gathered(parts, keep, nr * nz) for parts in blocks_of(along_r, along_z))
     return Matrices(tuple(terms), mass, kept[0].size + kept[1].size)
 
 
-def is_coupling(parts: Mapping[tuple[int, int], Matrix]) -> bool:
-    """Return whether all blocks are of two fields."""
-    return all(i != k for i, k in parts)
+def gathered(parts: Mapping[tuple[int, int], Matrix], keep: Matrix, count: int) -> Matrix:
+    """Return the matrix of the unknowns that `keep` makes of three fields of `count` nodes, from blocks of fields."""
+    grid = [[parts.get((i, k), sp.csr_array((count, count))) for k in range(3)] for i in range(3)]
+    whole = sp.csr_array(sp.block_array(grid))
+    coupling = all(i != k for i, k in parts)
+    return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if coupling else whole) @ keep)
 
 
 def unit_columns(rows: Numbers, size: int) -> Matrix:
@@ -102,7 +99,8 @@ def unit_columns(rows: Numbers, size: int) -> Matrix:
     return sp.csr_array(sp.coo_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(size, rows.size)))
 
 
-_kron: Callable[[Matrix, Matrix], Matrix] = sp.kron
+kron: Callable[[Matrix, Matrix], Matrix] = sp.kron
+"""Kronecker product of sparse matrices."""
 
 
 def blocks_of(
@@ -124,7 +122,7 @@ def blocks_of(
     Zs, Zt = along_z.integral(0, 1, within), along_z.integral(1, 0, within)
 
     def product(r: Matrix, z: Matrix) -> Matrix:
-        return _kron(r, z)
+        return kron(r, z)
 
     return [
         {(0, 0): product(D + B, Zm)},
