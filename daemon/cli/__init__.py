@@ -37,32 +37,69 @@ from . import (
 
 app = typer.Typer(
     name="pzctl",
-    help="Complex material constants of an ultrasound transducer, layer by layer, right after each gluing step.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-app.command("measure")(measure.measure)
-app.command("fit")(fit.fit)
-app.command("diagnose")(diagnose.diagnose)
-app.command("status")(status.status)
-app.add_typer(journal.app, name="journal")
-app.add_typer(keys.app, name="keys")
-app.command("samples")(samples.samples)
-app.command("daemon")(service.daemon)
-app.command("sim")(simulator.sim)
-app.command("fitters")(fitters.fitters)
-app.command("effects")(effects.effects)
-app.command("materials")(materials.materials)
-app.command("prove")(prove.prove)
-app.command("doctor")(doctor.doctor)
-app.command("show")(show.show)
-app.command("export")(export.export)
-app.command("report")(report.report)
-app.command("compensate")(compensate.compensate)
-app.command("screenshot")(screenshot.screenshot)
-app.command("page")(page.page)
-app.command("watch")(watch.watch)
-app.command("new")(new.new)
+_PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Measure": {
+        "measure": measure.measure,
+        "page": page.page,
+        "watch": watch.watch,
+        "status": status.status,
+        "new": new.new,
+    },
+    "Fit and diagnose": {
+        "fit": fit.fit,
+        "diagnose": diagnose.diagnose,
+        "fitters": fitters.fitters,
+        "effects": effects.effects,
+        "materials": materials.materials,
+        "prove": prove.prove,
+    },
+    "What was measured": {
+        "samples": samples.samples,
+        "show": show.show,
+        "report": report.report,
+        "export": export.export,
+        "journal": journal.app,
+    },
+    "The instrument and the lab": {
+        "doctor": doctor.doctor,
+        "compensate": compensate.compensate,
+        "screenshot": screenshot.screenshot,
+        "sim": simulator.sim,
+        "daemon": service.daemon,
+        "keys": keys.app,
+    },
+}
+for _panel, _commands in _PANELS.items():
+    for _command, _work in _commands.items():
+        if isinstance(_work, typer.Typer):
+            app.add_typer(_work, name=_command, rich_help_panel=_panel)
+        else:
+            app.command(_command, rich_help_panel=_panel)(_work)
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"pzctl {version('pzctl')}")
+        raise typer.Exit
+
+
+@app.callback()
+def pzctl(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version, and exit.")
+    ] = False,
+) -> None:
+    """Complex material constants of an ultrasound transducer, layer by layer, right after each gluing step.
+
+    Begin with `pzctl measure --fit`: the whole story on a simulated bench.
+
+    Exit status: 0 done, 1 the answer is "cannot", 2 wrong usage, 130 stopped with Ctrl-C.
+    """
 
 
 def _with_quiet(work: Callable[..., None]) -> Callable[..., None]:

@@ -110,7 +110,14 @@ def test_the_shell_completes_commands() -> None:
 
 @pytest.mark.parametrize(
     ("words", "status"),
-    [(["fitters", "--json"], 0), (["samples"], 1), (["fit", "x"], 2), (["no-such"], 2), (["effects", "no-such"], 2)],
+    [
+        (["fitters", "--json"], 0),
+        (["--version"], 0),
+        (["samples"], 1),
+        (["fit", "x"], 2),
+        (["no-such"], 2),
+        (["effects", "no-such"], 2),
+    ],
 )
 def test_exit_status(words: list[str], status: int, tmp_path: Path) -> None:
     environment = {**os.environ, "PZCTL_HOME": str(tmp_path)}
