@@ -12,7 +12,7 @@ from ..models.sweep import Sweep
 from .constraints import bounded, shared
 from .coordinates import Block, Coordinates, hardly_negative, positive, thickness_constants, to_h33
 from .interface import FitError
-from .objective import Prior, Recording
+from .recording import Prior, Recording
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")

@@ -13,8 +13,8 @@ from ..models.sweep import Sweep
 from .interface import Constant, Curve, FitError, FitResult, FitTask, Fitter, Noise
 from .joint import check_task
 from .noise import noise_of
-from .objective import log_ratio
 from .recognise import refuse_another_device
+from .recording import log_ratio
 
 RADIAL_UNITS = {
     "s11E": "1/Pa",

@@ -13,7 +13,8 @@ import numpy as np
 from ..models.arrays import Complexes, Reals
 from .descent import Descent, descend
 from .interface import Interval
-from .objective import Objective, Posterior, Prior, Recording, log_ratio
+from .objective import Objective
+from .recording import Posterior, Prior, Recording, log_ratio
 
 DRAWS = 200
 SEED = 4294

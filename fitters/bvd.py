@@ -17,7 +17,7 @@ from .covariance import estimate
 from .descent import Descent, settle, softened
 from .interface import Constant, FitError, FitResult, FitTask
 from .noise import noise_of
-from .objective import Recording, log_ratio
+from .recording import Recording, log_ratio
 from .start import resonance_pairs
 
 _UNITS = {"C0": "F", "C0.tan_delta": "1", "branch1.R": "ohm", "branch1.L": "H", "branch1.C": "F"}

@@ -22,7 +22,7 @@ from .descent import settle
 from .interface import FitError, FitTask
 from .joint import Solution, check_task
 from .noise import noise_of
-from .objective import Recording
+from .recording import Recording
 from .sherrit_thickness import thickness_pair
 
 _DRAWS = 400

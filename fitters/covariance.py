@@ -6,7 +6,8 @@ import numpy as np
 
 from ..models.arrays import Reals
 from .descent import Descent, chi2_per_point
-from .objective import Objective, Posterior
+from .objective import Objective
+from .recording import Posterior
 
 _SINGULAR = 1e-12
 _FLATTEST = 1e-6
@@ -72,7 +73,7 @@ def curvature(objective: Objective, x: Reals) -> Curvature:
     scale = float(np.sqrt(remaining(objective, x)))
     rows[:data] /= scale
     spread = np.concatenate([objective.spread, np.ones(len(rows) - data)])
-    return Curvature(rows, data, spread, _inverse_root(rows.T @ rows), scale)
+    return Curvature(rows, data, spread, _inverse_root(rows), scale)
 
 
 def posterior(descent: Descent) -> Posterior:
@@ -107,8 +108,17 @@ def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
     )
 
 
-def _inverse_root(normal: Reals) -> Reals:
-    """Return H with H H^T = normal^-1; directions that nothing determines get a variance too large to miss."""
+def _inverse_root(rows: Reals) -> Reals:
+    """Return H with H H^T = (rows^T rows)^-1; directions that nothing determines get a variance too large to miss.
+
+    In two rounds: the square of the rows has half their digits, and the posterior of an earlier step needs them all.
+    """
+    half = _whitening(rows)
+    return half @ _whitening(rows @ half)
+
+
+def _whitening(rows: Reals) -> Reals:
+    normal = rows.T @ rows
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), _NOTHING))
     eigenvalues, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
     floor = _SINGULAR * float(eigenvalues[-1]) if eigenvalues.size else 0.0

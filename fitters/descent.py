@@ -4,16 +4,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from ..models.arrays import Complexes, Reals
 from .coordinates import Coordinates
-from .objective import Objective, Posterior, Prior, Recording
+from .objective import Objective
+from .recording import Posterior, Prior, Recording
 
 _MAX_EVALUATIONS = 200
-ROUGH, _FINE = 1e-4, 1e-10
-# Relative tolerances: enough to see where a descent leads, and enough for the minimum that is reported.
+ROUGH, _FINE, _FINEST = 1e-4, 1e-10, 1e-13
+# Relative tolerances: enough to see where a descent leads; enough for the minimum that is reported; and that where a
+# coordinate has run off, as that of a load does towards nothing: it shortens the steps of all others.
+_RUN_OFF = 1e3
+_TOO_MANY = 5
+# What MINPACK calls an end by the number of evaluations; 1 to 4 are its ways to converge, 6 to 8 to do so to rounding.
 _ROUNDS = 8
+_FEW = 100
+# Points of a recording that show the way: the minimum they lead to is a few standard uncertainties from that of all.
 _DESCRIBED = 1.3
 # chi2 per degree of freedom up to which a recording counts as described: the noise estimate is good to a few per
 # cent, and 1600 residuals scatter by 3.5 %.
@@ -36,26 +43,29 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int 
     """Go downhill from `x` by Levenberg-Marquardt with the exact Jacobian.
 
     J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`; on 1600 x 12
-    its own QR is faster than a trust region by singular values, and needs no threads.
+    its own QR is faster than a trust region by singular values, and needs no threads. `leastsq` calls it at once, where
+    `least_squares` does as much work around it as a small recording takes.
     """
     before = objective.evaluations
     if x.size == 0:
         cost = float(np.sum(objective.residual(x) ** 2)) / 2
         return Descent(objective, x, x, cost, converged=True, evaluations=1)
     # From zero, so that tolerances refer to the way travelled and not to logarithms of stiffnesses.
-    found = least_squares(
-        lambda way: objective.residual(x + way),
-        np.zeros_like(x),
-        jac=lambda way: objective.jacobian(x + way),
-        method="lm",
-        x_scale="jac",
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=tolerance,
-        max_nfev=most,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of a covariance that it makes too, which nobody asked for
+        way, _, found, _, ended = leastsq(
+            lambda way: objective.residual(x + way),
+            np.zeros_like(x),
+            Dfun=lambda way: objective.jacobian(x + way).T,
+            full_output=True,
+            col_deriv=True,
+            xtol=tolerance,
+            ftol=tolerance,
+            gtol=tolerance,
+            maxfev=most,
+        )
+    cost = float(np.sum(np.asarray(found["fvec"]) ** 2)) / 2
     tried = objective.evaluations - before
-    return Descent(objective, x, x + np.asarray(found.x), float(found.cost), bool(found.status > 0), tried)
+    return Descent(objective, x, x + np.asarray(way), cost, ended not in (0, _TOO_MANY), tried)
 
 
 def chi2_per_point(recording: Recording, ratio: Complexes) -> float:
@@ -75,6 +85,16 @@ def softened(recording: Recording, ratio: Complexes) -> Recording:
     excess = float(np.mean(np.abs(ratio) ** 2)) / 2 - float(np.mean(recording.noise**2))
     rho = min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.999)
     return replace(recording, misfit=float(np.sqrt(max(excess, 0.0))), correlation=(1 + rho) / (1 - rho))
+
+
+def thinned(recording: Recording) -> Recording:
+    """Return the recording with a hundred points at most, evenly along its curve of ln Z: closest at resonances."""
+    sweep = recording.sweep
+    way = np.cumsum(np.abs(np.diff(np.log(sweep.impedance), prepend=0.0)))
+    even = np.linspace(float(way[0]), float(way[-1]), _FEW)
+    at = np.unique(np.searchsorted(way, even))
+    few = replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at])
+    return replace(recording, sweep=few, noise=recording.noise[at])
 
 
 def lag_one(ratio: Complexes) -> float:
@@ -97,13 +117,42 @@ def settle(
 
     Begins with the misfits the recordings come with; a large one makes the first descent a cautious one.
     """
-    evaluations = 0
-    start, now = x, tuple(recordings)
+    last = approach(recordings, coordinates, priors, x)
+    evaluations = last.evaluations
     for _ in range(_ROUNDS):
-        rough = descend(Objective(now, coordinates, priors), x, ROUGH)
-        evaluations, x, before = evaluations + rough.evaluations, rough.x, now
-        now = tuple(map(softened, before, rough.objective.log_ratios(x)))
-        if _settled(before, now):
+        last = descend(last.objective, last.x, _FINE if np.all(np.abs(last.x) < _RUN_OFF) else _FINEST)
+        evaluations += last.evaluations
+        after = _judged(last)
+        if _settled(last.objective.recordings, after):
             break
-    last = descend(Objective(now, coordinates, priors), x)
-    return replace(last, start=start, evaluations=evaluations + last.evaluations)
+        last = approach(after, coordinates, priors, last.x)
+        evaluations += last.evaluations
+    return replace(last, start=x, evaluations=evaluations)
+
+
+def approach(
+    recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
+) -> Descent:
+    """Do the same with rough descents only; the objective is that of the misfits that the last of them left."""
+    rough = descend(Objective(recordings, coordinates, priors), x, ROUGH)
+    evaluations = rough.evaluations
+    for _ in range(_ROUNDS):
+        before, after = rough.objective.recordings, _judged(rough)
+        if all(_weight(old) == _weight(new) for old, new in zip(before, after, strict=True)):
+            break
+        objective = Objective(after, coordinates, priors)
+        if _settled(before, after):
+            rough = replace(rough, objective=objective)
+            break
+        rough = descend(objective, rough.x, ROUGH)
+        evaluations += rough.evaluations
+    return replace(rough, start=x, evaluations=evaluations)
+
+
+def _judged(descent: Descent) -> tuple[Recording, ...]:
+    objective = descent.objective
+    return tuple(map(softened, objective.recordings, objective.log_ratios(descent.x)))
+
+
+def _weight(recording: Recording) -> tuple[float, float]:
+    return recording.misfit, recording.correlation

@@ -21,7 +21,7 @@ from .derived import derived_of
 from .descent import ROUGH, Descent, descend, settle
 from .disk_coordinates import ARM_CONSTANTS, PLATE_CONSTANTS, both_modes_constants
 from .interface import FitError, FitResult, FitTask
-from .objective import Objective, Recording
+from .objective import Objective
 from .planar_answer import (
     Named,
     disk_priors,
@@ -34,6 +34,7 @@ from .planar_answer import (
 from .radial import radial_band, radial_start
 from .radial_coordinates import plate_blocks
 from .radial_modes import radial_peaks
+from .recording import Recording
 from .sherrit_thickness import thickness_pair
 
 _SPLIT = 0.4

@@ -32,8 +32,9 @@ from .disk2d_predict import predictions, sentence
 from .disk2d_search import searched
 from .disk2d_start import starts, tensor_priors
 from .interface import FitError, FitResult, FitTask
-from .objective import Objective, Posterior, Prior, Recording
+from .objective import Objective
 from .planar_answer import Named, planar_answer, radial_named
+from .recording import Posterior, Prior, Recording
 
 Known: TypeAlias = Prior | Posterior
 _TOLERANCE = 1e-5
@@ -104,7 +105,8 @@ def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Desce
     high = _PREDICTED * HIGHEST / disk.sizes["thickness"].re
     covariance = estimate(descent).covariance
     made = predictions(found, coordinates.parameters, covariance, disk.expected_radial_mode / 2, high)
-    told = sentence(made, disk.layer.name, disk.bands)
+    bands = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
+    told = sentence(made, disk.layer.name, bands)
     return replace(answer, derived={**answer.derived, **made}, says=(*answer.says, told))
 
 

@@ -12,7 +12,8 @@ from .bare_disk import BareDisk
 from .coordinates import Coordinates
 from .descent import descend
 from .disk2d_start import matched
-from .objective import Objective, Posterior, Prior, Recording
+from .objective import Objective
+from .recording import Posterior, Prior, Recording
 
 Known: TypeAlias = Prior | Posterior
 _COARSE = 400

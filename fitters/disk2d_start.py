@@ -16,7 +16,7 @@ from ..models.tensor import Tensor6mm
 from .bare_disk import BareDisk
 from .coordinates import Coordinates
 from .disk2d_coordinates import LOSSES, TURNS
-from .objective import Posterior, Prior
+from .recording import Posterior, Prior
 
 _WIDTHS: Mapping[str, float] = {
     "c11E": 0.12,

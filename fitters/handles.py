@@ -10,7 +10,8 @@ from ..models.effects import Knob
 from .assembly import PIEZO_CONSTANTS, UNITS
 from .diagnosis.problem import Candidate
 from .interface import FitError
-from .objective import LOADS, Prior
+from .objective import LOADS
+from .recording import Prior
 
 _LOSS = ".loss"
 _LEAST, _MOST = 1.3, 10.0

@@ -13,10 +13,11 @@ from ..models.sweep import Sweep
 from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, recordings_of
 from .coordinates import Coordinates
 from .covariance import posterior
-from .descent import Descent, settle, softened
+from .descent import Descent, approach, settle, softened, thinned
 from .interface import FitError, FitTask, Noise
 from .noise import noise_of
-from .objective import Objective, Posterior, Prior, Recording
+from .objective import Objective
+from .recording import Posterior, Prior, Recording
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS, _MOST_DESCENTS = 3, 12
@@ -169,14 +170,21 @@ def _best_descent(
 
     Returns the deepest place found and the number of evaluations.
     """
-    ranked = sorted((Objective(new, start, priors) for start in starts), key=_rms_at_start)
+    few_earlier, few = [thinned(r) for r in earlier], [thinned(r) for r in new]
+    ranked = sorted((Objective(few, start, priors) for start in starts), key=_rms_at_start)
     tried: list[Descent] = []
     for k, objective in enumerate(ranked[:_MOST_DESCENTS]):
         if k >= _DESCENTS and min(_rms(descent.objective, descent.x) for descent in tried) < _LOST:
             break
         coordinates, misfits = objective.coordinates, objective.log_ratios(objective.coordinates.x)
-        cautious = (replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(new, misfits, strict=True))
-        tried.append(settle((*earlier, *cautious), coordinates, priors, coordinates.x))
+        cautious = (replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(few, misfits, strict=True))
+        near = approach((*few_earlier, *cautious), coordinates, priors, coordinates.x)
+        # There and back: a load that ran off to nothing on the way begins again from next to nothing.
+        x = coordinates.inverse(coordinates.forward(near.x)[0])
+        whole = Objective((*earlier, *new), coordinates, priors)
+        judged = map(softened, whole.recordings, whole.log_ratios(x))
+        there = settle(tuple(judged), coordinates, priors, x)
+        tried.append(replace(there, start=near.start, evaluations=near.evaluations + there.evaluations))
         if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
             break
     best = min(tried, key=lambda descent: _rms(descent.objective, descent.x))

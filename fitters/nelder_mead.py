@@ -23,8 +23,8 @@ from .derived import derived_constants
 from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
 from .noise import noise_of
-from .objective import log_ratio
 from .recognise import refuse_degenerate
+from .recording import log_ratio
 from .start import coupling_squared, disk_starts
 
 _MAX_EVALUATIONS = 1000

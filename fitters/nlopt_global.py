@@ -24,8 +24,9 @@ from .interface import FitError, FitResult, FitTask, Noise
 from .joint import Solution, check_task
 from .nlopt_wrapper import Algorithm, Box, search
 from .noise import noise_of
-from .objective import Objective, Prior, Recording
+from .objective import Objective
 from .recognise import refuse_degenerate
+from .recording import Prior, Recording
 
 _ALGORITHMS: tuple[tuple[Algorithm, int], ...] = (
     ("MLSL+LBFGS", 60),

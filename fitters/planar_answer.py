@@ -18,7 +18,7 @@ from .covariance import Estimate, estimate
 from .derived import DERIVED_UNITS
 from .descent import Descent
 from .interface import Constant, FitError, FitResult
-from .objective import Prior
+from .recording import Prior
 
 RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
 _TENSOR_UNITS = {

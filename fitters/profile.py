@@ -12,7 +12,8 @@ from ..models.arrays import Reals
 from .covariance import curvature, remaining
 from .descent import Descent, descend
 from .interface import Interval
-from .objective import Objective, Prior
+from .objective import Objective
+from .recording import Prior
 
 _PULL = 0.05
 # Standard uncertainty of the prior that draws, in standard uncertainties of the constant: it gets where it is drawn.

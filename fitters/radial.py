@@ -20,7 +20,6 @@ from .bare_disk import BareDisk, bare_disk
 from .critical import linewidth
 from .descent import Descent, settle
 from .interface import FitError, FitResult, FitTask
-from .objective import Recording
 from .planar_answer import (
     Named,
     disk_priors,
@@ -33,6 +32,7 @@ from .planar_answer import (
 )
 from .radial_coordinates import RADIAL_CONSTANTS, plate_blocks, radial_constants_block
 from .radial_modes import Peaks, radial_peaks, second_missing
+from .recording import Recording
 
 _BELOW_THICKNESS_MODE = 0.4
 _OVERTONES = 4.6

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from ...models.arrays import Complexes, Frequencies, Reals
 from ...models.sweep import Sweep
 from ..noise import noise_of
-from ..objective import log_ratio
+from ..recording import log_ratio
 
 _SAME = 1.5
 """Mean squared difference, in units of noise, up to which two recordings agree."""

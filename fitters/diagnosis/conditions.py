@@ -6,7 +6,7 @@ from datetime import datetime
 
 from ...models.effects import Conditions, Device
 from ...models.sweep import Sweep
-from ..objective import Recording
+from ..recording import Recording
 
 _CLOCK_IS_RIGHT = 0.3
 """A sweep that took less than this part of what the instrument needs was simulated, in a time of its own."""

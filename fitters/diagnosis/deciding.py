@@ -19,7 +19,8 @@ from ...models.plan import SweepPlan
 from ...models.sweep import Sweep
 from ..interface import FitTask
 from ..joint import solve
-from ..objective import Objective, Recording
+from ..objective import Objective
+from ..recording import Recording
 from .candidates import candidates
 from .conditions import conditions_of
 from .decide import resoftened

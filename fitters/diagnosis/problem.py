@@ -11,7 +11,8 @@ from ...models.effects import Device, Effect, Knob
 from ..assembly import coordinates_of, nominal_parameters, priors_of
 from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
-from ..objective import Objective, Prior, Recording
+from ..objective import Objective
+from ..recording import Prior, Recording
 from .conditions import as_devices
 
 _THIN = 1e-2

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from ...models.arrays import Complexes, Reals
-from ..objective import Recording
+from ..recording import Recording
 from .findings import Leftover, Pole, Texture
 from .search import Refit
 

@@ -14,7 +14,8 @@ from scipy.optimize import lsq_linear
 from ...models.arrays import Impedances, Reals
 from ...models.effects import Knob
 from ...models.model import Model
-from ..objective import Objective, Recording
+from ..objective import Objective
+from ..recording import Recording
 from .problem import Candidate, Problem
 
 _SCANNED = 240

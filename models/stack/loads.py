@@ -50,7 +50,7 @@ class HalfSpace(Load):
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the half-space with another `z`."""
-        return replace(self, **values)
+        return type(self)(self.name, **values) if values else self
 
     def impedance(self, frequency: Frequencies) -> ComplexLike:
         """Return z at every frequency."""

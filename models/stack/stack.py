@@ -1,7 +1,7 @@
 """The stack: layers between two loads, its impedance and the exact derivatives by every parameter."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Self, TypeAlias, cast
 
 import numpy as np
@@ -81,7 +81,7 @@ class Stack:
             parts[owner] = parts[owner].replace(changes)
         layers = tuple(cast(Layer, parts[layer.name]) for layer in self.layers)
         back, front = cast(Load, parts["back"]), cast(Load, parts["front"])
-        return replace(self, layers=layers, back=back, front=front, area=area)
+        return type(self)(layers, back, front, area, self.connection)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""

@@ -10,9 +10,10 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.coordinates import Coordinates
 from pzctl.fitters.descent import descend
 from pzctl.fitters.interface import FitTask
-from pzctl.fitters.objective import Objective, Recording
+from pzctl.fitters.objective import Objective
 from pzctl.fitters.radial import RadialLeastSquares
 from pzctl.fitters.radial_coordinates import plate_blocks, radial_constants_block
+from pzctl.fitters.recording import Recording
 from pzctl.models.constants import Radial
 from pzctl.models.disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL, find
