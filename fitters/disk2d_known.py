@@ -39,8 +39,8 @@ def undetermined(descent: Descent, layer: str) -> tuple[str, ...]:
     together = _together(after, before, layer)
     if together:
         says.append(
-            f"It determines {len(CONSTANTS) - len(together)} combinations of the ten real parts; {len(together)} are "
-            "hardly better known than before it, and what moves in one of them is known only together: "
+            f"It determines {len(CONSTANTS) - len(together)} combinations of the ten real parts. What is left is "
+            "hardly better known than before it, and what moves in one of these is known only together: "
             f"{'; '.join(together)}."
         )
     if losses:
