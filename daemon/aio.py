@@ -21,7 +21,7 @@ from . import requests as ask
 from .aiowire import AsyncAsker, AsyncSubscription
 from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
 from .client import BENCH_PATIENCE
-from .connection import DaemonError
+from .connection import LOOKS, DaemonError
 from .keys import ClientKey
 from .location import address
 from .uuid7 import uuid7
@@ -76,7 +76,7 @@ class AsyncClient:
 
     async def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer)).samples
+        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer, LOOKS)).samples
 
     async def sweeps(self, measurement: str) -> tuple[Heard, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""

@@ -10,7 +10,7 @@ import zmq
 import zmq.asyncio
 
 from .connection import PATIENCE, SILENCE, TRIES, DaemonError, read_answer, read_events
-from .frames import WireError, from_json, to_json
+from .frames import LARGEST_FRAME, WireError, from_json, to_json
 from .keys import ClientKey
 from .replies import Answer, EventsAnswer, HelloAnswer
 from .requests import Hello, Replay, Request
@@ -67,7 +67,7 @@ class AsyncAsker:
     async def _read(self) -> None:
         while True:
             frames = await self._socket.recv_multipart()
-            waiting = self._waiting.get(from_json(frames[0], _answer).id or "")
+            waiting = self._waiting.get(from_json(frames[0], _answer, LARGEST_FRAME).id or "")
             if waiting is not None and not waiting.done():
                 waiting.set_result(frames)
 

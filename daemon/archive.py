@@ -48,6 +48,10 @@ class Archive:
         """Where it is, in words."""
         return self.store.name
 
+    def reader(self) -> "Archive":
+        """Return the same journal opened once more, for another thread to read. Touches nothing of what is open."""
+        return Archive(self._place, self.station)
+
     def close(self) -> None:
         """Let go of it."""
         self.store.close()

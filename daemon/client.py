@@ -20,7 +20,7 @@ from ..models.plan import SweepPlan
 from . import replies as reply
 from . import requests as ask
 from .awaiting import Answers, Following, Measurement, diagnosis_of, fit_of, require
-from .connection import Asker, DaemonError, Subscription
+from .connection import LOOKS, Asker, DaemonError, Subscription
 from .keys import ClientKey
 from .location import address
 from .mismatch import DIAGNOSIS
@@ -88,7 +88,7 @@ class Client:
 
     def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer).samples
+        return self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer, patience=LOOKS).samples
 
     def sweeps(self, measurement: str) -> tuple[Heard, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""

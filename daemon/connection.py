@@ -9,7 +9,7 @@ import msgspec
 import zmq
 
 from ..models.errors import PzctlError
-from .frames import WireError, from_json, to_json
+from .frames import LARGEST_FRAME, WireError, from_json, to_json
 from .keys import ClientKey
 from .replies import Answer, EventsAnswer, HelloAnswer, Refusal
 from .requests import Hello, Replay, Request
@@ -22,6 +22,9 @@ SILENCE = 5.0
 
 TRIES, PATIENCE = 3, 2.0
 """How often a request is sent, and how many seconds each time is waited for its answer."""
+
+LOOKS = 20.0
+"""Seconds that are waited where the daemon looks through the whole journal."""
 
 A = TypeVar("A", bound=Answer)
 
@@ -72,7 +75,7 @@ class Asker:
         """Return the answer to this request; those to earlier ones are passed over."""
         while self._socket.poll(max(0, int(1000 * (deadline - time.monotonic())))):
             frames = self._socket.recv_multipart()
-            if from_json(frames[0], _answer).id in (request, None):
+            if from_json(frames[0], _answer, LARGEST_FRAME).id in (request, None):
                 return frames
         return None
 
@@ -174,10 +177,10 @@ _refusal = msgspec.json.Decoder(Refusal)
 
 def read_answer(header: bytes, expected: type[A]) -> A:
     """Return an answer's header. Raises DaemonError where it is a refusal."""
-    if not from_json(header, _answer).ok:
+    if not from_json(header, _answer, LARGEST_FRAME).ok:
         problem = from_json(header, _refusal).error
         raise DaemonError(f"{problem.message}{'; ' + problem.hint if problem.hint else ''}", problem.code)
-    return from_json(header, msgspec.json.Decoder(expected))
+    return from_json(header, msgspec.json.Decoder(expected), LARGEST_FRAME)
 
 
 def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[Heard]:

@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache, singledispatchmethod
 from importlib.metadata import entry_points, version
@@ -171,8 +172,9 @@ class Desk:
     @answer.register
     def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         found: dict[str, list[reply.MeasuredStep]] = {}
-        for one in self.journal.histories(request.name):
-            found.setdefault(one.measurement.sample.name, []).append(_measured(one))
+        with closing(self.journal.reader()) as archive:  # another thread looks this up: it may be all there is
+            for one in archive.histories(request.name):
+                found.setdefault(one.measurement.sample.name, []).append(_measured(one))
         samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in found.items())
         return reply.SamplesAnswer(id=request.id, samples=samples), []
 

@@ -14,7 +14,11 @@ MOST_FRAMES = 256
 """Frames in one message; more is no message of ours."""
 
 LARGEST_HEADER = 1 << 20
-"""Bytes of one JSON header."""
+"""Bytes of one JSON header that comes from anybody."""
+
+LARGEST_FRAME = 8 << 20
+"""Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read. An answer's header may be as
+long: it comes from the daemon."""
 
 Array: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
 """One column: real or complex doubles."""
@@ -67,10 +71,10 @@ def to_json(header: Any) -> bytes:
     return msgspec.json.encode(header, enc_hook=_plain)
 
 
-def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]") -> T:
+def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]", most: int = LARGEST_HEADER) -> T:
     """Return the header. Raises WireError with the path of what is wrong."""
-    if len(text) > LARGEST_HEADER:
-        raise WireError(f"message: header of {len(text)} bytes; at most {LARGEST_HEADER} are allowed")
+    if len(text) > most:
+        raise WireError(f"message: header of {len(text)} bytes; at most {most} are allowed")
     try:
         return decoder.decode(text)
     except RecursionError:

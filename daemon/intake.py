@@ -14,6 +14,7 @@ import socket
 import struct
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -65,8 +66,9 @@ class _Line:
 class Intake:
     """The connections to some ports of this process: each with the bytes that may come over it without a request."""
 
-    def __init__(self, most: Mapping[int, int]) -> None:
+    def __init__(self, most: Mapping[int, int], counts: Counter[str]) -> None:
         self._most = most
+        self._counts = counts
         self._lines: dict[str, _Line | None] = {}
         self._heard: set[int] = set()
 
@@ -90,18 +92,18 @@ class Intake:
             if line is not None and self._is_too_much(line, now, memory):
                 line.looks += 1
                 if line.looks > 1:
-                    _cut(line, "it sends without end")
+                    self._cut(line, "it sends without end")
         self._heard.clear()
         ours = [line for line in self._lines.values() if line is not None]
         for line in sorted(ours, key=lambda line: line.since)[MOST_CONNECTIONS:]:
-            _cut(line, f"there are {MOST_CONNECTIONS} connections")
+            self._cut(line, f"there are {MOST_CONNECTIONS} connections")
 
     def cut(self, port: int, why: str) -> None:
         """Cut off everybody at a port."""
         for handle, link in _sockets():
             line = self._line(handle, link, time.monotonic(), 0)
             if line is not None and line.port == port:
-                _cut(line, why)
+                self._cut(line, why)
 
     def _line(self, handle: int, link: str, now: float, memory: int) -> _Line | None:
         """Return a connection; None where it is none to these ports."""
@@ -126,6 +128,18 @@ class Intake:
             return True
         line.looks = 0
         return False
+
+    def _cut(self, line: _Line, why: str) -> None:
+        """Reset a connection, unless its number belongs to another one by now.
+
+        Shut down it would go on to take what comes: Linux resets a TCP socket that is connected to no address.
+        """
+        if _link(line.handle) != line.link:
+            return
+        if ctypes.CDLL(None).connect(line.handle, bytes(16), 16):  # AF_UNSPEC is 0
+            return  # it had gone already
+        self._counts["cut-off"] += 1
+        log.warning("the connection from %s was cut off: %s", line.peer, why)
 
 
 class _borrowed:  # noqa: N801
@@ -174,15 +188,3 @@ def _memory() -> int:
         return 0
     with open("/proc/self/statm", "rb") as file:  # noqa: PTH123
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
-def _cut(line: _Line, why: str) -> None:
-    """Reset a connection, unless its number belongs to another one by now.
-
-    Shut down it would go on to take what comes: Linux resets a TCP socket that is connected to no address.
-    """
-    if _link(line.handle) != line.link:
-        return
-    if ctypes.CDLL(None).connect(line.handle, bytes(16), 16):  # AF_UNSPEC is 0
-        return  # it had gone already
-    log.warning("the connection from %s was cut off: %s", line.peer, why)

@@ -5,6 +5,7 @@ import logging
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeAlias
 
 import msgspec
@@ -15,7 +16,7 @@ from ..sim.control import bench_command
 from . import replies as reply
 from . import requests as ask
 from .desk import Desk
-from .frames import MOST_FRAMES, WireError, from_json, to_json
+from .frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
 from .gate import Gate
 from .intake import Intake
 from .refusals import RequestError
@@ -37,8 +38,8 @@ is waited: who floods the daemon does not take a whole core, and so what is aske
 ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
 """Requests that change something each time they are done; the others may be answered anew."""
 
-LONG = (ask.Bench, ask.Lease, ask.Diagnose)
-"""Those that others than the desk have a part in."""
+LONG = (ask.Bench, ask.Lease, ask.Diagnose, ask.Samples)
+"""Those that others than the desk have a part in, or that look through the whole journal."""
 
 Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
 """The frames of an answer, or of one that takes a while."""
@@ -58,6 +59,7 @@ class Reception:
         self._intake = intake
         self._done: OrderedDict[str, Said] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._looking = ThreadPoolExecutor(1, "looking")
 
     async def serve(self) -> None:
         """Answer for ever."""
@@ -141,17 +143,25 @@ class Reception:
                 self._done.popitem(last=False)
         return said
 
-    async def _arrange(self, request: ask.Bench | ask.Lease | ask.Diagnose) -> list[bytes]:
-        """Answer what takes others: the bench, the instrument, the catalogue of effects."""
+    async def _arrange(self, request: ask.Bench | ask.Lease | ask.Diagnose | ask.Samples) -> list[bytes]:
+        """Answer what takes others: the bench, the instrument, the catalogue of effects, a thread that reads."""
         try:
             if isinstance(request, ask.Bench):
                 return [to_json(await self._bench(request))]
             if isinstance(request, ask.Diagnose) and request.effects:
                 _check_effects(request.effects, await self._desk.errands.effects())
-            answer, more = self._desk.answer(request, ())
+            if isinstance(request, ask.Samples):
+                loop = asyncio.get_running_loop()
+                answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, ())
+            else:
+                answer, more = self._desk.answer(request, ())
             if isinstance(request, ask.Lease):
                 await self._desk.acquisition.let_go()
-            return [to_json(answer), *more]
+            header = to_json(answer)
+            if len(header) > LARGEST_FRAME:
+                says = f"the answer would have {len(header)} bytes; at most {LARGEST_FRAME} are allowed"
+                raise RequestError("too-much", says, "ask for one sample")
+            return [header, *more]
         except Exception as error:
             if isinstance(error, JournalError):
                 self._done.pop(request.id, None)

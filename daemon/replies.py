@@ -87,7 +87,7 @@ class MetricsAnswer(Answer, frozen=True, kw_only=True):
     uptime: float
     """Seconds."""
     counts: dict[str, int]
-    """Events by kind (`sweep`, `fit`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events."""
+    """Events by kind (`sweep`, `fit`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events, `cut-off`."""
     queue: int
     errands: int
     seconds: dict[str, Spread]

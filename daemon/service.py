@@ -89,7 +89,9 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
         stack.callback(events.close)
         requests, asked_at = bind_requests(context, options.requests, gate)
         stack.callback(requests.close)
-        intake = Intake({port_of(heard_at): MOST_SUBSCRIBED, port_of(asked_at): LARGEST_MESSAGE})
+        metrics = Metrics()
+        most = {port_of(heard_at): MOST_SUBSCRIBED, port_of(asked_at): LARGEST_MESSAGE}
+        intake = Intake(most, metrics.counts)
         voice = Voice(plain, events)
         stack.callback(voice.close, lambda: intake.cut(port_of(heard_at), "the daemon ends"))
         analyzer = AnalyzerThread(resource, open_analyzer)
@@ -97,7 +99,9 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
         identity = await analyzer.identify()
         instrument = Instrument(**asdict(identity), simulated=options.bench is not None)
         endpoints = (heard_at, asked_at)
-        daemon = Daemon(journal, voice, requests, intake, analyzer, instrument, options, folder, endpoints, gate)
+        daemon = Daemon(
+            journal, voice, requests, intake, metrics, analyzer, instrument, options, folder, endpoints, gate
+        )
         where = Location(
             pid=os.getpid(),
             run=journal.run,
@@ -124,6 +128,7 @@ class Daemon:
         voice: Voice,
         requests: zmq.asyncio.Socket,
         intake: Intake,
+        metrics: Metrics,
         analyzer: AnalyzerThread,
         instrument: Instrument,
         options: Options,
@@ -141,7 +146,7 @@ class Daemon:
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
         around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
-        self._metrics = Metrics()
+        self._metrics = metrics
         self._publisher = Publisher(journal, Unsaved(unsaved_folder(folder)), self._metrics, voice.say, self._said)
         self.publish = self._publisher.publish
         self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there)

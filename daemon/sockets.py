@@ -10,12 +10,10 @@ import zmq
 import zmq.asyncio
 
 from ..models.errors import PzctlError
+from .frames import LARGEST_FRAME
 from .gate import DOMAIN, Gate
 from .keys import ClientKey, KeyFileError
 from .wire import WELCOME
-
-LARGEST_FRAME = 8 << 20
-"""Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read."""
 
 LARGEST_SUBSCRIPTION = 512
 """Bytes; long enough for CURVE's handshake, which counts as well."""

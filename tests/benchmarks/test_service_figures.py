@@ -285,6 +285,8 @@ def test_kills(home: Path) -> None:
             lost += archive.replay(seq, seq, 1) != [frames]
         checked += len(announced)
         archive.close()
+        if sum(killed.values()) % 50 == 0:
+            print(f"\n{sum(killed.values())} kills: {checked} announced events heard, {lost} lost", flush=True)
     client.kill()
     client.wait()
     ear.close()
