@@ -146,9 +146,7 @@ def test_what_comes_back_of_twenty_random_ceramics(bands):
             flush=True,
         )
     print(f"\nwithin 3 sigma of {DRAWS}: {within}\nknown to 2 %: {told}")
-    print(
-        f"beyond 3 sigma: {beyond} of {20 * DRAWS} numbers; worst of each disk (disk, D/t, number, sigma, rms): {missed}"
-    )
+    print(f"beyond 3 sigma: {beyond} of {20 * DRAWS} numbers; worst of a disk (D/t, number, sigma, rms): {missed}")
     print(f"unknown to 5 % and not said: {unsaid}; silently wrong (5 sigma, rms 0.1 %): {silent}")
     print(f"seconds a fit: median {np.median(seconds):.0f}, at most {max(seconds):.0f}")
     assert not silent
