@@ -28,7 +28,7 @@ docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and 
 
 errors: .venv/ready ## run the tests and write down, in docs/errors.md, every sentence that one of them provokes
 	rm -f docs/provoked.jsonl
-	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=tests/provoked_by $(BIN)/pytest -n auto --dist loadscope
+	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/provoked_by $(BIN)/pytest -n auto --dist loadscope
 	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
 
 pictures: .venv/ready ## the screenshots of page and terminal in docs/pictures, made anew by their tests

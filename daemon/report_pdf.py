@@ -7,6 +7,7 @@ always there.
 import io
 import logging
 import re
+from collections.abc import Iterable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -23,8 +24,10 @@ _PICTURE = re.compile(r"(<svg.*?</svg>)", re.DOTALL)
 _BOX = re.compile(r'viewBox="[^"]*"')
 _MM = 25.4 / 72
 """Millimetres in a point."""
-_LONG = 40
-"""Characters from which a column is set wide."""
+_WIDEST, _EDGE = 75.0, 3.0
+"""Millimetres: of a column at most, and the room beside its text."""
+_BOLD = 1.12
+"""Headings are set in bold, which is as much wider."""
 
 
 def report_pdf(html: str) -> bytes:
@@ -109,7 +112,7 @@ class _Reader(HTMLParser):
     def _table(self) -> None:
         paper = self._paper
         paper.set_font(_FAMILY, "", _SMALL)
-        widths = _widths([cells for _, cells in self._rows])
+        widths = _widths(paper, [cells for _, cells in self._rows])
         with paper.table(
             col_widths=widths, borders_layout="HORIZONTAL_LINES", text_align="LEFT", line_height=4
         ) as table:
@@ -133,7 +136,15 @@ class _Reader(HTMLParser):
         self._paper.ln(2)
 
 
-def _widths(rows: list[list[str]]) -> tuple[float, ...]:
-    """Return relative widths of columns by what stands in them."""
-    columns = list(zip(*rows, strict=False))
-    return tuple(float(min(_LONG, max(9, *(len(cell) for cell in column)))) for column in columns) or (1.0,)
+def _widths(paper: FPDF, rows: list[list[str]]) -> tuple[float, ...]:
+    """Return the columns' widths, mm: no word is broken, and what is left goes where text would wrap."""
+    columns = [[cell for cell in column if cell] for column in zip(*rows, strict=False)]
+    need = [min(_WIDEST, _EDGE + _widest(paper, (w for cell in column for w in cell.split()))) for column in columns]
+    want = [min(_WIDEST, _EDGE + _widest(paper, column)) for column in columns]
+    spare, wish = paper.epw - sum(need), sum(want) - sum(need)
+    part = min(1.0, max(0.0, spare) / wish) if wish else 0.0
+    return tuple(low + part * (high - low) for low, high in zip(need, want, strict=True)) or (1.0,)
+
+
+def _widest(paper: FPDF, texts: Iterable[str]) -> float:
+    return max((_BOLD * paper.get_string_width(text) for text in texts), default=0.0)

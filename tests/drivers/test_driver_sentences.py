@@ -1,16 +1,22 @@
 """Sentences about an instrument that does what no 4294A should: what, where, what was found, what is allowed."""
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.agilent4294a import Agilent4294A
+from pzctl.drivers.agilent4294a import Agilent4294A, compensation_file
 from pzctl.drivers.agilent4294a.compensation import Compensation
+from pzctl.drivers.agilent4294a.limits import check
 from pzctl.drivers.analyzer import InstrumentError
-from pzctl.drivers.recordings import RecordingError, archive, read_recording, write_netcdf
+from pzctl.drivers.recordings import RecordingError, archive, read_data_trace, read_recording, write_netcdf
+from pzctl.drivers.recordings.datatrace import _GAP, _POINT, _PREAMBLE
+from pzctl.models.errors import PzctlError
 from pzctl.models.plan import Segment, SweepPlan
 from pzctl.models.sweep import Sweep
 
@@ -49,6 +55,11 @@ def apply_that_of_another(analyzer: Agilent4294A) -> object:
     return analyzer.apply_compensation(Compensation(STORED.arrays, "M1", STORED.taken, "HP,4294A,JP1KG00001,REV1.11"))
 
 
+def unknown_standard(analyzer: Agilent4294A) -> object:
+    standards: Any = ["thru"]
+    return analyzer.compensate(standards, lambda _: None, adapter="M1")
+
+
 def with_bias(analyzer: Agilent4294A) -> object:
     return analyzer.measure(SweepPlan(PLAN.segments, bias_V=4.0))
 
@@ -65,6 +76,15 @@ def ask_unplugged(analyzer: Agilent4294A) -> object:
 @pytest.mark.parametrize(
     ("work", "answers", "says"),
     [
+        (
+            unknown_standard,
+            {},
+            "compensation: no standard ['thru']; there are open, short, load",
+        ),
+        (sweep, {"SING": [b""], "*ESR?": [b"16\n"]}, "SING was refused (event status register 16)"),
+        (sweep, {"DCO?": [b"1\n"]}, "the DC bias is still ON after DCO OFF; switch it off at the front panel"),
+        (sweep, {"*IDN?": [5000 * b"x"]}, "the answer to *IDN? does not end; garbage on the line?"),
+        (sweep, {"*STB?": [b"300\n"]}, "the status byte is 300; 0 to 255 is allowed"),
         (with_bias, {"DCO?": [b"0\n"]}, "the DC bias of 4 V did not come on; reported: no error"),
         (sweep, {"HOLD": [b""]}, "it goes on sweeping after HOLD"),
         (
@@ -117,7 +137,54 @@ def test_an_archive_of_another_format(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(archive, "FORMAT", "pzctl recording 9")
     write_netcdf(Sweep(np.array([1e6, 2e6]), np.array([1j, 2j])), tmp_path / "a.nc")
     monkeypatch.undo()
-    with pytest.raises(
-        RecordingError, match=r"a\.nc: its format is 'pzctl recording 9'; 'pzctl recording 1'"
-    ):
+    with pytest.raises(RecordingError, match=r"a\.nc: its format is 'pzctl recording 9'; 'pzctl recording 1'"):
         read_recording(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize(
+    ("work", "says"),
+    [
+        (
+            lambda _: check(replace(PLAN, direction="back")),
+            "sweep plan: direction 'back' is not known; up or down is allowed",
+        ),
+        (
+            lambda _: check(SweepPlan((Segment(1e6, 2e6, 3, "cubic"),))),  # type: ignore[arg-type]
+            "sweep plan: spacing 'cubic' is not known; linear or log is allowed",
+        ),
+        (
+            lambda folder: compensation_file.save(folder / "no" / "c.json", STORED),
+            "c.json: the compensation cannot be written: No such file or directory",
+        ),
+        (lambda folder: compensation_file.load(emptied(folder)), "c.json: the compensation holds no values for open"),
+        (
+            lambda folder: write_netcdf(replace(SWEEP, id="a\0b"), folder / "a.nc"),
+            "recording 'a?b' cannot be written: a NUL is no text",
+        ),
+        (
+            lambda folder: read_data_trace(traced(folder), np.array([1e6]), "ABCD"),
+            "d.dat: measurement parameter 'ABCD' is not known; IMPH is one",
+        ),
+    ],
+)
+def test_plans_and_files(tmp_path: Path, work: Callable[[Path], object], says: str) -> None:
+    with pytest.raises(PzctlError) as caught:
+        work(tmp_path)
+    assert str(caught.value).endswith(says)
+
+
+SWEEP = Sweep(np.array([1e6, 2e6]), np.array([1j, 2j]))
+
+
+def emptied(folder: Path) -> Path:
+    path = folder / "c.json"
+    compensation_file.save(path, STORED)
+    path.write_text(re.sub(r'"open":\[.*?\]\]', '"open":[]', path.read_text()))
+    return path
+
+
+def traced(folder: Path) -> Path:
+    """A binary data trace of one point."""
+    path = folder / "d.dat"
+    path.write_bytes(bytes(_PREAMBLE + _GAP + 2 * _POINT))
+    return path

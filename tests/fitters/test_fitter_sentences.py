@@ -17,6 +17,7 @@ from pzctl.fitters.disk2d import Disk2DFitter
 from pzctl.fitters.interface import FitError, FitTask, Options
 from pzctl.fitters.intervals import with_draws
 from pzctl.fitters.mason import Mason
+from pzctl.fitters.nelder_mead import MasonNelderMead
 from pzctl.fitters.radial import RadialLeastSquares
 from pzctl.fitters.sherrit_radial import SherritRadial
 from pzctl.fitters.sherrit_thickness import SherritThickness
@@ -114,6 +115,24 @@ KT2 = Options(objective="kt2")
         (Mason, ("ml2",), {"free": ("ml1.q",)}, "cannot free 'ml1.q': it is tied to ml2.q; free that"),
         (
             SherritThickness,
+            ("disk",),
+            {"free": ("disk.c33D",)},
+            "`sherrit-thickness` reads all constants off the recording: it cannot free disk.c33D alone",
+        ),
+        (
+            MasonNelderMead,
+            ("disk",),
+            {"free": ("disk.c33D",)},
+            "the procedure of `mason-nelder-mead` is fixed: it cannot free disk.c33D alone",
+        ),
+        (
+            MasonNelderMead,
+            ("ml1",),
+            {},
+            "mason-nelder-mead begins with the bare piezo disk; no recording of such a step was given",
+        ),
+        (
+            SherritThickness,
             ("ml1",),
             {},
             "`sherrit-thickness` needs the bare piezo disk; the recordings are of ml1, which hold glued layers",
@@ -172,6 +191,15 @@ def test_a_band_too_near_the_resonance_to_show_a_permittivity(disk_build, swept)
         "the recordings hold no frequency far enough from the resonances to show eps33T; add one down to 98.6 kHz, or "
         "give eps33T_r in build.toml"
     )
+
+
+def test_bands_without_what_a_fitter_looks_for(disk_build, swept) -> None:
+    build = disk_build("PZT-5A", (10.0, 0.5, 7800.0))
+    cut = FitTask(build, {"disk": (swept(radial_disk(build), np.arange(100e3, 200e3, 100.0)),)})
+    assert refused(RadialLeastSquares(), cut).startswith("no antiresonance of the first radial mode in 100-199.9 kHz: ")
+    f = np.linspace(1e5, 2e5, 101)
+    capacitor = FitTask(build, {"disk": (Sweep(f, (1 - 0.02j) / (2j * np.pi * f * 1e-9), id="c.csv"),)})
+    assert refused(ButterworthVanDyke(), capacitor) == "c.csv shows no resonance with an antiresonance above it"
 
 
 def test_a_recording_of_something_that_gives_power(disk_build, swept) -> None:

@@ -1,12 +1,14 @@
 """Sentences about values that no model takes: what, where, what was found, what is allowed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pzctl.models.errors import PzctlError
 from pzctl.models.lumped import Branch, Lumped
+from pzctl.models.plan import Segment, SweepPlan
 from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo
 from pzctl.models.sweep import Sweep
 
@@ -46,6 +48,14 @@ def swept(f: list[float], size: int) -> Sweep:
             lambda: (AIR | DISK | AIR | GLUE | AIR).with_area(1e-4),
             "stack: a load stands between two layers; loads stand at the ends only",
         ),
+        (lambda: swept([1e6], 1), "recording 'a.csv': 1 point(s) found; at least 2 are needed"),
+        (
+            lambda: swept([1e6, float("nan")], 2),
+            "recording 'a.csv': frequency of point 2 is nan; only finite numbers allowed",
+        ),
+        (lambda: Segment(-1.0, 1e6), "segment: start is -1 Hz; a positive frequency is needed"),
+        (lambda: SweepPlan(()), "sweep plan: no segment; at least one is needed"),
+        (lambda: replace(DISK, polarity=2), "layer 'disk': polarity is 2; allowed is 1 or -1"),
         (lambda: Lumped(C0=-1e-9), "equivalent circuit: C0 is -1e-09; a positive number is needed"),
         (
             lambda: Lumped(1e-9, (Branch(float("nan"), 1e-4, 1e-11),)),

@@ -19,7 +19,7 @@ _seen: set[tuple[str, int]] = set()
 def _noted(error: Exception, *words: Any) -> None:
     Exception.__init__(error, *words)
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_name == "__init__":
+    while frame.f_back is not None and frame.f_code.co_name == "__init__" and frame.f_locals.get("self") is error:
         frame = frame.f_back
     place = Path(frame.f_code.co_filename)
     site = (str(place), frame.f_lineno)

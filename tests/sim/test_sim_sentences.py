@@ -18,6 +18,15 @@ from pzctl.sim.server import SimError, SimOptions, running
             {"command": "jig", "wire": 1.0},
             "bench: a jig has no 'wire'; it has resistance, inductance, capacitance, conductance",
         ),
+        (
+            {"command": "jig", "name": "spoon"},
+            "bench: no jig 'spoon'; there are compensated, coax, clips, ideal",
+        ),
+        ({"command": "jig", "inductance": "long"}, "bench: 'inductance' is 'long'; a number is needed"),
+        (
+            {"command": "trigger"},
+            "bench: no sweep waits for an external or manual trigger; TRGS EXT and SING come first",
+        ),
         ({"command": "effects", "noise": 1}, "bench: 'noise' is 1; true or false is needed"),
         ({"command": "connect", "what": "water"}, "bench: cannot connect 'water'; there are device, open, short, load"),
     ],
