@@ -14,6 +14,8 @@ from ..models.build import Build
 MEASURED, FITTED, INK = "#8a8f98", "#c8321f", "#1f5fa8"
 _KINDS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
 _GUILTY = "#f6b26b"
+_COLOURS = 21
+"""Of a correlation; more than fifty, and matplotlib draws the colour bar as an image."""
 _SMALLEST_SHARE = 0.06
 """Of the width: a glue line of 10 um beside a disk of 0.5 mm must stay visible."""
 
@@ -69,6 +71,8 @@ def circle_svg(curves: Sequence[Curve]) -> str:
 
 def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
     """Return the strong correlations as a matrix of colours; white is what the fit separates well."""
+    import matplotlib as mpl
+
     names = list(dict.fromkeys(name for a, b, _ in pairs for name in (a, b)))
     matrix = np.full((len(names), len(names)), np.nan)
     for a, b, value in pairs:
@@ -77,10 +81,13 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
     size = 2.2 + 0.34 * len(names)
     figure = _figure(size + 1.4, size)
     axes = figure.add_subplot()
-    image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1, vmax=1)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize="small")
-    axes.set_yticks(range(len(names)), names, fontsize="small")
-    figure.colorbar(image, ax=axes, label="correlation", shrink=0.8)
+    # Vectors alone, few colours: fpdf2 sets an image inside an SVG in the wrong place.
+    mesh = axes.pcolormesh(matrix, cmap=mpl.colormaps["RdBu_r"].resampled(_COLOURS), vmin=-1, vmax=1)
+    axes.set(aspect="equal", ylim=(len(names), 0))
+    middles = np.arange(len(names)) + 0.5
+    axes.set_xticks(middles, names, rotation=90, fontsize="small")
+    axes.set_yticks(middles, names, fontsize="small")
+    figure.colorbar(mesh, ax=axes, label="correlation", shrink=0.8)
     return svg_of(figure, "correlation")
 
 

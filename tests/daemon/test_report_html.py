@@ -85,6 +85,7 @@ def test_the_report_says_it_all_and_needs_nothing_else(reported: Path) -> None:
     assert re.search(r"disk\.c33D</td><td>1\.5\d+\(\d+\)e11 \+ ", text)
     assert "HEWLETT-PACKARD,4294A" in text
     assert "Near 1: the model describes" in text
+    assert "<image" not in text, "pictures are lines and faces: in a PDF an image would stand elsewhere"
 
 
 def test_names_from_outside_cannot_become_markup(reported: Path) -> None:
