@@ -87,7 +87,8 @@ class MetricsAnswer(Answer, frozen=True, kw_only=True):
     uptime: float
     """Seconds."""
     counts: dict[str, int]
-    """Events by kind (`sweep`, `fit`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events, `cut-off`."""
+    """Events by kind (`sweep`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events, `cut-off`
+    connections."""
     queue: int
     errands: int
     seconds: dict[str, Spread]
