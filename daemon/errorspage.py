@@ -9,9 +9,13 @@ import json
 import pkgutil
 import re
 import sys
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..models.errors import CannotError, PzctlError
+from .errorsites import Site, sites
 
 _ROOT = Path(__file__).parents[1]
 _HEAD = """# Error messages
@@ -28,8 +32,17 @@ is "it cannot be done".
 _SENTENCES = """
 ## Sentences
 
-One of each place in the code where a test has provoked an error, as it was read there; `make errors` writes them down.
+{provoked} of the {all} places in the code that make an error were provoked by a test; below is what was read there.
+`make errors` writes them down anew.
 
+"""
+_UNPROVOKED = """
+## Not provoked
+
+What stands here no test has provoked, and why.
+
+| sentence | where | why |
+|---|---|---|
 """
 _LONGEST = 400
 
@@ -46,7 +59,10 @@ def error_kinds() -> list[type[PzctlError]]:
 
 
 def page(provoked: Path | None = None) -> str:
-    """Return the page as Markdown; `provoked`: the rows that `tests/provoked.py` wrote, for the table of sentences."""
+    """Return the page as Markdown; `provoked`: the rows that the tests wrote, for the table of sentences.
+
+    Beside it lies `unprovoked.toml`: by file, the beginning of a sentence that no test provokes, and why.
+    """
     rows = ["| kind | where it comes from | exit status | what it is about |", "|---|---|---|---|"]
     for kind in error_kinds():
         about = inspect.cleandoc(kind.__doc__ or "").splitlines()[0].replace("|", "\\|")
@@ -55,18 +71,43 @@ def page(provoked: Path | None = None) -> str:
     return _HEAD + "\n".join(rows) + "\n" + (_sentences(provoked) if provoked is not None else "")
 
 
-def _sentences(provoked: Path) -> str:
-    """Return the table of sentences, each as a test has provoked it."""
+def all_sites() -> list[Site]:
+    """Return every place in the code that makes an error."""
+    return sites(_ROOT, [PzctlError.__name__, CannotError.__name__, *(kind.__name__ for kind in error_kinds())])
+
+
+def rows_of(provoked: Path) -> list[dict[str, Any]]:
+    """Return what the tests wrote down, by place, as far as the code still says it."""
     found = [json.loads(line) for line in provoked.read_text(encoding="utf-8").splitlines()]
-    found.sort(key=lambda row: (row["where"], row["line"]))
+    known = all_sites()
+    return sorted(
+        (row for row in found if any(site.made(row) for site in known)), key=lambda row: (row["where"], row["line"])
+    )
+
+
+def _sentences(provoked: Path) -> str:
+    """Return the table of sentences, each as a test has provoked it, and the table of those that none provokes."""
+    found, known = rows_of(provoked), all_sites()
     rows = ["| sentence | kind | provoked by |", "|---|---|---|"]
-    seen: set[str] = set()
+    seen: set[Site] = set()
     for row in found:
-        says, test = _plain(row["says"]), row["test"].partition("[")[0]
-        if says and says not in seen:
-            seen.add(says)
-            rows.append(f"| {says} | `{row['kind']}` | `{test}` |")
-    return _SENTENCES + "\n".join(rows) + "\n"
+        site = next(site for site in known if site.made(row))
+        if site not in seen:
+            seen.add(site)
+            rows.append(f"| {_plain(row['says'])} | `{row['kind']}` | `{row['test'].partition('[')[0]}` |")
+    left = [site for site in known if not any(site.made(row) for row in found)]
+    text = _SENTENCES.format(provoked=len(known) - len(left), all=len(known)) + "\n".join(rows) + "\n"
+    reasons = tomllib.loads(provoked.with_name("unprovoked.toml").read_text(encoding="utf-8"))
+    lines = [
+        f"| {_plain(site.template or 'what another part said')} | `{site.where}` | {_why(site, reasons)} |"
+        for site in left
+    ]
+    return text + (_UNPROVOKED + "\n".join(lines) + "\n" if lines else "")
+
+
+def _why(site: Site, reasons: Mapping[str, Mapping[str, str]]) -> str:
+    of_file = reasons.get(site.where, {})
+    return next((why for begins, why in of_file.items() if site.template.startswith(begins)), "not yet")
 
 
 def _plain(says: str) -> str:
