@@ -34,6 +34,7 @@ from .planar_answer import (
 from .radial import radial_band, radial_start
 from .radial_coordinates import plate_blocks
 from .radial_modes import radial_peaks
+from .recognise import few_points
 from .recording import Recording
 from .sherrit_thickness import thickness_pair
 
@@ -65,12 +66,15 @@ class Disk:
             plate = {f"{layer.name}.{n}": _complex(values, f"{layer.name}.{n}") for n in PLATE_CONSTANTS}
             return plate | derived_of(layer, values) | radial_named(layer.name, _radial(model, values, references[0]))
 
-        found = _radial(model, descent.objective.coordinates.forward(descent.x)[0], references[0])
+        values, _ = descent.objective.coordinates.forward(descent.x)
+        found, c33D = _radial(model, values, references[0]), _complex(values, f"{layer.name}.c33D")
         says = (
             f"Radial constants and eps33T at {references[0] / 1e3:.5g} kHz, thickness-mode constants at "
             f"{references[1] / 1e6:.5g} MHz, with causal losses between. Planar coupling kp {found.kp.real:.4f} (data "
             f"sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
             passivity_says(found),
+            *few_points(whole.sweeps, references[0], 1 / found.Qm),
+            *few_points(whole.sweeps, references[1], c33D.imag / c33D.real),
         )
         named = Named(self.name, self.version)
         return planar_answer(named, whole, descent, make, says, time.perf_counter() - began)

@@ -170,25 +170,39 @@ def _best_descent(
 
     Returns the deepest place found and the number of evaluations.
     """
-    few_earlier, few = [thinned(r) for r in earlier], [thinned(r) for r in new]
+    few = [thinned(recording) for recording in new]
     ranked = sorted((Objective(few, start, priors) for start in starts), key=_rms_at_start)
     tried: list[Descent] = []
-    for k, objective in enumerate(ranked[:_MOST_DESCENTS]):
+    for k, start in enumerate(objective.coordinates for objective in ranked[:_MOST_DESCENTS]):
         if k >= _DESCENTS and min(_rms(descent.objective, descent.x) for descent in tried) < _LOST:
             break
-        coordinates, misfits = objective.coordinates, objective.log_ratios(objective.coordinates.x)
-        cautious = (replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(few, misfits, strict=True))
-        near = approach((*few_earlier, *cautious), coordinates, priors, coordinates.x)
-        # There and back: a load that ran off to nothing on the way begins again from next to nothing.
-        x = coordinates.inverse(coordinates.forward(near.x)[0])
-        whole = Objective((*earlier, *new), coordinates, priors)
-        judged = map(softened, whole.recordings, whole.log_ratios(x))
-        there = settle(tuple(judged), coordinates, priors, x)
-        tried.append(replace(there, start=near.start, evaluations=near.evaluations + there.evaluations))
+        tried.append(_by_few_points(earlier, new, start, priors))
+        if _rms(tried[-1].objective, tried[-1].x) > _LOST:
+            tried.append(settle((*earlier, *_cautious(new, start)), start, priors, start.x))
         if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
             break
     best = min(tried, key=lambda descent: _rms(descent.objective, descent.x))
     return best, sum(descent.evaluations for descent in tried)
+
+
+def _by_few_points(
+    earlier: Sequence[Recording], new: Sequence[Recording], start: Coordinates, priors: Sequence[Prior | Posterior]
+) -> Descent:
+    """Let a few points of each recording show the way, and settle all of them from where it leads."""
+    few = _cautious([thinned(recording) for recording in new], start)
+    near = approach((*(thinned(recording) for recording in earlier), *few), start, priors, start.x)
+    # There and back: a load that ran off to nothing on the way begins again from next to nothing.
+    x = start.inverse(start.forward(near.x)[0])
+    whole = Objective((*earlier, *new), start, priors)
+    judged = tuple(map(softened, whole.recordings, whole.log_ratios(x)))
+    there = settle(judged, start, priors, x)
+    return replace(there, start=start.x, evaluations=near.evaluations + there.evaluations)
+
+
+def _cautious(recordings: Sequence[Recording], start: Coordinates) -> list[Recording]:
+    """Return the recordings softened by all that a start misses of them, as if that were noise."""
+    misfits = Objective(recordings, start, ()).log_ratios(start.x)
+    return [replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(recordings, misfits, strict=True)]
 
 
 def _rms(objective: Objective, x: Reals) -> float:

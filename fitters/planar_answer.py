@@ -18,6 +18,7 @@ from .covariance import Estimate, estimate
 from .derived import DERIVED_UNITS
 from .descent import Descent
 from .interface import Constant, FitError, FitResult
+from .recognise import strange
 from .recording import Prior
 
 RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
@@ -188,7 +189,7 @@ def planar_answer(
         converged=result.converged,
         evaluations=descent.evaluations,
         seconds=seconds,
-        says=(*says, *_verdict(result, disk)),
+        says=(*says, *strange(disk.build, disk.layer, made), *_verdict(result, disk)),
         curves=curves_of(objective, descent.start, result.x),
     )
 

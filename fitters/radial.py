@@ -32,6 +32,7 @@ from .planar_answer import (
 )
 from .radial_coordinates import RADIAL_CONSTANTS, plate_blocks, radial_constants_block
 from .radial_modes import Peaks, radial_peaks, second_missing
+from .recognise import few_points
 from .recording import Recording
 
 _BELOW_THICKNESS_MODE = 0.4
@@ -68,6 +69,7 @@ class RadialLeastSquares:
             f"Constants at {peaks.frequencies[0] / 1e3:.5g} kHz, with causal losses. Planar coupling kp "
             f"{found.kp.real:.4f} (data sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
             passivity_says(found),
+            *few_points(disk.sweeps, peaks.frequencies[0], 1 / found.Qm),
         )
         return planar_answer(Named(self.name, self.version), disk, descent, make, says, time.perf_counter() - began)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from .bare_disk import BareDisk
 from .critical import Critical, Trace, admittance_trace, critical, impedance_trace, tops
 from .interface import FitError
+from .recognise import refuse_lost
 
 _NEAR_EXPECTED = (0.6, 1.6)
 # First resonance over the expected one: its frequency is known to a few per cent for a known ceramic, and lies
@@ -13,6 +14,8 @@ _ANTIRESONANCE = (1.005, 1.5)
 # fp1/fs1: 1.15 at kp 0.6, 1.37 at kp 0.8.
 _SECOND = (2.35, 2.85)
 # fs2/fs1: 2.73 at sigma 0.2, 2.49 at sigma 0.5; finite thickness takes some per cent off.
+_USUAL_LOSS = 1 / 80
+# Of soft PZT, for a disk of which no radial constant is known.
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ def radial_peaks(disk: BareDisk) -> Peaks:
     expected = disk.expected_radial_mode
     first = _largest(series, _NEAR_EXPECTED[0] * expected, _NEAR_EXPECTED[1] * expected)
     if first is None:
+        refuse_lost(disk.sweeps, expected, _loss(disk))
         raise FitError(
             f"no radial resonance in {disk.bands}: the first is expected near {expected / 1e3:.3g} kHz for a diameter "
             f"of {2e3 * disk.radius:.4g} mm"
@@ -65,11 +69,18 @@ def radial_peaks(disk: BareDisk) -> Peaks:
     fs1 = float(first[0].frequency[first[1]])
     anti = _largest(parallel, _ANTIRESONANCE[0] * fs1, _ANTIRESONANCE[1] * fs1)
     if anti is None:
+        refuse_lost(disk.sweeps, fs1, _loss(disk))
         raise FitError(
             f"no antiresonance of the first radial mode in {disk.bands}: the resonance is at {fs1 / 1e3:.5g} kHz, "
             f"sweep up to {1.3 * fs1 / 1e3:.4g} kHz"
         )
     return Peaks(first, anti, _largest(series, _SECOND[0] * fs1, _SECOND[1] * fs1))
+
+
+def _loss(disk: BareDisk) -> float:
+    """Return the loss tangent of the radial modes that build and library lead to expect."""
+    s11E = disk.layer.values.get("s11E")
+    return -s11E.im / s11E.re if s11E is not None and s11E.im < 0 else _USUAL_LOSS
 
 
 def second_missing(disk: BareDisk, fs1: float) -> FitError:

@@ -20,7 +20,7 @@ _NOISE = 0.01
 _NEED, _WANT = 0.25, 3.0
 # Points per linewidth: below the first a resonance may lie between two points, below the second the loss rests on what
 # the model says of the flanks.
-_SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3)}
+_SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps33T": (0.6, 1.6)}
 # Fitted over data sheet: no maker's batches scatter more.
 
 
@@ -32,6 +32,7 @@ def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> No
         if not any(map(_resonates, of_step)):
             ends = [edge for sweep in of_step for edge in (sweep.frequency[0], sweep.frequency[-1])]
             expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
+            refuse_lost(of_step, expected, values["c33D"].im / values["c33D"].re)
             raise FitError(
                 f"step {step!r} shows no resonance with an antiresonance above it between {min(ends) / 1e6:.4g} and "
                 f"{max(ends) / 1e6:.4g} MHz; the bare piezo layer's is expected near {expected / 1e6:.3g} MHz"
@@ -107,21 +108,41 @@ def doubts(
     """
     piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
-    return (*_few_points(bare, constants[f"{piezo.name}.c33D"], fp), *_strange(build, piezo, constants))
+    c33D = constants[f"{piezo.name}.c33D"]
+    return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants))
 
 
-def _few_points(sweeps: Sequence[Sweep], c33D: Constant, fp: float) -> tuple[str, ...]:
-    spacings = [_spacing(sweep, fp) for sweep in sweeps if sweep.frequency[0] < fp < sweep.frequency[-1]]
-    if not spacings or c33D.im <= 0:
-        return ()
-    width = fp * c33D.im / c33D.re
-    count = width / min(spacings)
-    what = f"{count:.2g} points lie in the linewidth of {width / 1e3:.3g} kHz at {fp / 1e6:.4g} MHz"
-    if count < _NEED:
-        raise FitError(f"only {what}; the resonance is lost between them: sweep it every {width / 10 / 1e3:.2g} kHz")
+def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:
+    """Return what is to be said of a resonance `at` Hz of this loss tangent that few points tell of.
+
+    Raises FitError where it may lie between two of them.
+    """
+    count = _points_in(sweeps, at, loss)
+    refuse_lost(sweeps, at, loss)
     if count < _WANT:
-        return (f"Only {what}: losses rest on what the model says of the flanks. {_WANT:.0f} or more are wanted.",)
+        few = f"Only {_counted(count, at, loss)}: losses rest on what the model says of the flanks."
+        return (f"{few} {_WANT:.0f} or more are wanted.",)
     return ()
+
+
+def refuse_lost(sweeps: Sequence[Sweep], at: float, loss: float) -> None:
+    """Raise FitError where a resonance `at` Hz of this loss tangent may lie between two points of all the sweeps."""
+    count = _points_in(sweeps, at, loss)
+    if count < _NEED:
+        raise FitError(
+            f"only {_counted(count, at, loss)}; the resonance is lost between them: sweep it every "
+            f"{loss * at / 10 / 1e3:.2g} kHz"
+        )
+
+
+def _counted(count: float, at: float, loss: float) -> str:
+    return f"{count:.2g} points lie in the linewidth of {loss * at / 1e3:.3g} kHz at {at / 1e6:.4g} MHz"
+
+
+def _points_in(sweeps: Sequence[Sweep], at: float, loss: float) -> float:
+    """Return how many points the finest of the sweeps that hold `at` has in a linewidth; infinite where none does."""
+    spacings = [_spacing(sweep, at) for sweep in sweeps if sweep.frequency[0] < at < sweep.frequency[-1]]
+    return loss * at / min(spacings) if spacings and loss > 0 else np.inf
 
 
 def _spacing(sweep: Sweep, fp: float) -> float:
@@ -130,26 +151,30 @@ def _spacing(sweep: Sweep, fp: float) -> float:
     return float(np.min(np.diff(sweep.frequency)[max(0, k - 2) : k + 2]))
 
 
-def _strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -> tuple[str, ...]:
-    """Return what cannot be a ceramic's scatter: eps33S tells of the area, c33D of the thickness."""
+def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -> tuple[str, ...]:
+    """Return what cannot be a ceramic's scatter: c33D tells of the thickness, the other constants of the area."""
     says: list[str] = []
+    told: set[str] = set()
     for name, (low, high) in _SCATTER.items():
-        sheet = piezo.nominal.get(name)
-        found = constants[f"{piezo.name}.{name}"]
-        if sheet is None or not found.free or low < found.re / sheet.re < high:
+        sheet, found = piezo.nominal.get(name), constants.get(f"{piezo.name}.{name}")
+        what = "thickness" if name == "c33D" else "area"
+        if sheet is None or found is None or not found.free or low < found.re / sheet.re < high or what in told:
             continue
+        told.add(what)
         ratio = found.re / sheet.re
-        size = build.diameter.re if build.diameter is not None else None
-        if name == "c33D":
-            right = f"a thickness of {1e3 * piezo.values['thickness'].re / np.sqrt(ratio):.3g} mm would explain it"
-        elif size is not None:
-            right = (
-                f"a diameter of {1e3 * size * np.sqrt(ratio):.3g} mm instead of {1e3 * size:.3g} mm would explain it"
-            )
-        else:
-            right = f"an area of {1e6 * build.area.re * ratio:.3g} mm2 would explain it"
         says.append(
             f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says, more "
-            f"than ceramics scatter: {right}. Do not use these constants before that is settled."
+            f"than ceramics scatter: {_explained(build, piezo, what, ratio)} would explain it. Do not use these "
+            "constants before that is settled."
         )
     return tuple(says)
+
+
+def _explained(build: Build, piezo: LayerSpec, what: str, ratio: float) -> str:
+    """Return the size that would bring a constant back to its data sheet."""
+    if what == "thickness":
+        return f"a thickness of {1e3 * piezo.values['thickness'].re / np.sqrt(ratio):.3g} mm"
+    if build.diameter is None:
+        return f"an area of {1e6 * build.area.re * ratio:.3g} mm2"
+    size = 1e3 * build.diameter.re
+    return f"a diameter of {size * np.sqrt(ratio):.3g} mm instead of {size:.3g} mm"

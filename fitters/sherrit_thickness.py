@@ -22,6 +22,7 @@ from .bare_disk import BareDisk, bare_disk, drawn, method_answer, with_method_er
 from .critical import FEW_POINTS, Critical, Trace, admittance_trace, critical, impedance_trace, tops
 from .derived import DERIVED_UNITS, derived_of
 from .interface import Constant, FitError, FitResult, FitTask
+from .recognise import refuse_lost
 from .start import DiskStart, disk_starts
 
 _NEAR_EXPECTED = (0.55, 1.8)
@@ -105,6 +106,8 @@ def thickness_pair(disk: BareDisk, sweeps: Sequence[Sweep]) -> DiskStart:
     near = [start for start in found if _NEAR_EXPECTED[0] < start.fp / expected < _NEAR_EXPECTED[1]]
     if near:
         return min(near, key=lambda start: start.misfit)
+    loss = disk.layer.values["c33D"]
+    refuse_lost(sweeps, expected, loss.im / loss.re)
     seen = f"; the pair at {found[0].fs / 1e6:.4g} and {found[0].fp / 1e6:.4g} MHz is another mode" if found else ""
     raise FitError(
         f"no thickness resonance in {disk.bands}: it is expected near {expected / 1e6:.3g} MHz for this thickness{seen}"
