@@ -109,16 +109,13 @@ def doubts(
     piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
     c33D = constants[f"{piezo.name}.c33D"]
+    refuse_lost(bare, fp, c33D.im / c33D.re)
     return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants))
 
 
 def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:
-    """Return what is to be said of a resonance `at` Hz of this loss tangent that few points tell of.
-
-    Raises FitError where it may lie between two of them.
-    """
+    """Return what is to be said of a resonance `at` Hz of this loss tangent that few points tell of."""
     count = _points_in(sweeps, at, loss)
-    refuse_lost(sweeps, at, loss)
     if count < _WANT:
         few = f"Only {_counted(count, at, loss)}: losses rest on what the model says of the flanks."
         return (f"{few} {_WANT:.0f} or more are wanted.",)

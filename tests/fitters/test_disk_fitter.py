@@ -88,3 +88,9 @@ def test_held_and_bounded_constants(build, swept):
     assert Disk().fit(FitTask(amended(build, Amendments(bound=low)), sweeps)).constants["disk.c33D"].free
     with pytest.raises(FitError, match=r"cannot bound 'disk\.s11E': `disk` moves it together"):
         Disk().fit(FitTask(amended(build, Amendments(bound=(("disk.s11E", 1e-11, 2e-11),))), sweeps))
+
+
+def test_a_resonance_between_two_points_is_said_as_that(build, swept):
+    few = swept(both_modes(build), np.linspace(50e3, 9e6, 60))
+    with pytest.raises(FitError, match="the resonance is lost between them: sweep it every"):
+        Disk().fit(FitTask(build, {"disk": (few,)}))
