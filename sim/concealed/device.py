@@ -108,7 +108,7 @@ def _column(f: Reals, specimen: Specimen, coats: Sequence[Coat], hidden: Hidden,
     if hidden.backing is not None:
         parts.insert(0, _backing(specimen, hidden.backing))
         back = AIR
-    front: complex | Complexes = AIR
+    front: complex | Complexes = specimen.front
     if hidden.face is not None:
         side, kind, size = hidden.face
         resting = size * (1 + 0.05j) / (1j * omega) if kind == "spring" else size

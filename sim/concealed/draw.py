@@ -50,10 +50,10 @@ def draw_case(seed: int, index: int) -> Case:
 
 
 def _wanted(rng: np.random.Generator, kind: str) -> float:
-    """Return the gain in chi2 that a plant is to have: from barely detectable to obvious."""
+    """Return the gain in chi2 that a plant is to have: from barely detectable to what nobody can overlook."""
     if kind == "absorbed":
         return _UNSEEN / 2
-    return float(10 ** rng.uniform(2.2 if kind == "two" else 1.3, 5.5))
+    return float(10 ** rng.uniform(2.2 if kind == "two" else 1.3, 7.0))
 
 
 def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:
@@ -90,8 +90,8 @@ def _drawn(rng: np.random.Generator, chosen: Sequence[families.Family], specimen
         plants.append(plant)
     if {"up and down", "levels"} <= {plant.needs for plant in plants}:
         return None  # one session has repeats of one kind
-    if {plant.effect for plant in plants} == {"lead-inductance", "stray-capacitance"}:
-        # an inductance in front of a capacitance is what a short cable is
+    if len({plant.effect for plant in plants} & {"lead-inductance", "stray-capacitance", "cable"}) == 2:
+        # an inductance in front of a capacitance is what a short cable is; with one more, one of another impedance
         return tuple(replace(plant, accept=("cable",)) for plant in plants)
     return tuple(plants)
 

@@ -52,7 +52,8 @@ class Specimen:
     disk: Disk
     coats: tuple[Coat, ...] = ()
     back: float = AIR
-    """Rayl."""
+    front: float = AIR
+    """Rayl, what the last layer works into."""
     steps: tuple[str, ...] = ("disk",)
     told_thickness: float = field(default=0.0)
     """m, of the disk; the build file's."""
@@ -93,4 +94,4 @@ def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: boo
         coats.append(Coat(f"ml{k}", t, float(true[0]), float(true[1]), true[2], False, *told))
     back = float(rng.uniform(3e6, 7e6)) if backed else AIR
     names = ("disk", "ml1", "ml2")[:steps]
-    return Specimen(name, diameter, disk, tuple(coats), back, names, thickness)
+    return Specimen(name, diameter, disk, tuple(coats), back, steps=names, told_thickness=thickness)

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .plant import Hideout, Plant
-from .specimen import Coat, Specimen
+from .specimen import AIR, Coat, Specimen
 from .sweeping import Take, record
 from .waves import Complexes, Reals
 
+_BACKED = 1e6
+"""Rayl from which a load is a backing."""
 _ROUNDS = 8
 _STEP = 1e-6
 
@@ -34,7 +36,7 @@ def imitate(hideout: Hideout, index: int, takes: Sequence[Take]) -> Imitation:
     target = [np.log(record(hideout.specimen, hideout.hidden(take.step), take)) for take in takes]
     others = [k for k, plant in enumerate(hideout.plants) if k != index and plant.least < plant.most]
     coats = [k for k, coat in enumerate(hideout.specimen.coats) if coat.name not in hideout.untold]
-    size = 6 + sum(1 if hideout.specimen.coats[k].glue else 3 for k in coats) + len(others)
+    size = 8 + sum(1 if hideout.specimen.coats[k].glue else 3 for k in coats) + len(others)
 
     def world(x: Reals) -> Hideout:
         specimen = moved(hideout.specimen, x[: size - len(others)], coats)
@@ -75,14 +77,15 @@ def sized(hideout: Hideout, index: int, takes: Sequence[Take], gain: float) -> t
 
 
 def moved(specimen: Specimen, x: Reals, coats: Sequence[int]) -> Specimen:
-    """Return the specimen with its constants changed: relative changes of the disk's, then those of the free coats."""
+    """Return the specimen with its constants changed: relative changes of the disk's, the air's, the free coats'."""
     disk = replace(
         specimen.disk,
         c33D=specimen.disk.c33D * (1 + complex(x[0], x[1])),
         h33=specimen.disk.h33 * (1 + complex(x[2], x[3])),
         eps33S=specimen.disk.eps33S * (1 + complex(x[4], x[5])),
     )
-    all_coats, at = list(specimen.coats), 6
+    air = [AIR * max(1 + float(change), 0.0) for change in x[6:8]]
+    all_coats, at = list(specimen.coats), 8
     for k in coats:
         coat = all_coats[k]
         if coat.glue:
@@ -91,7 +94,8 @@ def moved(specimen: Specimen, x: Reals, coats: Sequence[int]) -> Specimen:
         else:
             all_coats[k] = _moved_coat(coat, x[at : at + 3])
             at += 3
-    return replace(specimen, disk=disk, coats=tuple(all_coats))
+    back = air[0] if specimen.back == AIR else specimen.back
+    return replace(specimen, disk=disk, coats=tuple(all_coats), back=back, front=air[1])
 
 
 def _moved_coat(coat: Coat, x: Reals) -> Coat:
@@ -107,8 +111,12 @@ def _row(z: Complexes, wanted: Complexes, take: Take) -> Reals:
 
 
 def _priors(specimen: Specimen, coats: Sequence[int]) -> Reals:
-    """Return how far the free coats are from what the build file says, in its uncertainties, as far as it matters."""
-    return np.array([(specimen.coats[k].q - specimen.coats[k].told_q) / 1e3 for k in coats], np.float64)
+    """Return how far coats and air are from what is known of them, in its uncertainties, as far as it matters.
+
+    A face in a jig feels anything from nothing upwards: air counts as known to its own size.
+    """
+    air = [load / AIR - 1 for load in (specimen.back, specimen.front) if load < _BACKED]
+    return np.array([*((specimen.coats[k].q - specimen.coats[k].told_q) / 1e3 for k in coats), *air], np.float64)
 
 
 def _descend(residual: Callable[[Reals], Reals], x: Reals) -> tuple[Reals, float]:
