@@ -42,8 +42,9 @@ class Sweep:
     """What a person should know of it, a sentence each (inverted polarity, memory trace, corrupt date ...)."""
 
     def __post_init__(self) -> None:
-        f = np.ascontiguousarray(self.frequency, dtype=np.float64)
-        z = np.ascontiguousarray(self.impedance, dtype=np.complex128)
+        f = np.array(self.frequency, dtype=np.float64, order="C")
+        z = np.array(self.impedance, dtype=np.complex128, order="C")
+        f.flags.writeable = z.flags.writeable = False  # what was recorded stays as it was
         object.__setattr__(self, "frequency", f)
         object.__setattr__(self, "impedance", z)
         where = f"recording {self.id!r}" if self.id else "recording"

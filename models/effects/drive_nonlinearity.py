@@ -17,7 +17,7 @@ _SOURCE = 25.0
 """ohm, between the oscillator of a 4294A and the device."""
 _RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
-_ROUNDS = 60
+_ROUNDS = 25
 _MOST = 0.3
 """Of the stiffness is lost at most: beyond it nothing here holds."""
 _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
@@ -87,7 +87,7 @@ def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:
     soft = 0.5 * missing_before
     for _ in range(_ROUNDS):
         missing = wanted(soft) - soft
-        if np.max(np.abs(missing)) < 1e-12:
+        if np.max(np.abs(missing)) < 1e-10:
             break
         slope = (missing - missing_before) / np.where(soft == before, 1.0, soft - before)
         # where strain hardly answers to softening the slope is -1; a bent resonance makes it steeper or turns it round

@@ -1,7 +1,7 @@
 """The stack: layers between two loads, its impedance and the exact derivatives by every parameter."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Self, TypeAlias, cast
 
 import numpy as np
@@ -37,6 +37,10 @@ class Stack:
     """m2."""
     connection: Literal["series", "parallel"] = "series"
     """How several piezoelectric layers are wired; `Piezo.polarity` says which way round."""
+    _asked: list[tuple[Frequencies, Network]] = field(
+        default_factory=list[tuple[Frequencies, Network]], init=False, repr=False, compare=False
+    )
+    """The last answer: what stands outside the stack asks again and again while the stack stays the same."""
 
     def __post_init__(self) -> None:
         require_positive("stack", area=self.area)
@@ -107,8 +111,13 @@ class Stack:
         return network.Z / self.area, rows
 
     def _network(self, frequency: Frequencies) -> Network:
+        if self._asked and self._asked[0][0] is frequency:
+            return self._asked[0][1]
         loads = self.back.impedance(frequency), self.front.impedance(frequency)
-        return Network(sections_of(self.layers, frequency), *loads, parallel=self.connection == "parallel")
+        network = Network(sections_of(self.layers, frequency), *loads, parallel=self.connection == "parallel")
+        if not frequency.flags.writeable:
+            self._asked[:] = [(frequency, network)]
+        return network
 
     def _parts(self) -> dict[str, Layer | Load]:
         """Return layers and loads by the name that their parameters carry."""
