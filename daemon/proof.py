@@ -9,10 +9,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from ..fitters.diagnosis.decide import SIGNIFICANT
 from ..models.errors import CannotError
-
-THRESHOLD = 30.0
-"""Gain in chi2 from which the diagnosis names an effect; detectable counts what is above twice of it."""
 
 
 class ProofError(CannotError):
@@ -32,7 +30,7 @@ class Judged:
     def kind(self) -> str:
         """`none`, `one`, `two`, `outside`, `absorbed`, or `faint`: an effect that is not detectable."""
         gains = [planted["gain"] for planted in self.truth["findings"]]
-        return "faint" if gains and min(gains) < 2 * THRESHOLD else self.truth["kind"]
+        return "faint" if gains and min(gains) < 2 * SIGNIFICANT else self.truth["kind"]
 
     @property
     def findings(self) -> Sequence[Mapping[str, Any]]:
@@ -121,11 +119,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     of = {kind: [case for case in cases if case.kind == kind] for kind in ("none", "one", "two", "outside", "absorbed")}
     with_effect = [*of["one"], *of["two"]]
     absorbed = [case for case in of["absorbed"] if case.truth["not_decidable"]]
-    ratios = [
-        after / before
-        for case in with_effect
-        if (after := case.error_of_constants("final")) is not None and (before := case.error_of_constants("baseline"))
-    ]
+    ratios = _freed(with_effect)
     return [
         _share("nothing left out: no finding", (case.right for case in of["none"]), ">= 99 %"),
         _share("one effect, detectable: right effect and place first", (case.right for case in of["one"]), ">= 95 %"),
@@ -225,6 +219,48 @@ def _rate(name: str, planted: Sequence[tuple[Judged, Mapping[str, Any]]], cases:
         misnamed=sum(wrong),
         said=len(elsewhere),
     )
+
+
+@dataclass(frozen=True)
+class Stratum:
+    """Cases with effects whose fit without them leaves a chi2 per degree of freedom in one range."""
+
+    low: float
+    high: float
+    cases: int
+    right: float
+    constants: float
+    """Error of the constants after / before, median."""
+    held_out: float
+    """Misfit on bands held out after / before, median."""
+
+
+def strata(cases: Sequence[Judged]) -> list[Stratum]:
+    """Return how cases with one detectable effect or two came out, by how much of the misfit is left without them."""
+    edges = (0.0, 1.25, 3.0, 30.0, float("inf"))
+    found: list[Stratum] = []
+    for low, high in pairwise(edges):
+        inside = [
+            case
+            for case in cases
+            if case.kind in ("one", "two")
+            and "baseline" in case.answer
+            and low <= (case.answer["baseline"]["chi2_per_dof"] or 0.0) < high
+        ]
+        if inside:
+            right = sum(case.right for case in inside) / len(inside)
+            of_constants, of_bands = _median(_freed(inside)), _held_out(inside)[1]
+            found.append(Stratum(low, high, len(inside), right, of_constants, of_bands))
+    return found
+
+
+def _freed(cases: Sequence[Judged]) -> list[float]:
+    """Return the error of the constants after over that before, of the cases that have both."""
+    return [
+        after / before
+        for case in cases
+        if (after := case.error_of_constants("final")) is not None and (before := case.error_of_constants("baseline"))
+    ]
 
 
 def _share(what: str, right: Iterable[bool], target: str) -> Figure:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .proof import Figure, Judged, Rate, bins, confusion, figures, rates, read_judged, said
+from .proof import Figure, Judged, Rate, Stratum, bins, confusion, figures, rates, read_judged, said, strata
 
 PAGE = "proof.md"
 
@@ -27,6 +27,9 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
             "free, is above twice the threshold of the diagnosis; it is computed by that world alone.",
             _figures_table(figures(cases)),
+            "A faint effect can bias no constant by much. Cases with one effect or two, by the chi2 per degree of "
+            "freedom that a fit without them leaves:",
+            _strata_table(strata(cases)),
             "Every effect by itself, where it was planted large enough to be detected:",
             _rates_table(rates(cases)),
             "## Probabilities",
@@ -61,6 +64,16 @@ def _rates_table(rows: Sequence[Rate]) -> str:
     ]
     head = "| planted | cases | found | named first | another name first | said where it was not |"
     return "\n".join([head, "|---|---|---|---|---|---|", *lines])
+
+
+def _strata_table(rows: Sequence[Stratum]) -> str:
+    lines = [
+        f"| {number(row.low)} to {'any' if math.isinf(row.high) else number(row.high)} | {row.cases} "
+        f"| {number(row.right, percent=True)} | {number(row.constants)} | {number(row.held_out)} |"
+        for row in rows
+    ]
+    head = "| chi2 before | cases | right | error of the constants after / before | held-out misfit after / before |"
+    return "\n".join([head, "|---|---|---|---|---|", *lines])
 
 
 def _bins_table(rows: Sequence[tuple[int, float, float]]) -> str:
