@@ -30,6 +30,8 @@ _WORTH_A_REFIT = 0.4
 _REFITTED_LATER = 10
 _REFITTED = 18
 _POLISHED = 4
+_OUT_OF_REACH = 16.0
+"""chi2 over the best one's after the rough fit from which no finer one would help."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,8 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
         ranked = ranked[:_REFITTED_LATER]
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
-    polished = [polish(problem, one) for one in rough[:_POLISHED]]
+    within = [one for one in rough[:_POLISHED] if one.chi2_per_dof < _OUT_OF_REACH * rough[0].chi2_per_dof]
+    polished = [polish(problem, one) for one in within]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
 
 

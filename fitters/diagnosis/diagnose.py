@@ -26,6 +26,7 @@ from .proof import held_out_chi2
 from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
+from .structure import period, uneven
 from .weigh import Weighed, better_instead, weigh
 
 _EXPLAINED = 1.4
@@ -34,6 +35,8 @@ _HELD_OUT = 1.6
 """The same on held-out bands: an explanation that fails there is none."""
 _MOST = (0.98, 0.995)
 """Part of the misfit that one effect, or two, must take away to be named although something is left over."""
+_SCATTER = 0.05
+"""chi2 per degree of freedom that a recording has more or less by chance, and by how well its noise is known."""
 _MOST_NAMED = len(_MOST)
 """Three effects at once describe nearly anything: where two are not enough, the rest is called unknown."""
 _RIPPLE = 0.2
@@ -72,7 +75,8 @@ def diagnose(
     left = remainder(final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
-    if verdict in ("unexplained", "partly-explained"):
+    disturbed = any(finding.effect == "unknown" for finding in findings)
+    if verdict in ("unexplained", "partly-explained") and not disturbed:
         findings.append(_unknown(final, held_after, left))
     constants = _constants(problem, final)
     progress("asking what stays open")
@@ -125,15 +129,21 @@ def _named(null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple
     """
     if not final.effects:
         return False, "unexplained" if _something_left(null) else "no-mismatch"
-    if max(final.chi2) < _EXPLAINED and not crowded:
+    left = max(final.chi2_per_dof - 1, _SCATTER)
+    nearly_all = 1 - left / max(null.chi2_per_dof - 1, _SCATTER) > _MOST[len(final.effects) - 1]
+    if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not _structured(final)):
         return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
-    taken = 1 - (final.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, 1e-9)
-    return (True, "partly-explained") if taken > _MOST[len(final.effects) - 1] else (False, "unexplained")
+    return (True, "partly-explained") if nearly_all else (False, "unexplained")
 
 
 def _something_left(found: Refit) -> bool:
     ripple = max(lag_one(ratio) for ratio in found.objective.log_ratios(found.descent.x))
-    return max(found.chi2) > DESCRIBED or ripple > _RIPPLE
+    return max(found.chi2) > DESCRIBED or ripple > _RIPPLE or _structured(found)
+
+
+def _structured(found: Refit) -> bool:
+    """Return whether what is left of a recording is no noise, small as it may be."""
+    return any(uneven(ratio, 1) or period(ratio) for ratio in _ratios(found))
 
 
 def _ratios(found: Refit) -> tuple[Complexes, ...]:
@@ -164,7 +174,8 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
         held_out_before=before,
         held_out_after=held_after,
         alternatives=weighed.alternatives,
-        says=candidate.effect.says.format(where=candidate.where),
+        says=candidate.effect.says.format(where=candidate.where)
+        + "".join(f" At {place} it would look the same." for place in weighed.same_at),
     )
 
 

@@ -14,11 +14,8 @@ from ...models.arrays import Complexes, Reals
 from ..recording import Recording
 from .findings import Leftover, Pole, Texture
 from .search import Refit
+from .structure import uneven
 
-_LENGTHS = 1.5
-"""Ratio of one window's length to the next shorter one's."""
-_SURE = 15.0
-"""Logarithm of the likelihood ratio of a band: among all windows of 801 points of noise, one in 1000 reaches it."""
 _MOST_BANDS, _MOST_POLES = 5, 3
 _PLACES, _QUALITIES = 60, (10.0, 30.0, 100.0, 300.0)
 _POLE_PAYS = 30.0
@@ -81,29 +78,9 @@ def _excess(residual: Complexes) -> float:
 
 
 def _bands(rest: _Rest) -> list[tuple[float, tuple[float, float]]]:
-    """Return the stretches that hold more than noise, with the logarithm of their likelihood ratio; none overlap.
-
-    A window whose variance is s times that of noise, over L points, has ln ratio L (s - 1 - ln s).
-    """
-    squares = np.abs(rest.residual) ** 2 / 2
-    running = np.concatenate([[0.0], np.cumsum(squares)])
-    n, length = squares.size, 3.0
-    windows: list[tuple[float, int, int]] = []
-    while length < 0.7 * n:
-        size = int(length)
-        s = np.maximum((running[size:] - running[:-size]) / size, 1.0)
-        ratio = size * (s - 1 - np.log(s))
-        windows += [(float(ratio[k]), int(k), int(k) + size) for k in np.flatnonzero(ratio > _SURE)]
-        length *= _LENGTHS
-    windows.sort(reverse=True)
-    kept: list[tuple[float, int, int]] = []
-    for one in windows:
-        if len(kept) == _MOST_BANDS:
-            break
-        if all(one[2] <= a or one[1] >= b for _, a, b in kept):
-            kept.append(one)
+    """Return the stretches that hold more than noise, with the logarithm of their likelihood ratio; none overlap."""
     f = rest.recording.sweep.frequency
-    return [(ratio, (float(f[a]), float(f[b - 1]))) for ratio, a, b in kept]
+    return [(ratio, (float(f[a]), float(f[b - 1]))) for ratio, a, b in uneven(rest.residual, _MOST_BANDS)]
 
 
 def _poles(rest: _Rest) -> list[Pole]:

@@ -12,6 +12,8 @@ from .search import Refit, is_there
 
 _RIVALS = 3
 _DECIDED = 12.0
+_SAME = 0.5
+"""Evidence by which two places of one effect differ where they are the same by symmetry: the fits' last digits."""
 _CERTAIN = (0.97, 0.93)
 """No finding is said with more, alone or as one of two: there may be what nobody has thought of. Parts that were right
 of those that nothing else contested, in a hundred development cases (`pzctl prove`)."""
@@ -28,6 +30,8 @@ class Weighed:
     """The fit with everything but this effect."""
     probability: float
     alternatives: tuple[Alternative, ...]
+    same_at: tuple[str, ...]
+    """Other places where it would look the same: the far face of a disk between equal loads."""
 
 
 def weigh(search: Search, final: Refit) -> list[Weighed]:
@@ -36,6 +40,8 @@ def weigh(search: Search, final: Refit) -> list[Weighed]:
     for candidate in final.effects:
         rest = search.without(final, candidate)
         rivals = _instead(search, rest, candidate)[:_RIVALS]
+        mirrored = [one for one in rivals if _mirrors(one, candidate, final)]
+        rivals = [one for one in rivals if one not in mirrored]
         odds = [float(np.exp(-0.5 * min(max(evidence_lost(one, final), -_DECIDED), 1400.0))) for one in rivals]
         total = 1.0 + sum(odds)
         alternatives = [
@@ -44,8 +50,14 @@ def weigh(search: Search, final: Refit) -> list[Weighed]:
         ]
         ordered = tuple(sorted(alternatives, key=lambda one: -one.probability))
         sure = _ANY_LINE if candidate.effect.name == "spurious-resonance" else _CERTAIN[len(rest.effects)]
-        found.append(Weighed(candidate, rest, sure / total, ordered))
+        places = tuple(one.effects[-1].where for one in mirrored)
+        found.append(Weighed(candidate, rest, sure / total, ordered, places))
     return sorted(found, key=lambda one: -gain(one.without, final))
+
+
+def _mirrors(rival: Refit, candidate: Candidate, final: Refit) -> bool:
+    """Return whether a rival is the same effect at a place that no recording of this build tells from the first."""
+    return rival.effects[-1].effect is candidate.effect and abs(evidence_lost(rival, final)) < _SAME
 
 
 def better_instead(search: Search, final: Refit) -> Refit:
