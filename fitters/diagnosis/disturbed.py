@@ -23,7 +23,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     ]
     disturbed = [
         _finding(
-            *("unknown", "sweep", check.step, _SURE, tuple(one.band_Hz for one in check.abrupt)),
+            *("unknown", "any", check.step, _SURE, tuple(one.band_Hz for one in check.abrupt)),
             says=_says(check),
             chi2=(chi2, chi2),
             held_out=(held_out, held_out),

@@ -52,7 +52,7 @@ def test_a_jump_is_found_taken_out_and_dated() -> None:
     np.testing.assert_allclose(left, 1, atol=3e-4)
     assert verdict_with(gated, "no-mismatch") == "unexplained"
     (finding,) = of_the_data(gated, 1.0, 1.0)
-    assert (finding.effect, finding.where) == ("unknown", "sweep")
+    assert (finding.effect, finding.where) == ("unknown", "any")
     assert "jumps by 0.44 %" in finding.says
 
 
