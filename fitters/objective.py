@@ -59,6 +59,7 @@ class Objective:
         owned = {self._row[name]: there[name] for name in self.coordinates.parameters if name in there}
         ends = np.cumsum([0, *(recording.sweep.frequency.size for recording in alike)]).tolist()
         frequency = np.concatenate([recording.sweep.frequency for recording in alike])
+        frequency.flags.writeable = False  # so that a stack may remember what it said of these points
         return _Shared(first.model, owned, alike, frequency, tuple(map(slice, ends[:-1], ends[1:])))
 
     def _told_by(self, posterior: Posterior) -> tuple[Reals, Reals]:

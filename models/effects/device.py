@@ -56,15 +56,16 @@ class Device:
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for a name it does not have."""
-        stack = self.bare.parameters()
-        require(values, self.parameters(), "the device")
+        knobs = {one.prefix + knob for one in self.added for knob in one.values}
+        moved = {name: value for name, value in values.items() if name not in knobs}
+        if moved:
+            require(moved, self.parameters(), "the device")
         added = tuple(
             one.with_values(
                 {name.removeprefix(one.prefix): v for name, v in values.items() if name.startswith(one.prefix)}
             )
             for one in self.added
         )
-        moved = {name: value for name, value in values.items() if name in stack}
         return replace(self, bare=self.bare.replace(moved) if moved else self.bare, added=added)
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
