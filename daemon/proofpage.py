@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .proof import Figure, Judged, Rate, Stratum, bins, confusion, figures, rates, read_judged, said, strata
+from .proof import Judged, read_judged
+from .prooffigures import Figure, Rate, Stratum, bins, confusion, figures, rates, said, strata
 
 PAGE = "proof.md"
 
