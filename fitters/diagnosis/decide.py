@@ -56,7 +56,9 @@ class Search:
     def without(self, found: Refit, effect: Candidate) -> Refit:
         """Return the fit with every effect of `found` but this one."""
         if (found, effect) not in self.missed:
-            self.missed[found, effect] = without(self.problem, found, effect)
+            rest = tuple(one for one in found.effects if one is not effect)
+            left = refit(resoftened(self.problem, found), rest, found.values, None)
+            self.missed[found, effect] = polish(self.problem, left)
         return self.missed[found, effect]
 
 
@@ -142,12 +144,6 @@ def polish(problem: Problem, rough: Refit) -> Refit:
             return again if again.chi2_per_dof < best.chi2_per_dof else best
         best = again
     return best
-
-
-def without(problem: Problem, found: Refit, effect: Candidate) -> Refit:
-    """Return the fit with every effect but this one."""
-    rest = tuple(one for one in found.effects if one is not effect)
-    return polish(problem, refit(resoftened(problem, found), rest, found.values, None))
 
 
 def without_idle(search: Search, found: Refit) -> Refit:
