@@ -14,7 +14,7 @@ from .interface import Constant, Curve, FitError, FitResult, FitTask, Fitter, No
 from .joint import check_task
 from .noise import noise_of
 from .recognise import refuse_another_device
-from .recording import log_ratio
+from .recording import log_ratio, rms
 
 RADIAL_UNITS = {
     "s11E": "1/Pa",
@@ -113,7 +113,7 @@ class BareDisk:
             float(np.sum(np.abs(ratio / noise) ** 2)) for ratio, noise in zip(ratios, self.noises, strict=True)
         )
         every = np.concatenate(ratios)
-        return weighted / max(1, 2 * every.size - parameters), float(np.sqrt(np.mean(np.abs(every) ** 2)))
+        return weighted / max(1, 2 * every.size - parameters), rms(every)
 
 
 def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareDisk:

@@ -7,7 +7,7 @@ import numpy as np
 from ..models.arrays import Reals
 from .descent import Descent, chi2_per_point
 from .objective import Objective
-from .recording import Posterior
+from .recording import Posterior, rms
 
 _SINGULAR = 1e-12
 _FLATTEST = 1e-6
@@ -103,7 +103,7 @@ def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
         x=x,
         covariance=curvature(objective, x).covariance(chain),
         chi2_per_dof=weighted / dof,
-        rms_log_error=float(np.sqrt(np.mean(np.concatenate([np.abs(ratio) ** 2 for ratio in ratios])))),
+        rms_log_error=rms(*ratios),
         converged=descent.converged,
     )
 

@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec
 from ..models.sweep import Sweep
@@ -17,7 +15,7 @@ from .descent import Descent, approach, settle, softened, thinned
 from .interface import FitError, FitTask, Noise
 from .noise import noise_of
 from .objective import Objective
-from .recording import Posterior, Prior, Recording
+from .recording import Posterior, Prior, Recording, rms
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS, _MOST_DESCENTS = 3, 12
@@ -206,7 +204,7 @@ def _cautious(recordings: Sequence[Recording], start: Coordinates) -> list[Recor
 
 
 def _rms(objective: Objective, x: Reals) -> float:
-    return float(np.sqrt(np.mean(np.concatenate([np.abs(ratio) ** 2 for ratio in objective.log_ratios(x)]))))
+    return rms(*objective.log_ratios(x))
 
 
 def _rms_at_start(objective: Objective) -> float:

@@ -24,7 +24,7 @@ from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
 from .noise import noise_of
 from .recognise import refuse_degenerate
-from .recording import log_ratio
+from .recording import log_ratio, rms
 from .start import coupling_squared, disk_starts
 
 _MAX_EVALUATIONS = 1000
@@ -230,7 +230,7 @@ def _answer(
         constants=fitted_constants(layers, search.values, (), None),
         derived=derived_constants(layers, search.values, (), None),
         correlation=(),
-        rms_log_error=float(np.sqrt(np.mean(np.abs(misfit) ** 2))),
+        rms_log_error=rms(misfit),
         converged=search.converged,
         evaluations=search.evaluations,
         seconds=seconds,

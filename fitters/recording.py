@@ -92,3 +92,8 @@ def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
     found.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
     found.imag = np.arctan2(ratio.imag, ratio.real)
     return found
+
+
+def rms(*log_ratios: Complexes) -> float:
+    """Return the root mean square of |ln(Z_model/Z_measured)| over all points of all recordings, each shape (N,)."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(log_ratios)) ** 2)))
