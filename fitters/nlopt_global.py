@@ -81,7 +81,7 @@ class NloptGlobal:
         )
         answer = least_squares_answer(self.name, self.version, solution)
         doubted = doubts(build, sweeps, answer.constants, thickness_mode(answer.derived))
-        return replace(answer, says=(*doubted, *_says(hunt, why), *_at_bounds(stuck), *answer.says))
+        return replace(answer, says=(*_says(hunt, why), *_at_bounds(stuck), *doubted, *answer.says))
 
     def _search(
         self,
