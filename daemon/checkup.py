@@ -74,7 +74,7 @@ def _folder() -> Check:
         free = shutil.disk_usage(folder).free
     except OSError as error:
         says = f"the data folder cannot be written: {error}"
-        return Check("data folder", "fault", says, "set PZCTL_HOME to a folder of your own")
+        return Check("data folder", "fault", says, "set PZCTL_HOME to a folder that can be")
     if free < ENOUGH_BYTES:
         return Check("data folder", "note", f"{folder}: only {free / 1e6:.0f} MB are free", "make room on this disk")
     return Check("data folder", "ok", f"{folder}, {free / 1e9:.1f} GB free")

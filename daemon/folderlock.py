@@ -9,6 +9,10 @@ LOCK = "writer.lock"
 """Held by the process that writes."""
 
 
+class JournalTaken(JournalError):
+    """Another process writes the journal."""
+
+
 def take_lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
     """Take the lock, until what is returned is closed: a transaction of SQLite, which works on every platform.
 
@@ -24,17 +28,20 @@ def take_lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
     except sqlite3.Error as error:
         lock.close()
         if "locked" in str(error):
-            raise JournalError(f"{folder}: another daemon writes this journal; only one can") from None
+            raise JournalTaken(f"{folder}: another daemon writes this journal; only one can") from None
         raise JournalError(f"{folder / LOCK}: the journal cannot be locked: {error}") from error
     return lock
 
 
 def is_written(folder: Path) -> bool:
-    """Return whether a living process has the journal open for writing."""
+    """Return whether a living process has the journal open for writing.
+
+    A lock that cannot be taken for another reason, as on a full disk, is held by nobody.
+    """
     if not (folder / LOCK).exists():
         return False
     try:
         take_lock(folder, patience=0).close()
-    except JournalError:
-        return True
+    except JournalError as error:
+        return isinstance(error, JournalTaken)
     return False

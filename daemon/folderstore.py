@@ -154,13 +154,23 @@ def _opened(folder: Path) -> sqlite3.Connection:
 
 
 def _readable(folder: Path) -> sqlite3.Connection:
-    """Open a database to be read. On a disk that is read-only nobody can write, and SQLite must be told so.
+    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody does.
 
     That it must not be told where a write-ahead log is left to be read: what stands in it would be missing.
     """
-    log = folder / f"{DATABASE}-wal"
-    settled = not os.access(folder, os.W_OK) and not (log.exists() and log.stat().st_size)
-    how = "immutable=1" if settled else "mode=ro"
+    db = _read_only(folder, "mode=ro")
+    try:
+        db.execute("PRAGMA user_version")
+    except sqlite3.OperationalError:
+        db.close()
+        log = folder / f"{DATABASE}-wal"
+        if log.exists() and log.stat().st_size:
+            raise
+        return _read_only(folder, "immutable=1")
+    return db
+
+
+def _read_only(folder: Path, how: str) -> sqlite3.Connection:
     return sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?{how}", uri=True, isolation_level=None)
 
 

@@ -77,7 +77,10 @@ class Intake:
         self._heard.add(handle)
 
     async def watch(self) -> None:
-        """Look, for ever."""
+        """Look, for ever; where there is nothing to be seen, say so once."""
+        if sys.platform != "linux":
+            log.warning("who sends without end is not cut off here: only Linux tells what comes over a connection")
+            return
         while True:
             self.look(time.monotonic())
             await asyncio.sleep(LOOK)
@@ -100,6 +103,8 @@ class Intake:
 
     def cut(self, port: int, why: str) -> None:
         """Cut off everybody at a port."""
+        if sys.platform != "linux":
+            log.warning("nobody can be cut off here, on Linux alone; a reason to: %s", why)
         for handle, link in _sockets():
             line = self._line(handle, link, time.monotonic(), 0)
             if line is not None and line.port == port:

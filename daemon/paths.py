@@ -13,7 +13,10 @@ class FolderError(PzctlError):
     """The data folder cannot be made or written."""
 
 
-REMEDY = "set PZCTL_HOME to a folder of your own"
+_TRIAL = 64 << 10
+"""Bytes: an empty file finds its place on a full disk as well."""
+
+REMEDY = "set PZCTL_HOME to a folder that can be"
 
 
 def home() -> Path:
@@ -34,7 +37,8 @@ def writable_home() -> Path:
     """Return the data folder, after a try whether it can be written. Raises FolderError."""
     folder = home()
     try:
-        tempfile.TemporaryFile(dir=folder).close()
+        with tempfile.TemporaryFile(dir=folder) as trial:
+            trial.write(bytes(_TRIAL))
     except OSError as error:
         raise FolderError(f"the data folder {folder} cannot be written: {error.strerror}; {REMEDY}") from None
     return folder

@@ -116,6 +116,7 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
             key=gate.local if gate else None,
         )
         announce(folder, where)
+        log.info("%s at %s; requests %s, events %s; data %s", instrument.idn, resource, asked_at, heard_at, folder)
         await daemon.serve()
 
 

@@ -27,7 +27,8 @@ def status(
     if now.lease:
         print(f"leased: {now.lease.owner} until {now.lease.until}")
     for fitter in now.fitters:
-        print(f"fitter {fitter.name}: {fitter.state} {fitter.version or ''} {fitter.says}".rstrip())
+        named = " ".join(filter(None, (fitter.name, fitter.version)))
+        print(f"fitter {named}: {fitter.says or fitter.state}")
     counts = metrics.counts
     print(
         f"events: {now.seq}; in this run {counts.get('sweep', 0)} sweeps, {counts.get('fit', 0)} fits, "

@@ -1,10 +1,12 @@
 """Messages made to harm: none is believed, none is obeyed, and whoever asks properly is answered meanwhile."""
 
+import asyncio
 import json
 import mmap
 import random
 import socket
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -17,7 +19,7 @@ from hypothesis import strategies as st
 
 from pzctl import connect
 from pzctl.daemon.frames import MOST_FRAMES, WireError
-from pzctl.daemon.intake import MOST_CONNECTIONS
+from pzctl.daemon.intake import MOST_CONNECTIONS, Intake
 from pzctl.daemon.paths import home, log_file
 from pzctl.daemon.reception import NAMES, _read
 from pzctl.daemon.wire import decode
@@ -136,6 +138,17 @@ def test_who_sends_without_end_is_cut_off_before_memory_runs_out(start_daemon, b
         assert "was cut off: it sends without end" in log_file(tmp_path, "daemon").read_text()
         assert lab.measure(build, "disk").sweeps
         assert next(events).event.seq > 0, "who listens properly goes on hearing"
+
+
+def test_where_the_kernel_tells_nothing_that_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("pzctl.daemon.intake.sys.platform", "darwin")
+    intake = Intake({5470: 1}, Counter())
+    asyncio.run(asyncio.wait_for(intake.watch(), 5))
+    intake.look(0.0)
+    assert [one.levelname for one in caplog.records] == ["WARNING"]
+    assert "who sends without end is not cut off here" in caplog.text
 
 
 def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:

@@ -5,6 +5,7 @@ import sys
 import time
 import uuid
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -202,16 +203,28 @@ def test_a_clock_set_back_changes_no_order(journal: Journal, build: Build, monke
     assert journal.verify() == []
 
 
-def test_a_journal_on_a_read_only_disk_is_read(
+def test_on_a_full_disk_what_is_there_is_read_and_no_daemon_starts(
     journal: Journal, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    resource = pytest.importorskip("resource", reason="no limit for the size of files")
     measurement = measured(journal, build, "1")
-    monkeypatch.setattr("os.access", lambda *_: False)
-    for _ in ("what is in the log is seen", "and without one"):
-        reader = Archive(tmp_path / "journal")
-        assert len(reader.sweeps(measurement)) == 1
-        reader.close()
-        journal.close()
+    journal.close()
+    log = tmp_path / "journal" / "journal.sqlite-wal"
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for left, there in ((b"", True), (b"something that is to be read " * 9, False)):
+        log.write_bytes(left)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))  # no file can grow
+        try:
+            assert not is_written(tmp_path / "journal")
+            with pytest.raises(FolderError, match="cannot be written: File too large"):
+                start()
+            with nullcontext() if there else pytest.raises(JournalError, match="cannot be read or written"):
+                reader = Archive(tmp_path / "journal")
+                assert len(reader.sweeps(measurement)) == 1
+                reader.close()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/sys and /proc are folders of Linux")
