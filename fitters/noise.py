@@ -24,7 +24,8 @@ _CLIP = 8.0
 # Squared differences above this multiple of their expectation are signal (a resonance too sharp for the grid): noise
 # exceeds it once in 3000 points. What the clip cuts off the mean is put back.
 _KEPT_MEAN = 1 - _CLIP * np.exp(-_CLIP) / (1 - np.exp(-_CLIP))
-_ROUNDS = 12
+_ROUNDS, _SETTLED = 12, 1e-3
+# The noise of a thousand points is known to a few per cent.
 _PRICE = 30.0
 # Deviance that a further term must save; neighbouring differences share points, so it is five times the usual 6.6.
 _FLOOR = 1e-7
@@ -48,16 +49,23 @@ def _from_differences(squares: Reals, size: Reals) -> Reals:
 def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]:
     """Return the three variance terms, those not chosen zero, and the deviance with a price for each term.
 
-    Iteratively reweighted non-negative least squares; squares of complex Gaussian numbers scatter exponentially.
+    Iteratively reweighted least squares without negative terms; squares of complex Gaussian numbers scatter
+    exponentially.
     """
+    taken = terms[:, chosen]
     variance = np.full(squares.size, max(float(np.median(squares)) / np.log(2), _FLOOR**2))
-    parts = np.zeros(3)
+    found = np.zeros(len(chosen))
     for _ in range(_ROUNDS):
-        kept = squares < _CLIP * variance
-        weight = 1 / variance[kept]
-        parts[chosen], _ = nnls(terms[kept][:, chosen] * weight[:, None], squares[kept] * weight / _KEPT_MEAN)
-        variance = np.maximum(terms @ parts, _FLOOR**2)
+        weight = (squares < _CLIP * variance) / variance**2
+        weighted = taken.T * weight
+        # Normal equations, of three unknowns at most; where one would be negative, the fit without it is the better.
+        last, (found, _) = found, nnls(weighted @ taken, weighted @ squares / _KEPT_MEAN)
+        variance = np.maximum(taken @ found, _FLOOR**2)
+        if np.all(np.abs(found - last) <= _SETTLED * found):
+            break
     deviance = 2 * float(np.sum(np.log(variance) + np.minimum(squares / variance, _CLIP)))
+    parts = np.zeros(3)
+    parts[chosen] = found
     return parts, deviance + _PRICE * len(chosen)
 
 

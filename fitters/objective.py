@@ -50,6 +50,11 @@ class Objective:
         told = {name for posterior in self.posteriors for name in posterior.names}
         self._losses = [k for k in coordinates.log_losses if coordinates.free[k] not in told]
         self._told = [self._told_by(posterior) for posterior in self.posteriors]
+        self._known = [self._row[prior.parameter] for prior in self.priors]
+        self._mean = np.array([prior.mean for prior in self.priors])
+        self._u = np.array([prior.u for prior in self.priors])
+        self._tether = np.zeros((len(self.coordinates.free), len(self._losses)))
+        self._tether[self._losses, range(len(self._losses))] = 1 / _LOSS_WIDTH
         self._rows = 2 * self.points + len(self.priors) + len(self._losses) + sum(len(root) for root, _ in self._told)
         self._cache: _Evaluation | None = None
 
@@ -133,20 +138,21 @@ class Objective:
                 J[:, row : row + size], J[:, row + size : row + 2 * size] = rows[:, 0::2], rows[:, 1::2]
                 curves.append(whole[part])
                 row += 2 * size
-        known = [chain[self._row[prior.parameter]][None, :] / prior.u for prior in self.priors]
-        tether = np.zeros((len(self._losses), x.size))
-        tether[range(len(self._losses)), self._losses] = 1 / _LOSS_WIDTH
-        _, slope = self.straight(x)
-        J[:, row:] = np.concatenate([*known, tether, *(root * slope for root, _ in self._told)]).T
+        near = row + len(self._known)
+        J[:, row:near] = (chain[self._known] / self._u[:, None]).T
+        J[:, near : near + len(self._losses)] = self._tether
+        if self._told:
+            _, slope = self.straight(x)
+            J[:, near + len(self._losses) :] = np.concatenate([root * slope for root, _ in self._told]).T
         r[row:] = np.concatenate(self._beforehand(x, values))
         return _Evaluation(x.copy(), r, J, tuple(curves))
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of what was known before: priors, losses, earlier steps."""
-        priors = [(values[prior.parameter] - prior.mean) / prior.u for prior in self.priors]
-        y, _ = self.straight(x) if self._told else (x, x)
+        priors = (np.array([values[prior.parameter] for prior in self.priors]) - self._mean) / self._u
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
-        return [np.array(priors), losses, *(root @ (y - mean) for root, mean in self._told)]
+        y, _ = self.straight(x) if self._told else (x, x)
+        return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
 
     def cost(self, x: Reals) -> float:
         """Return half the sum of squares at x, for those who need no derivatives; infinite where no model is."""
