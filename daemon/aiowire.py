@@ -9,7 +9,7 @@ import msgspec
 import zmq
 import zmq.asyncio
 
-from .connection import PATIENCE, SILENCE, TRIES, DaemonError, read_answer, read_events
+from .connection import PATIENCE, SILENCE, TRIES, DaemonError, not_let_in, read_answer, read_events
 from .frames import LARGEST_FRAME, WireError, from_json, to_json
 from .keys import ClientKey
 from .replies import Answer, EventsAnswer, HelloAnswer
@@ -44,7 +44,10 @@ class AsyncAsker:
         answered = self._waiting[request.id] = asyncio.get_running_loop().create_future()
         try:
             for _ in range(TRIES):
-                await self._socket.send(to_json(request))
+                try:
+                    await self._socket.send(to_json(request), zmq.NOBLOCK)
+                except zmq.Again:
+                    raise not_let_in(self.endpoint) from None
                 done, _ = await asyncio.wait({answered}, timeout=patience)
                 if done:
                     header, *frames = answered.result()

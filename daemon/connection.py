@@ -37,6 +37,14 @@ class DaemonError(PzctlError):
         self.code = code
 
 
+def not_let_in(endpoint: str) -> DaemonError:
+    """Return the error of a socket that libzmq will not send on: at the handshake its peer turned it away for good."""
+    return DaemonError(
+        f"daemon at {endpoint}: it does not let this client in; the key is missing, not known there, or was revoked",
+        "not-allowed",
+    )
+
+
 class Asker:
     """Asks the daemon one thing after the other. A request is sent again where no answer comes: ids make that safe."""
 
@@ -56,7 +64,10 @@ class Asker:
     ) -> tuple[A, list[bytes]]:
         """Return the answer and the frames behind it. Raises DaemonError."""
         for _ in range(TRIES):
-            self._socket.send_multipart([to_json(request), *raw])
+            try:
+                self._socket.send_multipart([to_json(request), *raw], zmq.NOBLOCK)
+            except zmq.Again:
+                raise not_let_in(self.endpoint) from None
             frames = self._await(request.id, time.monotonic() + patience)
             if frames:
                 return read_answer(frames[0], expected), frames[1:]

@@ -1,5 +1,6 @@
 """From other machines only those with a key come in, and do only what they may."""
 
+import asyncio
 import json
 import stat
 from collections.abc import Callable
@@ -10,6 +11,7 @@ import zmq
 from typer.testing import CliRunner
 
 from pzctl import connect
+from pzctl.daemon.aio import connect_async
 from pzctl.daemon.cli import app
 from pzctl.daemon.connection import DaemonError
 from pzctl.daemon.frames import to_json
@@ -135,6 +137,32 @@ def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:
     context.term()
     with connect() as lab:
         assert lab.status().garbage == 0, "nothing of theirs reached the daemon"
+
+
+def test_a_client_that_is_turned_away_is_told(start_daemon, key_of, tmp_path: Path) -> None:
+    make_server(keys_folder(tmp_path))
+    key_of("known", "watch")
+    barred = key_of("barred", "admin")
+    where = open_to_all(start_daemon)
+    revoke(keys_folder(tmp_path), "barred")
+
+    def blocking() -> None:
+        with connect(where.events, where.requests, barred) as lab:
+            lab.status()
+
+    async def both() -> list[BaseException | None]:
+        async def waiting() -> None:
+            async with connect_async(where.events, where.requests, barred) as lab:
+                await lab.status()
+
+        return await asyncio.wait_for(
+            asyncio.gather(asyncio.to_thread(blocking), waiting(), return_exceptions=True), 20
+        )
+
+    for error in asyncio.run(both()):
+        assert isinstance(error, DaemonError)
+        assert "it does not let this client in" in str(error)
+        assert error.code == "not-allowed"
 
 
 def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
