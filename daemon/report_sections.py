@@ -1,7 +1,6 @@
 """The sections of a report, each as HTML. Every name and sentence from outside is escaped."""
 
 import hashlib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.metadata import version
@@ -141,13 +140,17 @@ def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
         for sweep in one.sweeps:
             digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
             rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
-            rows.append(("settings as read back", json.dumps(_short(sweep.settings), default=str)))
+            rows.append(("settings as read back", _in_words(sweep.settings)))
     return table(("what", "value"), rows)
 
 
-def _short(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _in_words(settings: Mapping[str, Any]) -> str:
     """Return settings to be read by people: of a column of numbers, how many it holds; all are in the journal."""
-    return {
-        name: f"{len(value)} values" if isinstance(value, list | tuple) and len(value) > _FEW else value  # pyright: ignore[reportUnknownArgumentType]
-        for name, value in settings.items()
-    }
+    return ", ".join(f"{name} {_in_short(value)}" for name, value in settings.items() if value not in (None, [], ()))
+
+
+def _in_short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    many = isinstance(value, list | tuple) and len(value) > _FEW  # pyright: ignore[reportUnknownArgumentType]
+    return f"{len(value)} values" if many else str(value)

@@ -107,8 +107,6 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     browser.wait("document.getElementById('hand-kept').textContent === 'kept, by Ana'")
     browser.wait("document.querySelectorAll('#fits button').length === 2")
     assert browser.run("[...document.querySelectorAll('#fits button')].at(-1).textContent") == "by-hand · Ana"
-    browser.run("document.getElementById('hand-fit').scrollIntoView()")
-    browser.picture(pictures / "page-by-hand-kept.png")
     assert browser.problems == []
 
 

@@ -78,7 +78,7 @@ function showStack() {
 function showFit() {
   const fit = view.fit, body = $("constants").tBodies[0];
   $("diagnose").disabled = !view.measurement;
-  $("fitter").textContent = fit ? `by ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
+  $("fitter").textContent = fit ? `fitter ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
   const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "The model describes all that the noise lets one see." : "The recording shows something that the model does not have."];
