@@ -1,7 +1,7 @@
 """The sections of a report, each as HTML. Every name and sentence from outside is escaped."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -149,8 +149,9 @@ def _in_words(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {_in_short(value)}" for name, value in settings.items() if value not in (None, [], ()))
 
 
-def _in_short(value: Any) -> str:
+def _in_short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.10g}"
-    many = isinstance(value, list | tuple) and len(value) > _FEW  # pyright: ignore[reportUnknownArgumentType]
-    return f"{len(value)} values" if many else str(value)
+    if isinstance(value, Sized) and not isinstance(value, str) and len(value) > _FEW:
+        return f"{len(value)} values"
+    return str(value)
