@@ -13,7 +13,7 @@ from ..models.sweep import Sweep
 from .interface import Constant, Curve, FitError, FitResult, FitTask, Fitter, Noise
 from .joint import check_task
 from .noise import noise_of
-from .recognise import refuse_another_device
+from .recognise import refuse_another_device, strange
 from .recording import log_ratio, rms
 
 RADIAL_UNITS = {
@@ -251,6 +251,6 @@ def method_answer(
         converged=True,
         evaluations=1,
         seconds=seconds,
-        says=says,
+        says=(*says, *strange(disk.build, disk.layer, made)),
         curves=disk.curves(model),
     )

@@ -3,12 +3,12 @@
 W. P. Mason, Electromechanical Transducers and Wave Filters (1942); the closed form is in `models/stack`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 from .answer import least_squares_answer
 from .coupling import solve_coupling
-from .interface import Constant, FitResult, FitTask
+from .interface import FitResult, FitTask
 from .joint import check_task, solve
 from .recognise import doubts, refuse_degenerate
 
@@ -36,10 +36,5 @@ class Mason:
         coupled = task.options.objective == "kt2"
         solution = solve_coupling(task, progress) if coupled else solve(task, progress)
         answer = least_squares_answer(self.name, self.version, solution, task.options)
-        doubted = doubts(build, sweeps, answer.constants, thickness_mode(answer.derived))
+        doubted = doubts(build, sweeps, answer.constants, answer.derived)
         return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))
-
-
-def thickness_mode(derived: Mapping[str, Constant]) -> float:
-    """Return the frequency of the bare piezo layer's antiresonance, Hz."""
-    return next(constant.re for name, constant in derived.items() if name.endswith(".fp"))

@@ -23,7 +23,7 @@ from .derived import derived_constants
 from .interface import Curve, FitError, FitResult, FitTask
 from .joint import check_task
 from .noise import noise_of
-from .recognise import refuse_degenerate
+from .recognise import doubts, refuse_degenerate
 from .recording import log_ratio, rms
 from .start import coupling_squared, disk_starts
 
@@ -220,6 +220,7 @@ def _answer(
             misfits.append(log_ratio(curves[-1].fitted, sweep.impedance))
             weighted += float(np.sum(np.abs(misfits[-1] / sigma) ** 2))
     misfit = np.concatenate(misfits)
+    constants, derived = (make(layers, search.values, (), None) for make in (fitted_constants, derived_constants))
     return FitResult(
         build=build.name,
         fitter=fitter.name,
@@ -227,14 +228,15 @@ def _answer(
         steps=tuple(sweeps),
         noise=max((noise for noise, _ in found.values()), key=lambda n: n.relative),
         chi2_per_dof=weighted / (2 * misfit.size),
-        constants=fitted_constants(layers, search.values, (), None),
-        derived=derived_constants(layers, search.values, (), None),
+        constants=constants,
+        derived=derived,
         correlation=(),
         rms_log_error=rms(misfit),
         converged=search.converged,
         evaluations=search.evaluations,
         seconds=seconds,
         says=(
+            *doubts(build, sweeps, constants, derived),
             "This baseline fitter gives no uncertainties and may have ended in a local minimum. It fits what the "
             "thesis fitted, whatever is held, tied, bounded or known beforehand.",
         ),

@@ -19,7 +19,6 @@ from .descent import Descent, settle
 from .hunt import Hunt, box_of, coarse, costs
 from .interface import FitError, FitResult, FitTask, Noise
 from .joint import Solution, check_task
-from .mason import thickness_mode
 from .nlopt_wrapper import Algorithm, search
 from .noise import noise_of
 from .objective import Objective
@@ -80,7 +79,7 @@ class NloptGlobal:
             build, noises, last, begun, blunt.evaluations + last.evaluations, time.perf_counter() - began
         )
         answer = least_squares_answer(self.name, self.version, solution)
-        doubted = doubts(build, sweeps, answer.constants, thickness_mode(answer.derived))
+        doubted = doubts(build, sweeps, answer.constants, answer.derived)
         return replace(answer, says=(*_says(hunt, why), *_at_bounds(stuck), *doubted, *answer.says))
 
     def _search(

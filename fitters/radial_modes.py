@@ -67,6 +67,7 @@ def radial_peaks(disk: BareDisk) -> Peaks:
             f"of {2e3 * disk.radius:.4g} mm"
         )
     fs1 = float(first[0].frequency[first[1]])
+    _refuse_overtone(disk, first, _largest(series, fs1 / _SECOND[1], fs1 / _SECOND[0]))
     anti = _largest(parallel, _ANTIRESONANCE[0] * fs1, _ANTIRESONANCE[1] * fs1)
     if anti is None:
         refuse_lost(disk.sweeps, fs1, _loss(disk))
@@ -75,6 +76,20 @@ def radial_peaks(disk: BareDisk) -> Peaks:
             f"sweep up to {1.3 * fs1 / 1e3:.4g} kHz"
         )
     return Peaks(first, anti, _largest(series, _SECOND[0] * fs1, _SECOND[1] * fs1))
+
+
+def _refuse_overtone(disk: BareDisk, first: tuple[Trace, int], below: tuple[Trace, int] | None) -> None:
+    """Refuse a peak as the first radial mode where the one below it that makes it the second is the stronger."""
+    if below is None:
+        return
+    (one, i), (other, k) = first, below
+    if other.values.real[k] > one.values.real[i]:
+        found, diameter = float(other.frequency[k]), 2e3 * disk.radius
+        raise FitError(
+            f"the strongest radial resonance is at {found / 1e3:.4g} kHz, where the first is expected near "
+            f"{disk.expected_radial_mode / 1e3:.3g} kHz for a diameter of {diameter:.4g} mm: a diameter of "
+            f"{diameter * disk.expected_radial_mode / found:.3g} mm would explain it"
+        )
 
 
 def _loss(disk: BareDisk) -> float:

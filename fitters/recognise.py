@@ -14,6 +14,8 @@ from .start import largest_peaks
 _FAR, _OFF = 30.0, 6.0
 # Factors by which |Z| may differ from that of the build's clamped capacitance: beyond the first it is no disk at all,
 # beyond the second its dimensions are others. The free capacitance is up to 2.3 times the clamped one.
+_BELOW = 0.4
+# Of the thickness resonance: a sweep that ends below has none of it, whatever data sheet and thickness are off by.
 _MOST = 0.5
 _NOISE = 0.01
 # Part of |Z| below which the sign of a resistance tells nothing.
@@ -25,18 +27,29 @@ _SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps3
 
 
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
-    """Raise FitError for a short or open circuit, an inverted sign, another size, or a step without resonance."""
+    """Raise FitError for a short or open circuit, an inverted sign, another size, or no thickness resonance."""
     refuse_another_device(build, sweeps)
     values = _piezo(build).values
+    expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
     for step, of_step in sweeps.items():
+        _refuse_below(build, step, of_step, expected)
         if not any(map(_resonates, of_step)):
             ends = [edge for sweep in of_step for edge in (sweep.frequency[0], sweep.frequency[-1])]
-            expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
             refuse_lost(of_step, expected, values["c33D"].im / values["c33D"].re)
             raise FitError(
                 f"step {step!r} shows no resonance with an antiresonance above it between {min(ends) / 1e6:.4g} and "
                 f"{max(ends) / 1e6:.4g} MHz; the bare piezo layer's is expected near {expected / 1e6:.3g} MHz"
             )
+
+
+def _refuse_below(build: Build, step: str, sweeps: Sequence[Sweep], expected: float) -> None:
+    """Refuse a bare disk swept only where radial modes are, far below the thickness mode `expected`, Hz."""
+    highest = max(float(sweep.frequency[-1]) for sweep in sweeps)
+    if build.step(step).layers == (_piezo(build).name,) and highest < _BELOW * expected:
+        raise FitError(
+            f"step {step!r} ends at {highest / 1e6:.4g} MHz, far below the thickness resonance expected near "
+            f"{expected / 1e6:.3g} MHz: only radial modes resonate there, which the fitter `radial` takes"
+        )
 
 
 def refuse_another_device(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
@@ -100,15 +113,18 @@ def _resonates(sweep: Sweep) -> bool:
 
 
 def doubts(
-    build: Build, sweeps: Mapping[str, Sequence[Sweep]], constants: Mapping[str, Constant], fp: float
+    build: Build,
+    sweeps: Mapping[str, Sequence[Sweep]],
+    constants: Mapping[str, Constant],
+    derived: Mapping[str, Constant],
 ) -> tuple[str, ...]:
-    """Return what is to be doubted of an answer whose thickness resonance of the bare piezo layer is at `fp` Hz.
+    """Return what is to be doubted of an answer about a stack.
 
     Raises FitError where the recordings have too few points to tell a resonance of that width at all.
     """
     piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
-    c33D = constants[f"{piezo.name}.c33D"]
+    c33D, fp = constants[f"{piezo.name}.c33D"], derived[f"{piezo.name}.fp"].re
     refuse_lost(bare, fp, c33D.im / c33D.re)
     return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants))
 

@@ -7,6 +7,7 @@ import pytest
 
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.interface import FitError, FitTask
+from pzctl.fitters.mason import Mason
 from pzctl.fitters.radial import RadialLeastSquares
 from pzctl.models.disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
@@ -85,3 +86,15 @@ def test_a_recording_of_the_thickness_mode_is_refused(disk_build, swept):
     sweep = swept(thick_disk(build), np.linspace(1e6, 2e6, 401))
     with pytest.raises(FitError, match=r"no radial resonance in 1000-2000 kHz: the first is expected near .* 10 mm"):
         RadialLeastSquares().fit(FitTask(build, {"disk": (sweep,)}))
+
+
+def test_radial_modes_and_a_wrong_diameter_are_said_not_fitted(disk_build, swept):
+    sweep = swept(thick_disk(disk_build("PZT-5A", (10.0, 0.5, 7800.0))), BAND)
+    with pytest.raises(FitError, match=r"ends at 0\.649 MHz, far below the thickness resonance .* `radial` takes"):
+        Mason().fit(FitTask(disk_build("PZT-5A", (10.0, 0.5, 7800.0)), {"disk": (sweep,)}))
+    # the overtone lies where the first mode of so small a disk would be
+    small = disk_build("PZT-5A", (5.5, 0.5, 7800.0), more="eps33S_r = 1300")
+    with pytest.raises(FitError, match=r"first is expected near 3.. kHz .* 5\.5 mm: a diameter of (9\.|10).* explain"):
+        RadialLeastSquares().fit(FitTask(small, {"disk": (sweep,)}))
+    answer = RadialLeastSquares().fit(FitTask(disk_build("PZT-5A", (14.0, 0.5, 7800.0)), {"disk": (sweep,)}))
+    assert any("instead of 14 mm would explain it" in line for line in answer.says)
