@@ -14,6 +14,7 @@ from ..models.plan import PlanError, Segment, SweepPlan
 from .buildcheck import check_build
 from .buildtable import (
     ELASTIC_KEYS,
+    ELECTRODE_KEYS,
     PIEZO_KEYS,
     THICKNESS_KEYS,
     Z_KEYS,
@@ -126,7 +127,7 @@ def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:
 
 def _layer(table: Table) -> LayerSpec:
     kind = _kind(table)
-    keys = PIEZO_KEYS if kind == "piezo" else ELASTIC_KEYS
+    keys = PIEZO_KEYS | ELECTRODE_KEYS if kind == "piezo" else ELASTIC_KEYS
     table.only((*LAYER_KEYS, *keys))
     material, nominal = _material(table, "material") if "material" in table.data else (None, dict[str, Quantity]())
     given = table.quantities(keys)

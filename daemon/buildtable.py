@@ -48,8 +48,10 @@ PIEZO_KEYS = (
     | {"sigma_p": Key("sigma_p", 1.0), "kp": Key("kp", 1.0)}
 )
 """The unit stands in the key: each key with its constant and the factor to SI."""
+ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3)}
+"""Of a ceramic in a transducer, not of a material: both electrodes, where they end before the rim."""
 
-REAL = {"thickness", "density", "z", "c", "q", "diameter", "area"}
+REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter"}
 TIED = {"thickness", "z", "c", "q"}
 """Constants that can be `{ same_as = "LAYER" }`: those that two layers of a transducer can have in common."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}

@@ -42,6 +42,8 @@ _ROUNDS, _STILL, _MOST = 12, 0.01, 12
 # At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 1 %.
 _CHECKED = 12
 # Frequencies at which the reduced model is checked against its full equations.
+_SHORTEST = 0.5
+# Radius of electrodes over that of the disk.
 _PREDICTED = 0.87
 # Part of the model's highest frequency up to which modes are told: 1.3 times the thickness resonance.
 
@@ -50,7 +52,7 @@ class Disk2DFitter:
     """All ten complex constants of a free round disk, in two dimensions."""
 
     name = "disk2d"
-    version = "2"
+    version = "3"
     summary = "all ten complex constants of a round disk in two dimensions: radial, edge and thickness modes together"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
@@ -75,8 +77,9 @@ def finite_disk(
     Raises FitError as the fitter does.
     """
     began = time.perf_counter()
-    disk = _within_reach(bare_disk(task, Disk2DFitter.name, round_one=True, frees=True))
-    full, reduced = reduced_disk(_ratio(disk), progress)
+    disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
+    electrode, disk = _electrode(disk), _within_reach(disk)
+    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
     descent, error = _descend(disk, full, model, task.free, began + budget_seconds)
@@ -87,6 +90,7 @@ def finite_disk(
 
     found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
     says = (
+        *([f"Electrodes end at {electrode:.4g} of the disk's radius."] if electrode < 1 else []),
         f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
         f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
@@ -112,6 +116,25 @@ def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Desce
 
 def _ratio(disk: BareDisk) -> float:
     return 2 * disk.radius / disk.sizes["thickness"].re
+
+
+def _electrode(disk: BareDisk) -> float:
+    """Return the radius of the electrodes over that of the disk: 1 where the build says nothing. Raises FitError."""
+    given = disk.layer.values.get("electrode_diameter")
+    if given is None:
+        return 1.0
+    part = given.re / (2 * disk.radius)
+    if not _SHORTEST <= part <= 1:
+        raise FitError(
+            f"electrode_diameter_mm of {disk.layer.name!r} is {1e3 * given.re:.4g}; `disk2d` serves for "
+            f"{2e3 * _SHORTEST * disk.radius:.4g} to {2e3 * disk.radius:.4g}, the disk's diameter"
+        )
+    if given.u > 0:
+        raise FitError(
+            f"electrode_diameter_mm of {disk.layer.name!r} has an uncertainty; `disk2d` takes it as exact: fit once "
+            "for each value that it may have"
+        )
+    return part
 
 
 def _within_reach(disk: BareDisk) -> BareDisk:

@@ -13,9 +13,11 @@ from ..models.disk2d.full import FullDisk
 from ..models.disk2d.reduced import ReducedDisk
 from ..models.disk2d.training import trained
 
-_VERSION = 2
+_VERSION = 3
 _GRID = 0.01
 # D/t is rounded to 1 %; the basis is trained for ratios +-2 % around, and the disk's own sizes are used with it.
+_EDGES = 10_000
+# The electrodes' radius is rounded to this part of the disk's.
 
 
 def cache_folder() -> Path:
@@ -24,12 +26,17 @@ def cache_folder() -> Path:
     return Path(given).expanduser() / "cache" if given else platformdirs.user_cache_path("pzctl", appauthor=False)
 
 
-def reduced_disk(diameter_to_thickness: float, progress: Callable[[str], None]) -> tuple[FullDisk, ReducedDisk]:
-    """Return the mesh and the reduced disk for this D/t, from the cache where it is there. Raises DiskError."""
-    step = round(log(diameter_to_thickness) / _GRID)
-    ratio = exp(step * _GRID)
-    file = cache_folder() / f"disk2d-{_VERSION}-{step}.npz"
-    full = FullDisk.of(ratio)
+def reduced_disk(
+    diameter_to_thickness: float, progress: Callable[[str], None], electrode: float = 1.0
+) -> tuple[FullDisk, ReducedDisk]:
+    """Return the mesh and the reduced disk for this D/t, from the cache where it is there. Raises DiskError.
+
+    `electrode`: radius of both electrodes over that of the disk, up to 1.
+    """
+    step, edge = round(log(diameter_to_thickness) / _GRID), round(electrode * _EDGES)
+    ratio, electrode = exp(step * _GRID), edge / _EDGES
+    file = cache_folder() / f"disk2d-{_VERSION}-{step}-{edge}.npz"
+    full = FullDisk.of(ratio, electrode=electrode)
     known = _read(file, full.size)
     if known is not None:
         return full, known
@@ -37,7 +44,7 @@ def reduced_disk(diameter_to_thickness: float, progress: Callable[[str], None]) 
     def say(done: int, of: int) -> None:
         progress(f"reduced model for D/t {ratio:.3g}: {done} of {of} samples")
 
-    made = trained(ratio, say)
+    made = trained(ratio, say, electrode)
     _write(file, made)
     return full, made
 

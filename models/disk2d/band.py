@@ -53,7 +53,8 @@ def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -
     if not rough:
         lossy = disk.condensed(weights) / shape.mass - still
         losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
-    return Modes(squared, shapes, losses, shapes.T @ (weights[PIEZO] @ disk.drive) / shape.mass, weights)
+    force: Complexes = disk.force(weights)
+    return Modes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
 
 
 def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Numbers:
@@ -145,16 +146,19 @@ class Band:
         )
 
     def solve(self) -> tuple[Complexes, Complexes]:
-        """Return the displacement for one volt, shape (N, m), and u H u + 2 u b in J/V2, shape (N,)."""
-        force = self.weights[:, PIEZO] @ self.drive
+        """Return the displacement for one volt, shape (N, m), and the form in J/V2, shape (N,).
+
+        u H u + 2 u b, and what the potential beyond the electrodes adds where there is no displacement.
+        """
         squared = (2 * np.pi * self.frequency) ** 2
         at, nodes = self._nodes()
+        force = self.weights[:, PIEZO] @ self.drive + at @ np.array([self._beyond(w) for w in nodes])
         matrices = np.array([self._condensed(w) for w in nodes])
         y = _by_poles(matrices, self.mass, at, force, squared) if len(nodes) == _NODES.size else None
         if y is None:
             y = _by_each(matrices, self.mass, at, force, squared)
         whole = sum(at[:, [k]] * (y @ M) for k, M in enumerate(matrices)) - squared[:, None] * (y @ self.mass)
-        return y, np.einsum("ni,ni->n", y, whole + 2 * force)
+        return y, np.einsum("ni,ni->n", y, whole + 2 * force) + self._still()
 
     def _nodes(self) -> tuple[Reals, Complexes]:
         """Return what each node counts for at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
@@ -168,6 +172,15 @@ class Band:
         low, high = float(log_f[0]), float(log_f[-1])
         at = _lagrange((log_f - (low + high) / 2) * (2 / (high - low)))
         return at, np.linalg.pinv(at) @ self.weights
+
+    def _beyond(self, weights: Complexes) -> Complexes:
+        """Return the force of the potential beyond the electrodes, shape (m,)."""
+        coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
+        return coupling @ (weights[EPS33] * self.disk.lift / self.disk.permittivity(weights))
+
+    def _still(self) -> Complexes:
+        charge = self.weights[:, [EPS33]] * self.disk.lift
+        return np.einsum("np,np->n", charge, charge / self.disk.permittivity(self.weights))
 
     def _condensed(self, weights: Complexes) -> Complexes:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
@@ -184,11 +197,11 @@ class Band:
             made[:, k] = np.einsum("ni,ni->n", y, y @ K)
         fields = [y @ G for G in self.coupling]
         charge = sum(self.weights[:, [k]] * field for k, field in zip(PIEZO.tolist(), fields, strict=True))
-        potential = charge / self.disk.permittivity(self.weights)
+        potential = (charge + self.weights[:, [EPS33]] * self.disk.lift) / self.disk.permittivity(self.weights)
         for k, field, b in zip(PIEZO.tolist(), fields, self.drive, strict=True):
             made[:, k] = 2 * (np.einsum("ni,ni->n", field, potential) + y @ b)
         made[:, EPS11] = -np.einsum("ni,i,ni->n", potential, self.disk.kappa, potential)
-        made[:, EPS33] = -np.einsum("ni,ni->n", potential, potential)
+        made[:, EPS33] = np.einsum("ni,ni->n", potential, 2 * self.disk.lift - potential)
         return made, np.einsum("ni,ni->n", y, y @ self.mass)
 
 

@@ -18,6 +18,8 @@ from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
 _ORDER_R, _ORDER_Z = 7, 8
 _SIZES = {"c": 1e11, "e": 30.0, "eps": 9e-9}
 _SCALE = np.array([_SIZES["eps" if name.startswith("eps") else name[0]] for name in CONSTANTS])
+_GRADED, _SHORT = (0.1, 0.01), (6, 6)
+# Ends of elements beside an electrode's edge, over the usual length, and orders along r and z: the field is singular.
 _LAYER = 1e10
 # Pa, of the constants of a bonded layer.
 
@@ -64,11 +66,23 @@ class FullDisk:
     matrices: Matrices
 
     @classmethod
-    def of(cls, diameter_to_thickness: float, finer: int = 0) -> Self:
-        """Return the mesh for this D/t; `finer` adds that many orders and elements per half thickness."""
+    def of(cls, diameter_to_thickness: float, finer: int = 0, electrode: float = 1.0) -> Self:
+        """Return the mesh for this D/t; `finer` adds that many orders and elements per half thickness.
+
+        `electrode`: radius of both electrodes over that of the disk; the mesh is graded towards their edge, so that it
+        moves with it and its unknowns keep their meaning.
+        """
         elements = max(1, ceil(diameter_to_thickness)) * (1 + finer)
-        along_r = Line(np.linspace(0.0, 1.0, elements + 1), _ORDER_R + finer)
-        return cls(assemble(along_r, Line(np.array([0.0, 1.0]), _ORDER_Z + 2 * finer)))
+        ends_r, ends_z = np.linspace(0.0, 1.0, elements + 1), np.array([0.0, 1.0])
+        order_r, order_z = (_ORDER_R, _ORDER_Z) if electrode == 1 else _SHORT
+        if electrode < 1:
+            near = np.array(_GRADED)
+            inner = np.append(ends_r[:-1], 1 - near / elements)
+            ends_r = np.concatenate([np.sort(inner), [1.0]]) * electrode
+            ends_r = np.concatenate([ends_r, electrode + (1 - electrode) * np.sort(np.append(2 * near, 1.0))])
+            ends_z = np.sort(np.append(ends_z, 1 - near))
+        along_r = Line(ends_r, order_r + finer)
+        return cls(assemble(along_r, Line(ends_z, order_z + 2 * finer), electrode=electrode))
 
     @property
     def size(self) -> int:

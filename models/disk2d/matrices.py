@@ -50,6 +50,8 @@ OF_TERM = np.array([CONSTANTS.index(term.constant) for term in TERMS])
 POWERS = np.array([term.power for term in TERMS])
 """Power of the radius in each of TERMS."""
 
+_SAME = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
@@ -70,11 +72,17 @@ class Matrices:
         return self.mass.shape[0] - 1
 
 
-def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True) -> Matrices:
-    """Return the matrices on a mesh of x and y. Without `move_in_plane` u_r is zero: the laterally clamped plate."""
+def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True, electrode: float = 1.0) -> Matrices:
+    """Return the matrices on a mesh of x and y. Without `move_in_plane` u_r is zero: the laterally clamped plate.
+
+    `electrode`: radius of both electrodes over that of the disk, an end of elements along r.
+    """
     nr, nz = along_r.size, along_z.size
     places = np.arange(nr * nz).reshape(nr, nz)
-    kept = (places[1:] if move_in_plane else places[:0], places[:, 1:], places[:, 1:-1])
+    within = np.ones((nr, nz), np.bool_)
+    within[:, 0] = False
+    within[along_r.nodes < electrode + _SAME, -1] = False
+    kept = (places[1:] if move_in_plane else places[:0], places[:, 1:], places[within])
     columns: list[Matrix] = []
     for field, free in enumerate(kept):
         columns.append(unit_columns(free.ravel() + field * nr * nz, 3 * nr * nz))

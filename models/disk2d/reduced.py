@@ -37,6 +37,8 @@ class ReducedDisk:
     """Of the piezoelectric terms, shape (4, nu, np)."""
     drive: Reals
     """Force of the uniform field, for the piezoelectric terms, shape (4, nu)."""
+    lift: Reals
+    """Charge of the uniform field on the potential shapes, for eps33S, shape (np,): nothing but beyond electrodes."""
     kappa: Reals
     """Diagonal of the matrix of eps11S, shape (np,)."""
     u: Reals
@@ -55,6 +57,7 @@ class ReducedDisk:
             np.array([u.T @ (inner[k] @ u) for k in ELASTIC.tolist()]),
             np.array([u.T @ (inner[k] @ p) for k in PIEZO.tolist()]),
             np.array([u.T @ terms[k][:n, [n]].toarray().ravel() for k in PIEZO.tolist()]),
+            p.T @ terms[EPS33][:n, [n]].toarray().ravel(),
             np.asarray(kappa),
             u,
             p,
@@ -79,13 +82,19 @@ class ReducedDisk:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
         return stiffness + (coupling / self.permittivity(weights)) @ coupling.T
 
+    def force(self, weights: Numbers) -> Numbers:
+        """Return the force of one volt with the potential eliminated, shape (nu,)."""
+        coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
+        return weights[PIEZO] @ self.drive + coupling @ (weights[EPS33] * self.lift / self.permittivity(weights))
+
     def solution(self, shape: Shape, weights: Complexes, frequency: float) -> Complexes:
         """Return what `FullDisk.solution` returns, as the reduced disk has it, shape (n + 1,)."""
         squared = (2 * np.pi * frequency) ** 2 * shape.mass
-        force = weights[PIEZO] @ self.drive
+        force = self.force(weights)
         y = -np.linalg.solve(self.condensed(weights) - squared * np.eye(force.size), force)
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
-        return np.concatenate([self.u @ y + self.p @ ((coupling.T @ y) / self.permittivity(weights)), [1.0]])
+        charge = coupling.T @ y + weights[EPS33] * self.lift
+        return np.concatenate([self.u @ y + self.p @ (charge / self.permittivity(weights)), [1.0]])
 
 
 def _eigh(a: Reals, b: Reals) -> tuple[Reals, Reals]:

@@ -35,7 +35,9 @@ def sampled(rng: np.random.Generator) -> Reals:
             return c
 
 
-def trained(diameter_to_thickness: float, progress: Callable[[int, int], None] = lambda _i, _n: None) -> ReducedDisk:
+def trained(
+    diameter_to_thickness: float, progress: Callable[[int, int], None] = lambda _i, _n: None, electrode: float = 1.0
+) -> ReducedDisk:
     """Return a reduced disk for this D/t, good to 1e-4 of the capacitance (2e-4 at D/t 40) for its box.
 
     `progress` is told how many of how many samples are done. Raises DiskError for a D/t beyond 2 to 60.
@@ -45,7 +47,7 @@ def trained(diameter_to_thickness: float, progress: Callable[[int, int], None] =
             f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model serves for "
             f"{SMALLEST:g} to {LARGEST:g}"
         )
-    full, rng = FullDisk.of(diameter_to_thickness), np.random.default_rng(0)
+    full, rng = FullDisk.of(diameter_to_thickness, electrode=electrode), np.random.default_rng(0)
     count = math.ceil(3 * max(1.0, math.sqrt(diameter_to_thickness / 10)))
     shifts = (HIGHEST * (np.arange(count) + 0.5) / count).tolist()
     snapshots: list[Reals] = []

@@ -35,7 +35,7 @@ def cache(tmp_path_factory):
         os.environ["PZCTL_HOME"] = before
 
 
-def build(diameter, thickness, density, material="PZT-5A"):
+def build(diameter, thickness, density, material="PZT-5A", more=""):
     return parse_build(
         f"""
 name = "D"
@@ -46,6 +46,7 @@ kind = "piezo"
 material = "{material}"
 thickness_mm = {thickness}
 density_kg_m3 = {density}
+{more}
 [load]
 back = "air"
 front = "air"
@@ -155,6 +156,8 @@ def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recor
     [
         (build(100, 0.5, 7700), "serves for diameter/thickness"),
         (build(20, 1.9, 7700), "reaches up to"),
+        (build(20, 1.9, 7700, more="electrode_diameter_mm = 20.5"), "is 20.5; `disk2d` serves for 10 to 20"),
+        (build(20, 1.9, 7700, more="electrode_diameter_mm = { value = 19, u = 0.1 }"), "takes it as exact"),
     ],
 )
 def test_disks_and_recordings_out_of_reach_are_refused(given, says):

@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
+from pzctl.models.disk2d.basis import krylov, split
+from pzctl.models.disk2d.built import BuiltDisk
 from pzctl.models.disk2d.capacitance import capacitance, slopes
 from pzctl.models.disk2d.error import estimate
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.line import Line
 from pzctl.models.disk2d.matrices import CONSTANTS, assemble
 from pzctl.models.disk2d.model import Disk2D
+from pzctl.models.disk2d.reduced import ReducedDisk
 from pzctl.models.disk2d.training import DiskError, ensured, sampled, trained
 from pzctl.models.materials import find
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
@@ -279,6 +282,31 @@ def test_few_frequencies_give_what_many_give(five):
     many = model.impedance(f)
     for k in ([150], [150, 151], [299, 20, 150]):
         np.testing.assert_allclose(model.impedance(f[k]), many[k], rtol=2e-3)
+
+
+def test_the_reduced_disk_with_short_electrodes_is_the_whole_section_with_them():
+    ratio, electrode, f, some = 2.0, 0.85, np.linspace(0.1e6, 1.5e6, 201), slice(5, None, 60)
+    full = FullDisk.of(ratio, electrode=electrode)
+    reduced = ReducedDisk.of(
+        full, *split(full, [krylov(full, Shape(2e-3, 2e-3, DENSITY), C.real, at) for at in (0.4e6, 1.2e6)])
+    )
+    model = disk(reduced, ratio)
+    built = BuiltDisk(BERGEN, ratio * 1e-3, 2e-3, DENSITY, electrode=electrode, law=CAUSAL)
+    Z = model.impedance(f)
+    np.testing.assert_allclose(Z[some] / built.impedance(f[some]), 1, atol=5e-4)
+    rim = FullDisk.of(ratio).capacitance(model.shape, model.over(f)[some], f[some])
+    assert np.abs(2j * np.pi * f[some] * rim * Z[some] - 1).max() > 0.05
+    c = model.over(f)[some]
+    error = np.abs(1 / (2j * np.pi * f[some] * Z[some]) / full.capacitance(model.shape, c, f[some]) - 1)
+    assert error.max() < estimate(full, reduced, model.shape, c, f[some]).max()
+    assert error.max() < 1e-4
+    names = list(model.parameters())
+    for name, row in zip(names, model.jacobian(f, names)[1], strict=True):
+        value = model.parameters()[name]
+        step = 1e-5 * abs(value if not name.endswith(".im") else model.parameters()[name.replace(".im", ".re")])
+        up, down = (model.replace({name: value + side * step}).impedance(f) for side in (1, -1))
+        expected = np.log(up / down) / (2 * step)
+        assert np.abs(row - expected).max() < 5e-3 * np.abs(expected).max(), name
 
 
 def test_a_disk_out_of_reach_is_refused():
