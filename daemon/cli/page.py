@@ -10,7 +10,7 @@ import typer
 def page(
     build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; others than loopback need a token.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.")] = 8294,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8294,
     token: Annotated[str | None, typer.Option(help="Token that lets one in; made up where one is needed.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource, where a daemon has to be started.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the address as one JSON object, then serve.")] = False,

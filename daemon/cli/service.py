@@ -30,7 +30,7 @@ def daemon(
     ] = None,
     log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
     page: Annotated[bool, typer.Option("--page", help="Serve the live page beside it, on this machine only.")] = False,
-    page_port: Annotated[int, typer.Option(help="Port of the page; 0 takes any free one.")] = 8294,
+    page_port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes any free one.")] = 8294,
     build: Annotated[Path | None, typer.Option(help="build.toml that the page's buttons measure.")] = None,
     stop: Annotated[bool, typer.Option("--stop", help="End the daemon that runs, and exit.")] = False,
 ) -> None:

@@ -6,15 +6,23 @@ import typer
 
 
 def sim(
-    port: Annotated[int, typer.Option(help="Raw socket of the instrument; 0 takes any free port.")] = 5025,
-    bench_port: Annotated[int, typer.Option(help="Port of the bench: the next gluing step is done there.")] = 5026,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Raw socket of the instrument; 0 takes any free port.")
+    ] = 5025,
+    bench_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the bench: the next gluing step is done there.")
+    ] = 5026,
     time_scale: Annotated[float, typer.Option(help="Length of a sweep against the real one; 0 answers at once.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Which sample lies on the bench, and which noise.")] = 0,
     jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips ...")] = "compensated",
     noise: Annotated[bool, typer.Option(help="Random noise as the analyzer has it.")] = True,
     radial: Annotated[bool, typer.Option("--radial", help="The disk has its radial modes too.")] = False,
-    prologix_port: Annotated[int | None, typer.Option(help="Port of a Prologix-style GPIB front, often 1234.")] = None,
-    ftp_port: Annotated[int | None, typer.Option(help="Port of its FTP server (needs aioftp), as 2121.")] = None,
+    prologix_port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port of a Prologix-style GPIB front, often 1234.")
+    ] = None,
+    ftp_port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port of its FTP server (needs aioftp), as 2121.")
+    ] = None,
     off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
     hidden: Annotated[
         list[str] | None,

@@ -48,6 +48,31 @@ def test_from_the_end_of_a_sweep_to_its_picture(tmp_path: Path) -> None:
 
 
 @needs_chromium
+def test_an_open_page_does_not_slow_acquisition(tmp_path: Path) -> None:
+    """By turns: nobody looks, then the page draws every sweep; at a simulated 4294A that answers at once."""
+    build = read_build(BUILD)
+    plan = SweepPlan((Segment(1e6, 6e6, 801),))
+    taken: dict[str, list[float]] = {"about:blank": [], "page": []}
+    with live_page(tmp_path / "home", 0.0) as address, connect() as lab:
+        seconds(lab, build, plan)
+        browser = Browser(tmp_path / "profile", 1600, 1100)
+        for _ in range(ROUNDS):
+            for name, found in taken.items():
+                browser.open(address if name == "page" else name)
+                if name == "page":
+                    browser.wait("document.getElementById('daemon-light').classList.contains('on')")
+                time.sleep(1)  # what it loads is not what it costs
+                found += [seconds(lab, build, plan) for _ in range(ROUNDS)]
+        browser.close()
+    without, with_page = (float(np.median(found)) for found in taken.values())
+    print(
+        f"\na sweep with the page open: {1e3 * with_page:.0f} ms = {with_page / without:.2f} times that without; ",
+        end="",
+    )
+    print(f"that without; medians of {len(taken['page'])}")
+
+
+@needs_chromium
 def test_sliders_do_not_slow_acquisition(tmp_path: Path) -> None:
     build = read_build(BUILD)
     plan = SweepPlan((Segment(1e6, 6e6, 801),))

@@ -71,6 +71,14 @@ def test_a_command_that_cannot_be_done(here: Path, words: list[str], says: str) 
     assert str(done.exception) == says
 
 
+@pytest.mark.parametrize("words", [["page", "--port"], ["daemon", "--page-port"], ["sim", "--port"]], ids=" ".join)
+def test_a_port_that_there_cannot_be_is_refused_before_anything_starts(here: Path, words: list[str]) -> None:
+    done = CliRunner().invoke(app, [*words, "80000"])
+    assert done.exit_code == 2
+    assert "65535" in done.output
+    assert not (here / "home").exists()
+
+
 def without_plan() -> object:
     text = BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
     nobody: Any = None
