@@ -108,10 +108,19 @@ class _Way:
 
     def _coordinates(self, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of the next fit; frozen are those that moved in an earlier one."""
-        whole = coordinates_of(self.build, steps, start, self.free).held_at(self.values)
+        whole = coordinates_of(self.build, steps, start, self._free_in(steps)).held_at(self.values)
         if self.procedure != "frozen" or self.descent is None:
             return whole
         return whole.without(*(name for descent in self._passed for name in descent.objective.coordinates.free))
+
+    def _free_in(self, steps: Sequence[str]) -> tuple[str, ...] | None:
+        """Return those of the constants to be freed that these steps have; layers to come have theirs later."""
+        if self.free is None:
+            return None
+        there = {layer.name for layer in layers_of(self.build, steps)}
+        later = {layer.name for layer in self.build.layers} - there
+        ground = {name: name.partition("@")[2] for name in self.free}
+        return tuple(n for n in self.free if n.split(".")[0] not in later and (not ground[n] or ground[n] in steps))
 
     @property
     def _passed(self) -> list[Descent]:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import comb
+from typing import cast
 
 import numpy as np
 from scipy.optimize import nnls
@@ -31,7 +32,7 @@ _PRICE = 30.0
 _FLOOR = 1e-7
 # 4294A data carry seven digits: no recording is better than this.
 _UNKNOWN = 1e-3
-# The analyzer's own accuracy at 1 MHz, for recordings too short to tell.
+# The analyzer's own accuracy at 1 MHz, for recordings too short to tell that do not carry it.
 
 
 def _from_differences(squares: Reals, size: Reals) -> Reals:
@@ -128,10 +129,17 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
         for k in alike:
             smooth = noise_from_smoothness(sweeps[k])
             sources.add("analyzer accuracy" if smooth is None else "smoothness")
-            found[k] = np.full(sweeps[k].frequency.size, _UNKNOWN) if smooth is None else smooth
+            found[k] = _accuracy(sweeps[k]) if smooth is None else smooth
     sigmas = tuple(found[k] for k in range(len(sweeps)))
     source = next(name for name in ("repeats", "smoothness", "analyzer accuracy") if name in sources)
     return Noise(_typical(sigmas), source), sigmas
+
+
+def _accuracy(sweep: Sweep) -> Reals:
+    """Return what the analyzer's accuracy formula says, where the driver has put it beside the points, shape (N,)."""
+    told = sweep.settings.get("accuracy_relative")
+    values = np.array(cast("list[float]", told) if isinstance(told, list) else [])
+    return values if values.shape == sweep.frequency.shape else np.full(sweep.frequency.size, _UNKNOWN)
 
 
 def _kind(sweep: Sweep) -> tuple[object, ...]:

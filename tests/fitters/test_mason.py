@@ -1,15 +1,16 @@
 """Fitter `mason` on devices of an independent world, on free plates by their textbook formula, and on bad input."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from pzctl.daemon.buildfile import parse_build, read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.interface import FitError, FitResult, FitTask
+from pzctl.fitters.interface import FitError, FitResult, FitTask, Options
 from pzctl.fitters.mason import Mason
 from pzctl.models.sweep import Sweep
 
@@ -98,6 +99,16 @@ def test_only_what_is_freed_moves() -> None:
     assert result.constants["disk.c33D"].free
     assert not result.constants["disk.eps33S"].free
     assert result.constants["disk.eps33S"].u_re == 0
+
+
+@pytest.mark.parametrize("procedure", ["joint", "sequential", "frozen"])
+def test_a_constant_of_a_later_step_can_be_freed_alone(
+    cases: Path, procedure: Literal["joint", "sequential", "frozen"]
+) -> None:
+    task, _ = case(cases, "glue-null")
+    for free in (("ml1.z",), ("disk.c33D", "ml1.z")):
+        result = Mason().fit(replace(task, free=free, options=Options(procedure=procedure)))
+        assert {name for name, constant in result.constants.items() if constant.free} == {*free}
 
 
 def test_a_name_that_is_not_there() -> None:

@@ -48,3 +48,5 @@ def test_the_source_is_named() -> None:
     assert noise_of([sweep])[0].source == "smoothness"
     assert noise_of([sweep, disk_sweep(1e-3, 4)])[0].source == "repeats"
     assert noise_of([short])[0].source == "analyzer accuracy"
+    told = Sweep(F[:10], sweep.impedance[:10], {"accuracy_relative": [0.001 * k for k in range(1, 11)]})
+    np.testing.assert_array_equal(noise_of([told])[1][0], told.settings["accuracy_relative"])
