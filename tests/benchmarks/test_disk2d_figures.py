@@ -9,7 +9,9 @@ import time
 import numpy as np
 import pytest
 
+from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk2d import Disk2DFitter
+from pzctl.fitters.disk2d_cache import reduced_disk
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
 from pzctl.models.causal import continued
@@ -19,6 +21,7 @@ from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.disk2d.model import Disk2D
 from pzctl.models.disk2d.training import sampled, trained
+from pzctl.models.materials import find
 from pzctl.models.passivity import is_passive
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
@@ -26,7 +29,7 @@ from pzctl.models.tensor import Tensor6mm
 
 from ..disk_skfem import SkfemDisk
 
-pytestmark = pytest.mark.timeout(3600)
+pytestmark = pytest.mark.timeout(6 * 3600)  # twenty ceramics take a quarter of an hour of a free core, both bands twice
 DENSITY, THICKNESS = 7700.0, 2e-3
 DRAWS = int(os.environ.get("PZCTL_DRAWS", "20"))
 
@@ -80,12 +83,12 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
     assert both < 4 * curve
 
 
-def build(diameter, nominal):
+def build(diameter, nominal, density=DENSITY):
     values = {name: Quantity(z.real, z.imag) for name in CONSTANTS for z in [complex(getattr(nominal, name))]}
     plate, radial = nominal.thickness, nominal.radial
     values |= {name: Quantity(z.real, z.imag) for name, z in (("c33D", plate.c33D), ("h33", plate.h33))}
     values |= {name: Quantity(z.real, z.imag) for name in ("s11E", "s12E") for z in [getattr(radial, name)]}
-    values |= {"thickness": Quantity(THICKNESS), "density": Quantity(DENSITY)}
+    values |= {"thickness": Quantity(THICKNESS), "density": Quantity(density)}
     air = Load("air", Quantity(0.0))
     layer = LayerSpec("disk", "piezo", values)
     area = Quantity(np.pi * diameter**2 / 4)
@@ -150,3 +153,56 @@ def test_what_comes_back_of_twenty_random_ceramics(bands):
     print(f"unknown to 5 % and not said: {unsaid}; silently wrong (5 sigma, rms 0.1 %): {silent}")
     print(f"seconds a fit: median {np.median(seconds):.0f}, at most {max(seconds):.0f}")
     assert not silent
+
+
+def test_what_could_be_left_in_the_radial_modes_of_the_disk_of_35_by_2_mm(recordings):
+    """By how much one further cause lowers the misfit, to first order; constants move along as far as PZT allows."""
+    sweeps = [read_recording(recordings / "disk-35x2" / f"radial-mode-{k}.csv") for k in (1, 2)]
+    nominal = Tensor6mm(*(find("PZT-5A").values[name].value for name in CONSTANTS))
+    given = build(35e-3, nominal, 7743.0)
+    result = Disk2DFitter().fit(FitTask(given, {"disk": tuple(sweeps)}))
+    tensor = Tensor6mm(*(complex(c.re, c.im) for c in (result.constants[f"disk.{name}"] for name in CONSTANTS)))
+    f, Z = (np.concatenate([getattr(s, part) for s in sweeps]) for part in ("frequency", "impedance"))
+    law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
+    disk = Disk2D("disk", tensor, given.area.re, THICKNESS, 7743.0, reduced_disk(17.5, lambda _: None)[1], law)
+    names = [f"disk.{name}.{part}" for name in CONSTANTS for part in ("re", "im")]
+    model, J = disk.jacobian(f, names)
+    ratio = np.log(model / Z)
+    real = np.array([abs(getattr(tensor, name).real) for name in CONSTANTS])
+    widths = np.column_stack([0.15 * real, 0.01 * real]).ravel()
+
+    over, by = disk.over(f), slopes(disk.reduced, disk.shape, disk.over(f), f)
+    radial = tensor.radial
+    softer = over.copy()  # stiffness at constant field falls, d and the free permittivity stay
+    softer[:, 8], softer[:, 9] = 0.0, over[:, 9] - radial.eps33T
+    soft = (by.by_constant * softer).sum(axis=1) / by.capacitance
+    strain = np.abs(1 / (2j * np.pi * f * Z) - radial.eps33p * disk.area / THICKNESS)
+    log_f = np.log(f / 1e5)
+    causes = {"nothing": [], "inductance and resistance": [2j * np.pi * f / Z, 1 / Z]}
+    causes |= {"capacitance and conductance": [2j * np.pi * f * Z, Z], "gain and delay": [1 + 0j * f, 1j * log_f]}
+    for source in (0, 25, 50, 100):  # ohm; 25 is that of the analyzer
+        at = strain * np.abs(Z / (Z + source))
+        loop = soft * at / at.max()
+        causes[f"Rayleigh softening, source of {source} ohm"] = [loop * (1 - 4j / (3 * np.pi))]
+        causes[f"softening and loss by strain, source of {source} ohm"] = [loop, -1j * loop]
+    for k, name in enumerate(CONSTANTS):
+        part = -by.by_constant[:, k] * over[:, k] / by.capacitance * log_f
+        causes[f"dispersion and loss dispersion of {name}"] = [part, 1j * part]
+
+    def left(columns):
+        """Return the misfit with these causes, and their strengths."""
+        rows = np.vstack([J * widths[:, None] * 250, *(c[None] * 0.1 * 250 for c in columns)]).T
+        known = np.eye(rows.shape[1])[: widths.size]
+        A = np.vstack([rows.real, rows.imag, known])
+        r = np.concatenate([ratio.real * 250, ratio.imag * 250, np.zeros(widths.size)])
+        x = np.linalg.lstsq(A, -r, rcond=None)[0]
+        after = (r + A @ x)[: 2 * f.size]
+        return float(np.sqrt(np.sum(after**2) / f.size)) / 250, 0.1 * x[widths.size :]
+
+    made = {name: left(columns) for name, columns in causes.items()}
+    print(f"\nfitted: {100 * result.rms_log_error:.2f} %")
+    for name, (rms, strengths) in sorted(made.items(), key=lambda one: one[1][0]):
+        print(f"{100 * rms:.3f} % {name} " + " ".join(f"{s:.2g}" for s in strengths))
+    best = made["Rayleigh softening, source of 25 ohm"]
+    assert 0 < best[1][0] < 0.01
+    assert best[0] < 0.8 * min(rms for name, (rms, _) in made.items() if "soft" not in name)
