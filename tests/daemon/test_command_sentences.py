@@ -48,6 +48,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (["keys", "client", "ana", "--out", "disk.csv"], "--out disk.csv: this file is there already"),
         (["measure", "--step", "ml9"], "--step ml9: build 'thesis' has the steps disk, ml1, ml2"),
+        (
+            ["fit", "--fitter", "bvd", "--hold", "disk.c33D", "d=disk.csv"],
+            "--hold, --tie, --prior and --bound are about constants of a build; give --build as well",
+        ),
         (["fit", "--fitter", "bvd", "d=disk.csv@memory"], "disk.csv carries no memory trace"),
         (
             ["fit", "--all", "samples"],

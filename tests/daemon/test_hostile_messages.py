@@ -174,7 +174,8 @@ def test_who_only_connects_takes_no_descriptors_that_the_journal_needs(start_dae
     with connect() as lab, ExitStack() as stack:
         lab.status()
         for _ in range(MOST_CONNECTIONS + 100):
-            stack.enter_context(socket.create_connection((host, int(port))))
+            with suppress(ConnectionResetError):  # cut off already
+                stack.enter_context(socket.create_connection((host, int(port))))
         wait_until(lambda: len(list(Path(f"/proc/{where.pid}/fd").iterdir())) < MOST_CONNECTIONS + 60)
         assert lab.measure(build, "disk").sweeps
 

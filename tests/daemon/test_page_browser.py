@@ -96,7 +96,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     browser.picture(pictures / "page-by-hand.png")
     browser.run("document.getElementById('hand-fit').click()")
     browser.wait(f"{at_rest} && {misfit} < 1.5")
-    assert browser.run("document.getElementById('fitter').textContent").startswith("by by-hand")
+    assert browser.run("document.getElementById('fitter').textContent").startswith("fitter by-hand")
     assert browser.run("document.querySelectorAll('#constants tbody tr:not(.held)').length") == 1, "only c33D was free"
 
     # Kept, it is in the journal with the name of who made it, and beside the others.
