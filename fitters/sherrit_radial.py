@@ -15,7 +15,8 @@ from ..models.constants import Radial
 from ..models.disk import RadialDisk
 from ..models.radial import RadialError
 from ..models.sherrit import radial_constants
-from .bare_disk import BareDisk, bare_disk, drawn, method_answer, with_method_error
+from .bare_disk import BareDisk, bare_disk
+from .by_method import drawn, method_answer, with_method_error
 from .critical import FEW_POINTS, Critical
 from .interface import Constant, FitError, FitResult, FitTask
 from .planar_answer import RADIAL_ALL_UNITS, passivity_says, radial_named

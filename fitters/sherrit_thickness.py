@@ -18,7 +18,8 @@ from ..models.sherrit import coupling_squared
 from ..models.stack import Stack
 from ..models.sweep import Sweep
 from .assembly import PIEZO_CONSTANTS, UNITS, stack_of
-from .bare_disk import BareDisk, bare_disk, drawn, method_answer, with_method_error
+from .bare_disk import BareDisk, bare_disk
+from .by_method import drawn, method_answer, with_method_error
 from .critical import FEW_POINTS, Critical, Trace, admittance_trace, critical, impedance_trace, tops
 from .derived import DERIVED_UNITS, derived_of
 from .interface import Constant, FitError, FitResult, FitTask
