@@ -22,7 +22,9 @@ from pzctl.daemon.page.serve import serve, served_beside
 from pzctl.daemon.reports import curves_of
 from pzctl.daemon.simulated import simulated_instrument
 from pzctl.daemon.sockets import _bind
-from pzctl.daemon.wire import BeatEvent, Heard
+from pzctl.daemon.store import open_store
+from pzctl.daemon.unsaved import Unsaved
+from pzctl.daemon.wire import BeatEvent, Heard, decode
 from pzctl.models.errors import PzctlError
 
 BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
@@ -113,6 +115,24 @@ def curves_of_two_lengths() -> object:
 PARTS = ("frequency", "measured", "start", "fitted")
 
 
+def no_steps() -> object:
+    text = BUILD.read_text(encoding="utf-8")
+    head, _, rest = text.partition("[[steps]]")
+    return parse_build("steps = []\n" + head + rest[rest.index("[sweep]") :])
+
+
+def damaged_in_waiting() -> object:
+    Path("unsaved").mkdir()
+    (Path("unsaved") / "000000000.event").write_bytes(b"half a")
+    kept = Unsaved(Path("unsaved"))
+    assert len(kept) == 1
+    return kept.first()
+
+
+def nowhere_to_wait() -> None:
+    Unsaved(Path("disk.csv")).put(BeatEvent(), ())
+
+
 def beat_as_sweep() -> object:
     return Heard(BeatEvent(), {}).sweep()
 
@@ -138,6 +158,17 @@ def simulator_that_does_not_start() -> object:
         (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
         (bad_key, "ana.key is no key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
+        (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
+        (damaged_in_waiting, "unsaved/000000000.event: an event that was kept here cannot be read: "),
+        (nowhere_to_wait, "disk.csv/000000000.event: what the journal's server did not take cannot be kept: "),
+        (
+            lambda: curves_of(("disk",), {"0.frequency": np.ones(3)}),
+            "message: curve 0 (disk) has no column 'measured'",
+        ),
+        (
+            lambda: decode([b"state.", b'{"v":1,"kind":"state","state":"started","run":"r","time":"t","seq":-1}']),
+            "message: the header lacks run or time, or its seq is negative",
+        ),
         (beat_as_sweep, "message: BeatEvent holds no sweep"),
         (lambda: load_fitter("masn"), "fitter 'masn' is not installed; installed are bvd, "),
         (
@@ -185,12 +216,18 @@ def test_a_port_that_is_taken(here: Path) -> None:
             lambda: sliders(None),  # type: ignore[arg-type]
             r"ipywidgets is not installed; sliders need it: pip install 'pzctl\[notebook\]'",
         ),
+        (
+            "psycopg",
+            lambda: open_store("postgresql://lab/record", write=False),
+            r"a journal on PostgreSQL needs psycopg, which is not installed: pip install 'pzctl\[postgres\]'",
+        ),
     ],
 )
 def test_what_is_not_installed(
     monkeypatch: pytest.MonkeyPatch, module: str, work: Callable[[], object], says: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delitem(sys.modules, "pzctl.daemon.pgstore", raising=False)
     with pytest.raises(PzctlError, match=says):
         work()
 
