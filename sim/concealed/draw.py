@@ -90,10 +90,17 @@ def _drawn(rng: np.random.Generator, chosen: Sequence[families.Family], specimen
         plants.append(plant)
     if {"up and down", "levels"} <= {plant.needs for plant in plants}:
         return None  # one session has repeats of one kind
-    if len({plant.effect for plant in plants} & {"lead-inductance", "stray-capacitance", "cable"}) == 2:
+    return tuple(replace(plant, accept=_as_one({one.effect for one in plants})) for plant in plants)
+
+
+def _as_one(pair: set[str]) -> tuple[str, ...]:
+    """Return what two plants are together, where that is one effect of the catalogue."""
+    if len(pair & {"lead-inductance", "stray-capacitance", "cable"}) == 2:
         # an inductance in front of a capacitance is what a short cable is; with one more, one of another impedance
-        return tuple(replace(plant, accept=("cable",)) for plant in plants)
-    return tuple(plants)
+        return ("cable",)
+    if pair == {"lead-inductance", "series-resistance"}:
+        return ("lead-inductance",)  # a wire has both
+    return ()
 
 
 def _absorbed(rng: np.random.Generator, specimen: Specimen) -> tuple[Plant, ...]:
