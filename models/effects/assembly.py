@@ -82,6 +82,10 @@ class Assembly:
     conditions: Conditions = field(default_factory=Conditions)
     conjugated: bool = False
     """Whether Z is written down with the sign of its reactance turned."""
+    _known: list[tuple[object, object, Frequencies, Complexes]] = field(
+        default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
+    )
+    """The last admittance, and of which parts and shunts and where: what changes only further out has the same."""
 
     @property
     def stack(self) -> Stack:
@@ -122,13 +126,22 @@ class Assembly:
     def steady(self, frequency: Frequencies) -> Impedances:
         """Return what a sweep without end would record: all stages but the last, ohm, shape (N,)."""
         jw = j_omega(frequency)
-        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
-        for part in self.parts:
-            admittance += part.fraction / part.stack.impedance(frequency)
-        seen: Impedances = 1 / admittance
+        seen: Impedances = 1 / self._admittance(frequency, jw)
         for terminal in self.terminals:
             seen, _ = terminal(jw, seen)
         return seen
+
+    def _admittance(self, frequency: Frequencies, jw: Complexes) -> Complexes:
+        """Return the admittance behind the terminals, S, shape (N,)."""
+        for parts, shunts, where, known in self._known:
+            if parts is self.parts and shunts is self.shunts and where is frequency:
+                return known
+        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        for part in self.parts:
+            admittance += part.fraction / part.stack.impedance(frequency)
+        if not frequency.flags.writeable:  # a recording's: it stays what it is
+            self._known[:] = [(self.parts, self.shunts, frequency, admittance)]
+        return admittance
 
     def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name no stack has."""

@@ -1,6 +1,6 @@
 """A stack with effects added: a `Model` whose further parameters are the effects' knobs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -11,7 +11,7 @@ from ..arrays import Complexes, Frequencies, Impedances
 from ..named import require
 from ..stack import Stack
 from .assembly import Assembly, Conditions, Part
-from .effect import Effect, Knob
+from .effect import Effect, Knob, Stage
 
 _STEP = 1e-6
 """Step of derivatives by a knob, in its typical size: a one-sided difference is right to about as much."""
@@ -66,7 +66,11 @@ class Device:
             )
             for one in self.added
         )
-        return replace(self, bare=self.bare.replace(moved) if moved else self.bare, added=added)
+        made = replace(self, bare=self.bare.replace(moved) if moved else self.bare, added=added)
+        within = {one.prefix for one in self.added if one.effect.stage < Stage.TERMINALS}
+        if not moved and not any(name.startswith(tuple(within)) for name in values):
+            made.__dict__["_within"] = self._within  # what it is within is as it was, and knows its admittance
+        return made
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
         """Return the device with one effect more, its knobs at null unless given."""
@@ -96,8 +100,16 @@ class Device:
 
     @cached_property
     def _assembly(self) -> Assembly:
-        assembly = Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)
-        for one in sorted(self.added, key=lambda one: (one.effect.stage, one.effect.name, one.where)):
+        return self._extended(self._within, (one for one in self.added if one.effect.stage >= Stage.TERMINALS))
+
+    @cached_property
+    def _within(self) -> Assembly:
+        """The device behind its terminals."""
+        alone = Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)
+        return self._extended(alone, (one for one in self.added if one.effect.stage < Stage.TERMINALS))
+
+    def _extended(self, assembly: Assembly, added: Iterable[Added]) -> Assembly:
+        for one in sorted(added, key=lambda one: (one.effect.stage, one.effect.name, one.where)):
             assembly = one.effect.extend(assembly, one.where, self._within_limits(one))
         return assembly
 
