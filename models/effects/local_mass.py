@@ -3,14 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ..stack import Mass, Stack
 from .assembly import Assembly, Part
 from .effect import FACES, Effect, Knob, Stage
 from .electrode_mass import with_mass
 from .scale import areal_mass
 
-_HEIGHTS = (0.03, 0.1, 0.3, 1.0)
-"""Mass of a dot per area in that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT."""
+_HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
+"""Mass of a dot per area in that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each makes a satellite at a
+frequency of its own, and between two that are further apart than a line is wide no fit finds its way."""
+_RESTING = 0.3
+"""The same while there is none."""
 
 
 class LocalMass(Effect):
@@ -35,7 +40,15 @@ class LocalMass(Effect):
         scan = tuple(height * unit for height in _HEIGHTS)
         return (
             Knob("fraction", "1", typical=0.01, upper=0.5),
-            Knob("mass", "kg/m2", typical=0.1 * unit, lower=1e-3 * unit, upper=100 * unit, null=scan[2], scan=scan),
+            Knob(
+                "mass",
+                "kg/m2",
+                typical=0.1 * unit,
+                lower=1e-3 * unit,
+                upper=100 * unit,
+                null=_RESTING * unit,
+                scan=scan,
+            ),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -4,15 +4,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Frequencies, Impedances
+from ..arrays import Complexes, Frequencies, Impedances
 from ..stack import Stack
 from .assembly import Assembly
 from .effect import SWEEP, Effect, Knob, Stage
 from .scale import resonance
 
+_AGO, _WEIGHTS = np.polynomial.laguerre.laggauss(6)
+"""How long ago, in time constants, and how much what was there then still counts."""
+
 
 class SweepLag(Effect):
-    """What is read at f is Z at a frequency that was passed a moment ago: below f upwards, above f downwards."""
+    """What is read at f is Y at frequencies that were passed a moment ago: below f upwards, above f downwards.
+
+    Of the reading, the part `memory` forgets exponentially, as a filter does that settles; the rest comes late as it
+    was.
+    """
 
     name = "sweep-lag"
     stage = Stage.RECORD
@@ -25,21 +32,34 @@ class SweepLag(Effect):
         return (SWEEP,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return by how many hertz the reading lags in the step's first sweep: its rate times the time to settle."""
+        """Return by how many hertz the reading lags in the step's first sweep (its rate times the time to settle).
+
+        And the part of it that settles exponentially.
+        """
         f0 = resonance(stack)
-        return (Knob("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),)
+        return (
+            Knob("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),
+            Knob("memory", "1", typical=0.5, lower=0.0, upper=1.0),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as such a sweep records it."""
         ran = assembly.conditions
-        lag = values["lag"] * ran.pace * (1 if ran.direction == "up" else -1)
+        lag, memory = values["lag"] * ran.pace * (1 if ran.direction == "up" else -1), values["memory"]
         if lag == 0:
             return assembly
 
         def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             steps = np.gradient(frequency)  # a sweep takes as long for each point, so it is fastest where they are wide
-            past = np.maximum(frequency - lag * steps / np.mean(steps), 0.5 * frequency)
-            return Z * (device.steady(past) / device.steady(frequency))
+            behind = lag * steps / np.mean(steps)
+
+            def then(ago: float) -> Complexes:
+                return 1 / device.steady(np.maximum(frequency - ago * behind, 0.5 * frequency))
+
+            read = (1 - memory) * then(1.0) if memory < 1 else np.zeros_like(Z)
+            if memory > 0:
+                read += memory * sum(w * then(ago) for ago, w in zip(_AGO.tolist(), _WEIGHTS.tolist(), strict=True))
+            return Z / (read * device.steady(frequency))
 
         return assembly.recorded(late)
 

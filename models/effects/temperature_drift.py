@@ -1,13 +1,20 @@
 """`temperature-drift`: the device drifts while the sweep runs, or between segments."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Frequencies, Impedances
-from ..stack import Piezo, Stack
-from .assembly import Assembly
+from ..arrays import Complexes, Frequencies, Impedances, Reals
+from ..stack import Stack
+from .assembly import Assembly, Part
 from .effect import SWEEP, Effect, Knob, Stage
+from .scale import active
+
+_FEW, _MANY = 3, 6
+"""Instants at which the drifting device is looked at; between them ln Z is a polynomial in time."""
+_SLIGHT = 0.05
+"""Of a line's half width: a drift that few instants describe."""
 
 
 class TemperatureDrift(Effect):
@@ -43,17 +50,46 @@ class TemperatureDrift(Effect):
         def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             tau = device.conditions.elapsed(frequency.size)
             drifts = _drifts(device.nominal, 2 * speed, permittivity)
-            now = device.stack.parameters()
-            change = np.array([now[name] * relative for name, relative in drifts.items()])
-            _, dlnZ = device.steady_jacobian(frequency, list(drifts))
-            return Z * np.exp(tau * (change @ dlnZ))
+            nodes = np.polynomial.chebyshev.chebpts1(_instants(device.nominal, speed, np.ptp(tau)))
+            instants = np.mean([tau[0], tau[-1]]) + nodes * np.ptp(tau) / 2
+
+            def at(instant: float) -> Impedances:
+                factors = [1 + relative * instant for relative in drifts.values()]
+                moved = tuple(_moved(part, list(drifts), factors) for part in device.parts)
+                return replace(device, parts=moved).steady(frequency)
+
+            steady = Z if len(device.records) == 1 else device.steady(frequency)
+            courses = np.array([np.log(at(float(instant)) / steady) for instant in instants])
+            return Z * np.exp(_between(tau, instants, courses))
 
         return assembly.recorded(drifting)
 
 
+def _instants(stack: Stack, speed: float, lasting: float) -> int:
+    """Return how many instants it takes: as many as the lines move by, in their half widths."""
+    c33D = active(stack).c33D
+    return _FEW if abs(speed) * lasting < _SLIGHT * c33D.imag / (2 * c33D.real) else _MANY
+
+
+def _moved(part: Part, names: Sequence[str], factors: Sequence[float]) -> Part:
+    """Return the part with these parameters times their factors."""
+    now = part.stack.parameters()
+    moved = {own: now[own] * factors[k] for k, own, _ in part.moved_by(names)}
+    return replace(part, stack=part.stack.replace(moved))
+
+
+def _between(tau: Reals, instants: Reals, courses: Complexes) -> Complexes:
+    """Return, of courses (K, N) at K instants, at each of N points what it is at that point's instant tau (N,)."""
+    found = np.zeros(tau.size, np.complex128)
+    for k, course in enumerate(courses):
+        others = np.delete(instants, k)
+        found += course * np.prod((tau[:, None] - others) / (instants[k] - others), axis=1)
+    return found
+
+
 def _drifts(stack: Stack, stiffness: float, permittivity: float) -> dict[str, float]:
     """Return the relative drift of each parameter: both parts of a complex constant alike."""
-    piezo = max((layer for layer in stack.layers if isinstance(layer, Piezo)), key=lambda layer: layer.thickness).name
+    piezo = active(stack).name
     return {f"{piezo}.c33D.{part}": stiffness for part in ("re", "im")} | {
         f"{piezo}.eps33S.{part}": permittivity for part in ("re", "im")
     }

@@ -2,22 +2,32 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
+from scipy.special import roots_jacobi
 
+from ..arrays import Reals
 from ..stack import Stack
 from .assembly import Assembly, Part
 from .effect import Effect, Knob, Stage, layer_at
 from .scale import active
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(9)
-"""Exact while the resonance moves by less than some line widths over the face."""
+_STRIPS = (9, 17, 33, 65)
+_NEARLY = 1e-7
+"""Error of the mean over the face, relative, that more strips would mend."""
+_WEDGE = 1.0
 _THIN = 0.1
 """Of the disk's thickness: a glue line varies by tens of per cent where ground layers vary by one."""
 
 
 class ThicknessVariation(Effect):
-    """Strips of different thickness side by side: Y = mean of Y(t), t uniform in t0 (1 - w) ... t0 (1 + w)."""
+    """Strips of different thickness side by side: Y = mean of Y(t) over a symmetric distribution of t.
+
+    (t/t0 - 1)/w has the density (1 - x^2)^(shape - 1) in -1 ... 1 (a beta distribution): shape 1 is uniform, as of a
+    rectangle that is a wedge or a disk that is a dome; 3/2 a disk that is a wedge; large ones nearly normal, as of
+    roughness.
+    """
 
     name = "thickness-variation"
     stage = Stage.SHARES
@@ -30,36 +40,58 @@ class ThicknessVariation(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return the variance of the thickness, relative to its mean squared; the effect is linear in it."""
+        """Return the variance of the thickness, relative to its mean squared (it acts linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
+        shape = Knob("shape", "1", typical=0.5, lower=0.5, upper=8.0, null=_WEDGE)
         if thin:
-            return (Knob("variance", "1", typical=0.02, upper=0.3),)
-        return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01),)
+            return (Knob("variance", "1", typical=0.02, upper=0.3), shape)
+        return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01), shape)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return half the range of thickness, relative to its mean."""
-        return {"half_range": (float(np.sqrt(3 * values["variance"])), "1")}
+        return {"half_range": (_half_range(values), "1")}
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as strips side by side."""
-        name, w = f"{layer_at(where)}.thickness", float(np.sqrt(3 * values["variance"]))
+        name, w = f"{layer_at(where)}.thickness", _half_range(values)
         if w == 0:
             return assembly
 
         def strips(part: Part) -> list[Part]:
             t0 = part.stack.parameters()[name]
+            nodes, weights = _gauss(_strips(part.stack, w), values["shape"])
             return [
                 replace(
                     part,
-                    fraction=part.fraction * weight / 2,
+                    fraction=part.fraction * weight,
                     stack=part.stack.replace({name: t0 * (1 + w * node)}),
                     scale={**part.scale, name: part.scale.get(name, 1.0) * (1 + w * node)},
                 )
-                for node, weight in zip(_NODES.tolist(), _WEIGHTS.tolist(), strict=True)
+                for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True)
             ]
 
         return assembly.split(strips)
+
+
+def _half_range(values: Mapping[str, float]) -> float:
+    """Return w of the distribution of this variance and shape."""
+    return float(np.sqrt((2 * values["shape"] + 1) * values["variance"]))
+
+
+def _strips(stack: Stack, w: float) -> int:
+    """Return how many strips it takes: Gauss's error falls by rho^2 with each, rho by how far off the poles are."""
+    c33D = active(stack).c33D
+    away = c33D.imag / (2 * c33D.real * w)
+    needed = -np.log(_NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))
+    return next((n for n in _STRIPS if n >= needed), _STRIPS[-1])
+
+
+@lru_cache(maxsize=64)
+def _gauss(n: int, shape: float) -> tuple[Reals, Reals]:
+    """Return nodes and weights, their sum 1, of Gauss and Jacobi's quadrature with the density of this shape."""
+    nodes, weights = roots_jacobi(n, shape - 1, shape - 1)
+    return nodes, weights / np.sum(weights)
 
 
 EFFECT = ThicknessVariation()
