@@ -7,6 +7,7 @@ import numpy as np
 
 from ...models.effects import Device, Effect, Knob, catalogue
 from ...models.effects.effect import FACES, SWEEP, TERMINALS
+from .flaws import FLAWS
 from .problem import Candidate, Problem
 
 
@@ -18,11 +19,13 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
     of a step is inside the next one, so it is its own.
     """
     wanted = None if names is None else set(names)
-    found: list[Candidate] = []
-    for effect in catalogue():
-        if wanted is None or effect.name in wanted:
-            found += _of_effect(problem, effect)
-    return tuple(found)
+    considered = [effect for effect in catalogue() if wanted is None or effect.name in wanted]
+    return tuple(found for effect in considered for found in _of_effect(problem, effect))
+
+
+def flaws(problem: Problem) -> tuple[Candidate, ...]:
+    """Return what may be wrong with the instrument."""
+    return tuple(found for flaw in FLAWS for found in _of_effect(problem, flaw))
 
 
 def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:

@@ -20,13 +20,16 @@ SIGNIFICANT = 30.0
 for forty candidates, and the noise itself is known to some per cent only."""
 _EVIDENT = 18.0
 """What of this gain must remain when the freedom of its knobs is paid for: a line may be anywhere in the band."""
-_BEAM = (3, 3, 1)
+_BEAM = (4, 3, 1)
 """How many explanations with one, two and three effects are kept."""
 _AS_GOOD = 4.0
 """chi2 over the best one's, up to which an explanation is pursued: the larger one of two effects leads."""
 _WITHIN = 30.0
 """How much less likely (-2 ln) than the best an explanation may be to be pursued, once the best describes all."""
 _WORTH_A_REFIT = 0.4
+_IMITATED = 1e-3
+"""What survives of an effect, part of it, from which its score tells nothing: to first order the constants do all that
+it does (a dead layer, a missing bond), and only a refit shows what they cannot."""
 _REFITTED_LATER = 10
 _REFITTED = 18
 _POLISHED = 4
@@ -40,6 +43,8 @@ class Search:
 
     problem: Problem
     candidates: Sequence[Candidate]
+    flaws: Sequence[Candidate]
+    """Of the instrument: they are held against what was found, and take no part in finding it."""
     progress: Callable[[str], None]
     tried: dict[frozenset[Candidate], tuple[Refit, ...]] = field(
         default_factory=dict[frozenset[Candidate], tuple[Refit, ...]]
@@ -51,6 +56,13 @@ class Search:
         key = frozenset(current.effects)
         if key not in self.tried:
             self.tried[key] = tuple(_try_all(self.problem, self.candidates, current))
+        return self.tried[key]
+
+    def flawed(self, current: Refit) -> tuple[Refit, ...]:
+        """Return refits with a flaw of the instrument more than `current`; the best first."""
+        key = frozenset((*current.effects, *self.flaws))
+        if key not in self.tried:
+            self.tried[key] = tuple(_try_all(self.problem, self.flaws, current))
         return self.tried[key]
 
     def without(self, found: Refit, effect: Candidate) -> Refit:
@@ -102,7 +114,7 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
     ranked = _promising(scores(softer, left, base.objective, base.descent.x))
     if max(current.chi2) < DESCRIBED:
         # Near the noise the score test is right about what an effect would bring; far from it, it is only a hint.
-        ranked = [score for score in ranked if score.gain > _WORTH_A_REFIT * SIGNIFICANT]
+        ranked = _worth_a_refit(ranked)
     elif current.effects:
         ranked = ranked[:_REFITTED_LATER]
     rough = [_tried(softer, current, base, score) for score in ranked]
@@ -114,6 +126,13 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
     return refit(problem, (*current.effects, score.candidate), {**base.values, **score.start}, score.value)
+
+
+def _worth_a_refit(ranked: list[Score]) -> list[Score]:
+    """Return the scores that promise something, and of each effect whose score tells nothing the first."""
+    telling = [score for score in ranked if score.survives > _IMITATED]
+    silent = {score.candidate.effect.name: score for score in reversed(ranked) if score not in telling}
+    return [*(score for score in telling if score.gain > _WORTH_A_REFIT * SIGNIFICANT), *silent.values()]
 
 
 def _promising(found: list[Score]) -> list[Score]:

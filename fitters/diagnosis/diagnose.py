@@ -16,10 +16,11 @@ from ..joint import solve
 from . import lateral
 from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
-from .candidates import candidates
+from .candidates import candidates, flaws
 from .decide import DESCRIBED, Search, null_refit, polish, pursue, weightiest, without_idle
 from .disturbed import of_the_data, verdict_with
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
+from .flaws import UNKNOWN
 from .gates.gate import Gated, gate
 from .problem import Candidate, Problem
 from .proof import held_out_chi2
@@ -58,7 +59,7 @@ def diagnose(
     problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
     null = polish(problem, null_refit(problem))
     choice = candidates(problem, effects)
-    search = Search(problem, choice, progress)
+    search = Search(problem, choice, flaws(problem), progress)
     found = better_instead(search, without_idle(search, pursue(search, null)))
     final = weightiest(search, found, _MOST_NAMED)
     progress("proving on bands that took no part")
@@ -75,14 +76,14 @@ def diagnose(
     left = remainder(final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
-    disturbed = any(finding.effect == "unknown" for finding in findings)
+    disturbed = any(finding.effect == UNKNOWN for finding in findings)
     if verdict in ("unexplained", "partly-explained") and not disturbed:
         findings.append(_unknown(final, held_after, left))
     constants = _constants(problem, final)
     progress("asking what stays open")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     taken = {finding.effect for finding in findings}
-    verdict = verdict_with(gated, verdict)
+    verdict = verdict_with(gated, _unnamed(final, verdict))
     return Diagnosis(
         verdict=verdict,
         baseline=Fitted(null.chi2_per_dof, held_before, _constants(problem, null)),
@@ -136,6 +137,14 @@ def _named(null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple
     return (True, "partly-explained") if nearly_all else (False, "unexplained")
 
 
+def _unnamed(final: Refit, verdict: Verdict) -> Verdict:
+    """Return the verdict where part of what explains a recording is a flaw that no catalogue has."""
+    flawed = [one.effect.name == UNKNOWN for one in final.effects]
+    if not any(flawed):
+        return verdict
+    return "unexplained" if all(flawed) else "partly-explained"
+
+
 def _something_left(found: Refit) -> bool:
     ripple = max(lag_one(ratio) for ratio in found.objective.log_ratios(found.descent.x))
     return max(found.chi2) > DESCRIBED or ripple > _RIPPLE or _structured(found)
@@ -164,7 +173,7 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
     before = held_out_chi2(problem, without) if len(final.effects) > 1 else held_before
     return Finding(
         effect=candidate.effect.name,
-        where=candidate.where,
+        where="any" if candidate.effect.name == UNKNOWN else candidate.where,
         step=candidate.step,
         probability=weighed.probability,
         bands_Hz=tuple(bands[:5]),
@@ -199,7 +208,7 @@ def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
 
 def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
     return Finding(
-        effect="unknown",
+        effect=UNKNOWN,
         where="any",
         step=left.step,
         probability=0.95,

@@ -5,7 +5,7 @@ constants can imitate of it, is held against the residuals; only the physical si
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -21,6 +21,8 @@ from .problem import Candidate, Problem
 _SCANNED = 240
 """Frequencies at which a further resonance is looked for: closer than the width of a line of Q = 60."""
 _STEP = 1e-3
+_FELT = 1e-6
+"""Of the effect of the knob that is felt most: what is less is the rounding of a knob that is not felt at all yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +49,15 @@ def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x
     r, J = null.residual(x), null.jacobian(x)
     Q, R = np.linalg.qr(J)
     values, _ = null.coordinates.forward(x)
-    found = [_score(problem, candidate, values, r, Q, R) for candidate in candidates]
+    scan = _Scan(problem, values, r, Q)
+    found = [_score(problem, candidate, values, r, Q, R, scan.tuned(candidate)) for candidate in candidates]
     return sorted(found, key=lambda score: -score.gain)
 
 
-def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: Reals, Q: Reals, R: Reals) -> Score:
-    start = _tuned(problem, candidate, values, r, Q)
+def _score(
+    problem: Problem, candidate: Candidate, values: dict[str, float], r: Reals, Q: Reals, R: Reals, tuned: list[float]
+) -> Score:
+    start = dict(zip(candidate.parameters[1:], tuned, strict=True))
     G = _knob_columns(problem, candidate, {**values, **start}, r.size)
     held = Q.T @ G
     outside = G - Q @ held
@@ -67,7 +72,11 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
         gain = max(gain, fall)
         others = list(enumerate(candidate.knobs))[1:]
         step = float(together[0])
-        start |= {candidate.parameters[k]: float(together[k]) * knob.typical for k, knob in others if knob.from_nothing}
+        start |= {
+            candidate.parameters[k]: float(np.clip(together[k] * knob.typical, knob.lower, knob.upper))
+            for k, knob in others
+            if knob.from_nothing
+        }
     return Score(
         candidate,
         gain=gain,
@@ -79,26 +88,38 @@ def _score(problem: Problem, candidate: Candidate, values: dict[str, float], r: 
     )
 
 
-def _tuned(problem: Problem, candidate: Candidate, values: dict[str, float], r: Reals, Q: Reals) -> dict[str, float]:
-    """Return the values of the other knobs at which the first one explains most: a matched scan.
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """Matched scans at one fit, none made twice: a line looks the same whichever layer it is said to sit in."""
 
-    For knobs in which an effect is far from linear: the frequency and quality of a resonance, the delay of an echo.
-    """
-    names = [candidate.prefix + knob.name for knob in candidate.knobs]
-    grids = [_grid(problem, knob) for knob in candidate.knobs[1:]]
-    best, start = -1.0, dict(zip(names[1:], (knob.null for knob in candidate.knobs[1:]), strict=True))
-    if all(len(grid) == 1 for grid in grids):
-        return start
-    column = _first_columns(problem, candidate, values, r.size)
-    for combination in product(*grids):
-        trial = dict(zip(names[1:], combination, strict=True))
-        g = column(trial)
-        outside = g - Q @ (Q.T @ g)
+    problem: Problem
+    values: dict[str, float]
+    r: Reals
+    Q: Reals
+    made: list[tuple[str, Reals, list[float]]] = field(default_factory=list[tuple[str, Reals, list[float]]])
+    """Name of an effect, a first column, and the values found."""
+
+    def tuned(self, candidate: Candidate) -> list[float]:
+        """Return the values of the other knobs at which the first one explains most.
+
+        For knobs in which an effect is far from linear: the frequency and quality of a resonance, the delay of an echo.
+        """
+        grids = [_grid(self.problem, knob) for knob in candidate.knobs[1:]]
+        if all(len(grid) == 1 for grid in grids):
+            return [knob.null for knob in candidate.knobs[1:]]
+        column = _first_columns(self.problem, candidate, self.values, self.r.size)
+        sample = column([grid[len(grid) // 2] for grid in grids])
+        for name, known, found in self.made:
+            if name == candidate.effect.name and np.allclose(sample, known, rtol=1e-6, atol=0.0):
+                return found
+        found = max(map(list, product(*grids)), key=lambda trial: self._explained(column(trial)))
+        self.made.append((candidate.effect.name, sample, found))
+        return found
+
+    def _explained(self, g: Reals) -> float:
+        outside = g - self.Q @ (self.Q.T @ g)
         norm = float(np.linalg.norm(outside))
-        gain = max(0.0, float(outside @ -r)) / norm if norm > 0 else 0.0
-        if gain > best:
-            best, start = gain, trial
-    return start
+        return max(0.0, float(outside @ -self.r)) / norm if norm > 0 else 0.0
 
 
 def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
@@ -114,7 +135,7 @@ def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
 
 def _first_columns(
     problem: Problem, candidate: Candidate, values: dict[str, float], rows: int
-) -> Callable[[dict[str, float]], Reals]:
+) -> Callable[[Sequence[float]], Reals]:
     """Return what makes, of the other knobs' values, d residual / d first knob in typical sizes, shape (rows,).
 
     By one small step from where the effect is absent, which is the same for all of them.
@@ -129,8 +150,8 @@ def _first_columns(
             places.append((at, recording, there, _moved(plain.model, values).impedance(f)))
         at += 2 * f.size
 
-    def column(trial: dict[str, float]) -> Reals:
-        made = np.zeros(rows)
+    def column(others: Sequence[float]) -> Reals:
+        made, trial = np.zeros(rows), dict(zip(candidate.parameters[1:], others, strict=True))
         for at, recording, there, absent in places:
             f = recording.sweep.frequency
             weighted = np.log(there.replace(trial).impedance(f) / absent) / (_STEP * recording.sigma)
@@ -148,7 +169,7 @@ def _moved(model: Model, values: dict[str, float]) -> Model:
 def _together(outside: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, float]:
     """Return the steps of all knobs together, sizes not negative, and their gain. Columns that vanish stay at rest."""
     norms = np.linalg.norm(outside, axis=0)
-    felt = norms > 1e-9 * max(float(np.max(norms)), 1e-300)
+    felt = norms > _FELT * max(float(np.max(norms)), 1e-300)
     Q, R = np.linalg.qr(outside[:, felt] / norms[felt])
     lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in knobs])[felt]
     found = lsq_linear(R, -(Q.T @ r), (lower, np.inf), method="bvls")

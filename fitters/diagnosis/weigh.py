@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .decide import Search
-from .evidence import evidence_lost, gain
+from .evidence import evidence_lost, gain, price
 from .findings import Alternative
 from .problem import Candidate
 from .search import Refit, is_there
@@ -78,7 +78,7 @@ def _instead(search: Search, rest: Refit, candidate: Candidate) -> list[Refit]:
     """
     kinds: set[str] = set()
     found: list[Refit] = []
-    for one in search.onward(rest):
+    for one in sorted((*search.onward(rest), *search.flawed(rest)), key=price):
         newest = one.effects[-1]
         if newest is candidate or not is_there(one):
             continue

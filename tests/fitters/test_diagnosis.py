@@ -76,6 +76,18 @@ def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
     assert "inverted" in diagnosis.findings[0].says
 
 
+def test_a_flaw_of_the_instrument_is_not_called_physics(cases: Path) -> None:
+    sweep = read_recording(cases / "null" / "disk.csv")
+    upper = sweep.frequency > 0.6 * sweep.frequency[-1]
+    stepped = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + 4e-4, 1.0))  # twice the noise
+    diagnosis = diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (stepped,)}))
+    assert diagnosis.verdict == "unexplained"
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.where) == ("unknown", "any")
+    assert "range" in finding.says
+    assert abs(finding.parameters["frequency"].value / sweep.frequency[upper][0] - 1) < 0.02
+
+
 def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
     truth = json.loads((cases / "truth.json").read_text())["lead"]
     sweeps = {"disk": tuple(read_recording(cases / "lead" / file) for file in truth["files"]["disk"])}

@@ -1,0 +1,89 @@
+"""Flaws of the instrument that no catalogue has, to be held against its effects: without them the nearest would win.
+
+They are never named: a recording that one of these describes best has something `unknown` in it.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...models.arrays import Frequencies, Impedances
+from ...models.effects import Assembly, Effect, Knob
+from ...models.effects.effect import SWEEP, Stage
+from ...models.effects.scale import resonance
+from ...models.stack import Stack
+
+UNKNOWN = "unknown"
+_NEVER = -0.5, 0.5
+"""Limits of ln Z beyond which nobody would take it for a flaw."""
+
+
+class RangeStep(Effect):
+    """Z times a factor from one frequency on: the analyzer has changed its range there."""
+
+    name = UNKNOWN
+    stage = Stage.RECORD
+    sizes = 2
+    odds = 0.1
+    says = "From one frequency on all values differ by a factor, as if the analyzer had changed its range there."
+    separates = "sweep again with a fixed range, or at another level"
+    references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `sweep`."""
+        return (SWEEP,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the change of ln |Z|, of the phase (rad), and where it is (Hz)."""
+        low, high = _NEVER
+        f0 = resonance(stack)
+        return (
+            Knob("gain", "1", typical=1e-3, lower=low, upper=high),
+            Knob("phase", "rad", typical=1e-3, lower=low, upper=high),
+            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=f0),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device as such an analyzer shows it."""
+        change = complex(values["gain"], values["phase"])
+
+        def stepped(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
+            point = float(np.mean(np.diff(frequency)))  # as wide as that, so that a fit can move it
+            return Z * np.exp(change * (1 + np.tanh((frequency - values["frequency"]) / point)) / 2)
+
+        return assembly.recorded(stepped)
+
+
+class PhaseError(Effect):
+    """Z times exp(j phase (f/f0)^power), whatever Z is: the adapter's phase is not what the analyzer believes."""
+
+    name = UNKNOWN
+    stage = Stage.RECORD
+    odds = 0.1
+    says = "The phase is off by an angle that grows with frequency whatever the impedance is, as of a wrong adapter."
+    separates = "set the adapter again, and sweep a capacitor: its phase tells"
+    references = ("Agilent 4294A Operation Manual, adapter phase compensation",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `sweep`."""
+        return (SWEEP,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return the angle at the resonance (rad), and the power of frequency with which it grows."""
+        low, high = _NEVER
+        return (
+            Knob("phase", "rad", typical=1e-3, lower=low, upper=high),
+            Knob("power", "1", typical=0.3, lower=0.3, upper=4.0, null=1.0, scan=(0.5, 1.0, 2.0, 3.0)),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device as such an analyzer shows it."""
+        f0 = resonance(assembly.nominal)
+
+        def turned(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
+            return Z * np.exp(1j * values["phase"] * (frequency / f0) ** values["power"])
+
+        return assembly.recorded(turned)
+
+
+FLAWS: tuple[Effect, ...] = (RangeStep(), PhaseError())
