@@ -44,7 +44,8 @@ def _from_differences(squares: Reals, size: Reals) -> Reals:
     terms = np.column_stack([np.ones_like(size), (middle / size) ** 2, (size / middle) ** 2])
     fits = [_fit(squares, terms, chosen) for chosen in ([0], [0, 1], [0, 2], [0, 1, 2])]
     parts, _ = min(fits, key=lambda fit: fit[1])
-    return np.sqrt(parts) * np.array([1.0, middle, 1 / middle])
+    # To four digits: what hangs on a noise known to a few per cent is not to be decided by roundings.
+    return np.array([float(f"{x:.4g}") for x in np.sqrt(parts) * np.array([1.0, middle, 1 / middle])])
 
 
 def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]:
