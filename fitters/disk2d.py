@@ -30,7 +30,7 @@ from .disk2d_coordinates import COORDINATES, tensor_block
 from .disk2d_known import undetermined
 from .disk2d_predict import predictions, sentence
 from .disk2d_search import searched
-from .disk2d_start import starts, tensor_priors
+from .disk2d_start import starts, tensor_priors, unusual
 from .interface import FitError, FitResult, FitTask
 from .objective import Objective
 from .planar_answer import Named, planar_answer, radial_named
@@ -95,6 +95,7 @@ def finite_disk(
         f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
         *undetermined(descent, layer),
+        *unusual(disk, found),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
     answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)

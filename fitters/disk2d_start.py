@@ -39,6 +39,8 @@ _LOSS, _LOSS_FACTOR = 0.01, 2.7
 # Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest, as a logarithm with this standard deviation.
 _ANGLE = 0.03
 # How far the piezoelectric losses may lie from none, measured as the elements of A off its diagonal.
+_UNUSUAL = 1.5
+# Standard uncertainties from what is expected of a constant, from which on that is said.
 _SCAN = 500
 # Points of each sweep that starts are compared on.
 _FACES: Reals = np.linspace(-0.16, 0.16, 65)
@@ -80,6 +82,22 @@ def expected(disk: BareDisk) -> dict[str, float]:
     own = _tensor(disk.layer.values)
     sets = [own] if own is not None else list(library().values())
     return {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
+
+
+def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
+    """Return a sentence on the constants that lie far from what ceramics of this kind let expect, if there are any."""
+    off = {name: getattr(found, name).real / value - 1 for name, value in expected(disk).items()}
+    told = [f"{disk.layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
+    if not told:
+        return ()
+    return (
+        f"Further from what the build's material lets expect than ceramics of one class lie apart: {', '.join(told)}. "
+        "Where the recording is not described to its noise, such a constant stands in for what is not in the model.",
+    )
+
+
+def _far(constant: str, part: float) -> bool:
+    return abs(part) > _UNUSUAL * _WIDTHS[constant]
 
 
 def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:
