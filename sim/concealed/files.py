@@ -11,8 +11,12 @@ from .draw import Case, draw_case
 from .plant import Plant
 from .specimen import AIR, Coat, Specimen
 from .sweeping import Take, noisy, record
+from .visible import Imitation
 
 TRUTH = "truth.json"
+_MATTERS = 1e-3
+"""Relative change of a constant of the disk from which something unseen is worth telling: a tenth of what a
+micrometer leaves open."""
 
 
 def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:
@@ -96,9 +100,20 @@ def _truth(case: Case) -> dict[str, Any]:
         "verdict": verdicts.get(case.kind, "explained"),
         "findings": [] if hides else plants,
         "hidden": plants if hides else [],
-        "not_decidable": [plant.effect for plant in case.hideout.plants] if hides else [],
+        "not_decidable": [plant.effect for plant in _that_matter(case)] if hides else [],
         "constants": _constants(case.hideout.specimen),
     }
+
+
+def _that_matter(case: Case) -> list[Plant]:
+    """Return the plants that a constant has to pay for: one that neither shows nor moves anything is nothing."""
+    true = case.hideout.specimen
+
+    def moved(seen: Imitation) -> float:
+        sides = ((getattr(one.disk, name) for name in ("c33D", "h33", "eps33S")) for one in (true, seen.specimen))
+        return max(abs(after / before - 1) for before, after in zip(*sides, strict=True))
+
+    return [plant for plant, seen in zip(case.hideout.plants, case.seen, strict=True) if moved(seen) > _MATTERS]
 
 
 def _planted(plant: Plant, gain: float) -> dict[str, Any]:
