@@ -33,8 +33,8 @@ it does (a dead layer, a missing bond), and only a refit shows what they cannot.
 _REFITTED_LATER = 10
 _REFITTED = 18
 _POLISHED = 4
-_OUT_OF_REACH = 16.0
-"""chi2 over the best one's after the rough fit from which no finer one would help."""
+_OUT_OF_REACH = 8.0, 2.0
+"""chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,8 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
         ranked = ranked[:_REFITTED_LATER]
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
-    within = [one for one in rough[:_POLISHED] if one.chi2_per_dof < _OUT_OF_REACH * rough[0].chi2_per_dof]
+    reach = _OUT_OF_REACH[bool(rough) and max(rough[0].chi2) < DESCRIBED]
+    within = [one for one in rough[:_POLISHED] if one.chi2_per_dof < reach * rough[0].chi2_per_dof]
     polished = [polish(problem, one) for one in within]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
 
