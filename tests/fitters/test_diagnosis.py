@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ CASES = (
 )
 
 
+@cache
 def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
     truth = json.loads((cases / "truth.json").read_text())[name]
     sweeps = {
