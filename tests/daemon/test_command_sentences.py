@@ -12,14 +12,17 @@ import pytest
 import zmq
 from typer.testing import CliRunner
 
+from pzctl.daemon.archive import Archive
 from pzctl.daemon.buildfile import parse_build, read_build
 from pzctl.daemon.cli import app
 from pzctl.daemon.cli.adaptive import adapted_plan
 from pzctl.daemon.guest import load_fitter
+from pzctl.daemon.journal import Journal
 from pzctl.daemon.keys import read_client_key
 from pzctl.daemon.notebook import sliders
 from pzctl.daemon.page.serve import serve, served_beside
 from pzctl.daemon.reports import curves_of
+from pzctl.daemon.samples import journal_samples
 from pzctl.daemon.simulated import simulated_instrument
 from pzctl.daemon.sockets import _bind
 from pzctl.daemon.store import open_store
@@ -121,6 +124,11 @@ def no_steps() -> object:
     return parse_build("steps = []\n" + head + rest[rest.index("[sweep]") :])
 
 
+def journal_without_measurements() -> Archive:
+    Journal(Path("journal")).close()
+    return Archive(Path("journal"))
+
+
 def damaged_in_waiting() -> object:
     Path("unsaved").mkdir()
     (Path("unsaved") / "000000000.event").write_bytes(b"half a")
@@ -159,6 +167,11 @@ def simulator_that_does_not_start() -> object:
         (bad_key, "ana.key is no key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
+        (
+            lambda: journal_samples(journal_without_measurements()),
+            "the journal in journal holds no complete measurement",
+        ),
+        (lambda: journal_without_measurements().build("m-17"), "journal: no measurement 'm-17'"),
         (damaged_in_waiting, "unsaved/000000000.event: an event that was kept here cannot be read: "),
         (nowhere_to_wait, "disk.csv/000000000.event: what the journal's server did not take cannot be kept: "),
         (
