@@ -7,7 +7,7 @@ import numpy as np
 
 from ...models.effects import Device, Effect, Knob, catalogue
 from ...models.effects.effect import FACES, SWEEP, TERMINALS
-from .flaws import FLAWS
+from .flaws import ANY, FLAWS
 from .problem import Candidate, Problem
 
 
@@ -57,7 +57,7 @@ def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
     if where == TERMINALS:
         later = [tuple(steps[k:]) for k in range(len(steps) - 1)]
         return [*later, *single]
-    return [tuple(steps), *single] if where == SWEEP and len(steps) > 1 else [tuple(steps)]
+    return [tuple(steps), *single] if where in (SWEEP, ANY) and len(steps) > 1 else [tuple(steps)]
 
 
 def _recorded(problem: Problem, knob: Knob) -> Knob:

@@ -20,7 +20,7 @@ from .candidates import candidates, flaws
 from .decide import DESCRIBED, Search, null_refit, polish, pursue, weightiest, without_idle
 from .disturbed import of_the_data, verdict_with
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
-from .flaws import UNKNOWN
+from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated, gate
 from .problem import Candidate, Problem
 from .proof import held_out_chi2
@@ -173,7 +173,7 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
     before = held_out_chi2(problem, without) if len(final.effects) > 1 else held_before
     return Finding(
         effect=candidate.effect.name,
-        where="any" if candidate.effect.name == UNKNOWN else candidate.where,
+        where=candidate.where,
         step=candidate.step,
         probability=weighed.probability,
         bands_Hz=tuple(bands[:5]),
@@ -209,7 +209,7 @@ def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
 def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
     return Finding(
         effect=UNKNOWN,
-        where="any",
+        where=ANY,
         step=left.step,
         probability=0.95,
         bands_Hz=left.bands_Hz,

@@ -9,11 +9,13 @@ import numpy as np
 
 from ...models.arrays import Frequencies, Impedances
 from ...models.effects import Assembly, Effect, Knob
-from ...models.effects.effect import SWEEP, Stage
+from ...models.effects.effect import Stage
 from ...models.effects.scale import resonance
 from ...models.stack import Stack
 
 UNKNOWN = "unknown"
+ANY = "any"
+"""Where it is said to sit."""
 _NEVER = -0.5, 0.5
 """Limits of ln Z beyond which nobody would take it for a flaw."""
 
@@ -30,8 +32,8 @@ class RangeStep(Effect):
     references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `sweep`."""
-        return (SWEEP,)
+        """Return `any`: an instrument is no place of a build."""
+        return (ANY,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the change of ln |Z|, of the phase (rad), and where it is (Hz)."""
@@ -65,8 +67,8 @@ class PhaseError(Effect):
     references = ("Agilent 4294A Operation Manual, adapter phase compensation",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `sweep`."""
-        return (SWEEP,)
+        """Return `any`: an instrument is no place of a build."""
+        return (ANY,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the angle at the resonance (rad), and the power of frequency with which it grows."""
