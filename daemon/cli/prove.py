@@ -85,7 +85,8 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
         waiting = {pool.submit(diagnose_case, folder): folder.name for folder in folders}
         for done in as_completed(waiting):
             name = waiting[done]
-            answers[name] = done.result()
+            defect = done.exception()  # a defect of ours is an answer that is wrong; the other cases go on
+            answers[name] = {"error": f"a defect: {defect!r}"} if defect else done.result()
             found = [one["effect"] for one in answers[name].get("findings", [])]
             kept.write_text(json.dumps(dict(sorted(answers.items()))))
             says = f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}"

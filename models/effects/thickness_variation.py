@@ -16,7 +16,8 @@ from .scale import active
 _STRIPS = (9, 17, 33, 65)
 _NEARLY = 1e-7
 """Error of the mean over the face, relative, that more strips would mend."""
-_WEDGE = 1.0
+_WEDGE, _ARCHED = 1.0, 0.6
+"""Shape of a wedge, and of the faces that are mostly far from the mean; at 1/2 quadrature has a singular case."""
 _THIN = 0.1
 """Of the disk's thickness: a glue line varies by tens of per cent where ground layers vary by one."""
 
@@ -43,7 +44,7 @@ class ThicknessVariation(Effect):
         """Return the variance of the thickness, relative to its mean squared (it acts linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
-        shape = Knob("shape", "1", typical=0.5, lower=0.5, upper=8.0, null=_WEDGE)
+        shape = Knob("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
         if thin:
             return (Knob("variance", "1", typical=0.02, upper=0.3), shape)
         return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01), shape)

@@ -153,7 +153,7 @@ def test_a_void_takes_with_it_what_lies_beyond() -> None:
     close(device.impedance(F), 1 / (0.8 / heavy + 0.2 / BARE.impedance(F)))
 
 
-@pytest.mark.parametrize(("w", "shape"), [(0.004, 1.0), (0.02, 1.0), (0.01, 1.5), (0.01, 6.0)])
+@pytest.mark.parametrize(("w", "shape"), [(0.004, 1.0), (0.02, 1.0), (0.01, 0.6), (0.01, 1.5), (0.01, 6.0)])
 def test_strips_are_the_integral_over_the_thickness(w: float, shape: float) -> None:
     Z = added("thickness-variation", "layer:disk", variance=w**2 / (2 * shape + 1), shape=shape).impedance(F)
 
