@@ -11,7 +11,6 @@ import numpy as np
 from ..assembly import PIEZO_CONSTANTS
 from ..interface import Constant
 from .findings import NotDecidable, Size
-from .flaws import UNKNOWN
 from .score import Score
 from .search import Refit, shift_of
 
@@ -29,7 +28,7 @@ def not_decidable(
     listed: dict[str, tuple[float, NotDecidable]] = {}
     for score in scores:
         name = score.candidate.effect.name
-        if name in (UNKNOWN, *taken) or score.survives > _ABSORBED or score.size == 0:
+        if name in taken or score.survives > _ABSORBED or score.size == 0:
             continue
         entry = _entry(found, score, constants)
         if entry is not None and (name not in listed or entry[0] > listed[name][0]):

@@ -42,27 +42,27 @@ class Search:
     """Explanations tried so far, so that none is tried twice."""
 
     problem: Problem
-    candidates: Sequence[Candidate]
-    flaws: Sequence[Candidate]
+    candidates: tuple[Candidate, ...]
+    flaws: tuple[Candidate, ...]
     """Of the instrument: they are held against what was found, and take no part in finding it."""
     progress: Callable[[str], None]
-    tried: dict[frozenset[Candidate], tuple[Refit, ...]] = field(
-        default_factory=dict[frozenset[Candidate], tuple[Refit, ...]]
+    tried: dict[tuple[tuple[Candidate, ...], frozenset[Candidate]], tuple[Refit, ...]] = field(
+        default_factory=dict[tuple[tuple[Candidate, ...], frozenset[Candidate]], tuple[Refit, ...]]
     )
     missed: dict[tuple[Refit, Candidate], Refit] = field(default_factory=dict[tuple[Refit, Candidate], Refit])
 
     def onward(self, current: Refit) -> tuple[Refit, ...]:
         """Return refits with one effect more than `current`, of a kind that is not there yet; the best first."""
-        key = frozenset(current.effects)
-        if key not in self.tried:
-            self.tried[key] = tuple(_try_all(self.problem, self.candidates, current))
-        return self.tried[key]
+        return self._all_of(self.candidates, current)
 
     def flawed(self, current: Refit) -> tuple[Refit, ...]:
         """Return refits with a flaw of the instrument more than `current`; the best first."""
-        key = frozenset((*current.effects, *self.flaws))
+        return self._all_of(self.flaws, current)
+
+    def _all_of(self, candidates: tuple[Candidate, ...], current: Refit) -> tuple[Refit, ...]:
+        key = (candidates, frozenset(current.effects))
         if key not in self.tried:
-            self.tried[key] = tuple(_try_all(self.problem, self.flaws, current))
+            self.tried[key] = tuple(_try_all(self.problem, candidates, current))
         return self.tried[key]
 
     def without(self, found: Refit, effect: Candidate) -> Refit:
@@ -131,9 +131,9 @@ def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit
 
 def _worth_a_refit(ranked: list[Score]) -> list[Score]:
     """Return the scores that promise something, and of each effect whose score tells nothing the first."""
-    telling = [score for score in ranked if score.survives > _IMITATED]
-    silent = {score.candidate.effect.name: score for score in reversed(ranked) if score not in telling}
-    return [*(score for score in telling if score.gain > _WORTH_A_REFIT * SIGNIFICANT), *silent.values()]
+    promising = [one for one in ranked if one.survives > _IMITATED and one.gain > _WORTH_A_REFIT * SIGNIFICANT]
+    silent = {one.candidate.effect.name: one for one in reversed(ranked) if one.survives <= _IMITATED}
+    return [*promising, *silent.values()]
 
 
 def _promising(found: list[Score]) -> list[Score]:

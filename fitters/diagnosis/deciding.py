@@ -26,6 +26,7 @@ from .conditions import conditions_of
 from .decide import resoftened
 from .experiments import Experiment, experiments, frequencies, settings_of
 from .findings import Diagnosis
+from .flaws import ANY, UNKNOWN
 from .gates.gate import gate
 from .problem import Candidate, Problem
 from .search import Refit, refit
@@ -106,7 +107,7 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tu
 def _unexplained(choice: Sequence[Experiment], instrument: Instrument) -> tuple[Proposal, ...]:
     """Return what tells device from sweep, where no model predicts anything."""
     telling = [one for one in choice if one.kind in ("direction", "lower level")]
-    open_question = (Question("unknown", "any", "instead"),)
+    open_question = (Question(UNKNOWN, ANY, "instead"),)
     return tuple(Proposal(one, instrument.seconds(one.plan), open_question, 0.0) for one in telling)
 
 

@@ -1,6 +1,7 @@
 """What the gates found, as findings: recordings that were turned, and recordings that were disturbed."""
 
 from .findings import Finding, Verdict
+from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated
 from .gates.report import DataCheck
 
@@ -23,7 +24,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     ]
     disturbed = [
         _finding(
-            *("unknown", "any", check.step, _SURE, tuple(one.band_Hz for one in check.abrupt)),
+            *(UNKNOWN, ANY, check.step, _SURE, tuple(one.band_Hz for one in check.abrupt)),
             says=_says(check),
             chi2=(chi2, chi2),
             held_out=(held_out, held_out),
