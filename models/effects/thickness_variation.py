@@ -50,8 +50,11 @@ class ThicknessVariation(Effect):
         return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01), shape)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return half the range of thickness, relative to its mean."""
-        return {"half_range": (_half_range(values), "1")}
+        """Return half the range of thickness, relative to its mean, of a wedge of this variance.
+
+        Where the effect is small a recording tells the variance, and hardly the shape on which the true range hangs.
+        """
+        return {"half_range": (_half_range({**values, "shape": _WEDGE}), "1")}
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as strips side by side."""

@@ -59,6 +59,12 @@ def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
     assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
 
 
+def test_the_range_of_a_thickness_does_not_hang_on_a_shape_that_nothing_tells(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "taper")
+    half_range = diagnosis.findings[0].parameters["half_range"]
+    assert abs(half_range.value - truth["findings"][0]["half_range"]) < 3 * half_range.u
+
+
 def test_constants_are_freed_of_their_bias(cases: Path) -> None:
     diagnosis, truth = diagnosed(cases, "lead-and-taper")
     true = complex(*truth["constants"]["disk.eps33S"])
