@@ -1,13 +1,13 @@
 """A fit as a person wants it: which constants are free, where they begin, which bands and which effects take part.
 
 First one looks: the model's curve at chosen values, without fitting. Then one fits with exactly these choices: one
-descent from exactly there, on the stack of `mason` with the chosen effects of the catalogue, all chosen steps jointly.
-(C. Tjelde, thesis 2012, chapter 9, asks for this control.)
+descent from exactly there, on the model of `mason` (all chosen steps jointly), of `radial` or of `disk`, with the
+chosen effects of the catalogue. (C. Tjelde, thesis 2012, chapter 9, asks for this control.)
 """
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -16,41 +16,35 @@ from numpy.typing import NDArray
 from ..models.build import Build
 from ..models.effects.effect import SWEEP
 from ..models.sweep import Sweep
-from .answer import least_squares_answer
-from .assembly import PIEZO_CONSTANTS, nominal_parameters, priors_of, recordings_of
+from .byhand_choices import Bands, Choices, Posed, Subject, began_with, check_bands, within
+from .byhand_disk import disk_in_hand, radial_in_hand
+from .byhand_stack import StackInHand
 from .coordinates import Coordinates
 from .covariance import estimate
 from .descent import chi2_per_point, settle
-from .diagnosis.candidates import candidates
-from .diagnosis.conditions import as_devices
-from .diagnosis.problem import Candidate, Problem
+from .diagnosis.problem import Candidate
 from .handles import Handle, handles_of, with_value
 from .interface import Constant, Curve, FitError, FitResult, FitTask
-from .joint import Solution, check_task
-from .noise import noise_of
 from .objective import LOADS, Objective
 
-NAME = "by-hand"
+__all__ = ["ByHand", "Choices", "Look", "models_for"]
+
+_EVERYWHERE: Bands = ((0.0, np.inf),)
+_USUAL = Choices()
 _FEWEST = 20
 """Points of a sweep that a band must hold to say anything."""
+_SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
+    StackInHand.fitter: StackInHand,
+    "radial": radial_in_hand,
+    "disk": disk_in_hand,
+}
 
 
-Bands = tuple[tuple[float, float], ...]
-"""From, to, in Hz."""
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What a person chose; the default is what the fitter `mason` does, from the values it is given."""
-
-    free: tuple[str, ...] | None = None
-    """Names of the handles that move, exactly; None: all that carry an uncertainty, and all of the effects'."""
-    values: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Where handles begin, SI; those that are not named are where they were."""
-    bands: Mapping[str, Bands] = field(default_factory=dict[str, Bands])
-    """By step, Hz: what takes part. A step that is not named does with all it has, one without bands not at all."""
-    effects: tuple[tuple[str, str], ...] = ()
-    """Name and place, as in `lead-inductance`, `terminals`."""
+def models_for(build: Build, step: str) -> tuple[str, ...]:
+    """Return the fitters whose model a step can be taken in hand with. Raises KeyError for a step it does not have."""
+    kinds = [build.layer(name).kind for name in build.step(step).layers]
+    bare_and_round = kinds == ["piezo"] and build.diameter is not None
+    return tuple(_SUBJECTS) if bare_and_round else (StackInHand.fitter,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,129 +59,146 @@ class Look:
 
 
 class ByHand:
-    """The recordings of a build, taken in hand. `begin`: model parameters to begin with, over the nominal ones."""
+    """The recordings of a build, taken in hand with the model of one fitter."""
 
-    def __init__(self, task: FitTask, begin: Mapping[str, float] | None = None) -> None:
-        """Take the recordings in hand. Raises FitError where task, build and sweeps do not fit."""
-        self._build, self._sweeps = check_task(task)
-        self._begin = nominal_parameters(self._build) | dict(begin or {})
-        self._noises = {step: noise_of(sweeps) for step, sweeps in self._sweeps.items()}
+    def __init__(self, task: FitTask, fitter: str = StackInHand.fitter) -> None:
+        """Take the recordings in hand, at nominal values or where their peaks are.
+
+        Raises FitError where there is no such model, or task, build and sweeps do not fit.
+        """
+        if fitter not in _SUBJECTS:
+            raise FitError(f"nothing can be taken in hand with {fitter!r}: there are {', '.join(_SUBJECTS)}")
+        self._subject = _SUBJECTS[fitter](task)
 
     @classmethod
     def after(cls, task: FitTask, result: FitResult) -> Self:
-        """Return the recordings of `task` in hand, beginning where a fit ended.
+        """Return the recordings of `task` in hand with the model of the fitter of `result`, beginning where it ended.
 
-        A result does not tell area and loads; they are fitted here, everything else being where the result has it.
+        Where a result does not tell area and loads, they are fitted here, everything else being where the result has
+        it. Raises FitError.
         """
-        there = cls(task, parameters_of(result.constants))
-        free = tuple(one.name for one in there.look().handles if one.free and one.name in ("area", *LOADS))
+        there = cls(task, result.fitter)
+        subject = there._subject
+        subject.values = began_with(subject.values, result.constants)
+        untold = {"area", *LOADS} - set(result.constants)
+        free = tuple(one.name for one in there.look().handles if one.free and one.name in untold)
         if free:
             _, choices = there.fit(Choices(free=free))
-            there._begin |= {name: choices.values[name] for name in free}
+            subject.values |= {name: choices.values[name] for name in free}
         return there
 
     @property
     def build(self) -> Build:
         """The build."""
-        return self._build
+        return self._subject.build
+
+    @property
+    def fitter(self) -> str:
+        """The fitter whose model this is."""
+        return self._subject.fitter
+
+    @property
+    def sweeps(self) -> Mapping[str, tuple[Sweep, ...]]:
+        """The recordings, by step in gluing order."""
+        return self._subject.sweeps
 
     @property
     def steps(self) -> tuple[str, ...]:
         """The steps that were recorded, in gluing order."""
-        return tuple(self._sweeps)
+        return tuple(self.sweeps)
 
     def places(self) -> dict[str, tuple[str, ...]]:
         """Return every effect that can be chosen, and where it can sit."""
         found: dict[str, list[str]] = {}
-        for one in candidates(self._problem(Choices(), whole=True)):
+        for one in self._posed(Choices(), whole=True).places():
             if one.where not in found.setdefault(one.effect.name, []):
                 found[one.effect.name].append(one.where)
         return {name: tuple(where) for name, where in found.items()}
 
-    def look(self, choices: Choices = Choices()) -> Look:
+    def look(self, choices: Choices = _USUAL) -> Look:
         """Return the model at the chosen values. Raises FitError where a choice cannot be."""
-        _, effects, coordinates = self._chosen(choices)
+        posed, effects, coordinates = self._chosen(choices)
         curves, chi2 = self._curves(choices, effects, coordinates, coordinates.x)
-        return Look(self._handles(choices, effects, coordinates, coordinates.x), curves, chi2)
+        return Look(_handles(posed, effects, coordinates, coordinates.x), curves, chi2)
 
-    def fit(self, choices: Choices = Choices()) -> tuple[FitResult, Choices]:
+    def fit(self, choices: Choices = _USUAL) -> tuple[FitResult, Choices]:
         """Fit with exactly these choices; return the result, and the choices with every handle where it has come to.
 
         Raises FitError where a choice cannot be, or nothing is free.
         """
         began = time.perf_counter()
-        problem, effects, coordinates = self._chosen(choices)
+        posed, effects, coordinates = self._chosen(choices)
         if not coordinates.free:
             raise FitError("nothing is free: free at least one constant")
-        descent = settle(problem.with_effects(effects), coordinates, problem.priors, coordinates.x)
-        begun, _ = coordinates.forward(coordinates.x)
-        noises = {step: self._noises[step][0] for step in problem.steps}
-        seconds = time.perf_counter() - began
-        solution = Solution(self._build, noises, descent, begun, descent.evaluations, seconds)
-        answer = least_squares_answer(NAME, "1", solution)
+        descent = settle(posed.with_effects(effects), coordinates, posed.priors, coordinates.x)
+        steps = tuple(dict.fromkeys(recording.step for recording in posed.recordings))
+        answer = self._subject.answer(steps, descent, time.perf_counter() - began)
         after, _ = self._curves(choices, effects, coordinates, descent.x)
         before, _ = self._curves(choices, effects, coordinates, coordinates.x)
         curves = tuple(replace(new, start=old.fitted) for new, old in zip(after, before, strict=True))
         sizes = _sizes(effects, coordinates, estimate(descent).covariance, descent.x)
-        handles = self._handles(choices, effects, coordinates, descent.x)
+        handles = _handles(posed, effects, coordinates, descent.x)
         there = replace(choices, values={handle.name: handle.value for handle in handles})
         return replace(answer, constants={**answer.constants, **sizes}, curves=curves), there
 
-    def _chosen(self, choices: Choices) -> tuple[Problem, tuple[Candidate, ...], Coordinates]:
-        problem = self._problem(choices)
-        effects = _effects(problem, choices)
+    def _chosen(self, choices: Choices) -> tuple[Posed, tuple[Candidate, ...], Coordinates]:
+        posed = self._posed(choices)
+        effects = _effects(posed, choices)
         if any(one.where == SWEEP for one in effects) and any(choices.bands.values()):
             raise FitError("an effect of the sweep acts while the whole sweep runs: take it or the bands away")
-        values = dict(problem.values)
+        values = dict(self._subject.values)
         for one in effects:
             for k, (name, knob) in enumerate(zip(one.parameters, one.knobs, strict=True)):
                 values[name] = knob.null if k else knob.typical  # so that one sees what it does
+        known = self._posed(Choices(), whole=True).coordinates(effects, values, None).names
         for name, value in choices.values.items():
+            if name not in known:
+                raise FitError(f"{name!r} cannot be moved: there are {', '.join(known)}")
             values = with_value(name, float(value), values)
-        whole = problem.coordinates(effects, values)
-        free = whole.free if choices.free is None else choices.free
-        strange = [name for name in free if name not in whole.names]
+        coordinates = posed.coordinates(effects, values, choices.free)
+        strange = [name for name in choices.free or () if name not in coordinates.names]
         if strange:
-            raise FitError(f"cannot free {strange[0]!r}: there are {', '.join(whole.names)}")
-        return problem, effects, Coordinates(whole.blocks, values, tuple(free))
+            raise FitError(f"cannot free {strange[0]!r}: there are {', '.join(coordinates.names)}")
+        return posed, effects, coordinates
 
-    def _problem(self, choices: Choices, *, whole: bool = False) -> Problem:
+    def _posed(self, choices: Choices, *, whole: bool = False) -> Posed:
         """Return the recordings of the chosen bands; `whole`: of all frequencies of the chosen steps."""
-        _check_bands(choices, self.steps)
-        recordings = [
-            recording
-            for step, sweeps in self._sweeps.items()
-            if choices.bands.get(step, True)
-            for recording in recordings_of(self._build, step, *self._cut(choices, step, sweeps, whole))
-        ]
-        if not recordings:
-            raise FitError(f"no band holds {_FEWEST} points of any sweep; wider bands are needed")
-        steps = tuple(dict.fromkeys(recording.step for recording in recordings))
-        return Problem(self._build, as_devices(recordings), priors_of(self._build, steps), self._begin, None)
+        check_bands(choices, self.steps)
+        bands = {step: found for step in self.steps if (found := self._bands(choices, step))}
+        parts = _EVERYWHERE if whole else self._subject.parts
+        kept = {step: self._cut(step, _EVERYWHERE if whole else found, parts) for step, found in bands.items()}
+        kept = {step: pairs for step, pairs in kept.items() if pairs}
+        if not kept:
+            wanted = ", ".join(
+                f"{low / 1e6:.3g} to {high / 1e6:.3g} MHz" for one in bands.values() for low, high in one
+            )
+            raise FitError(f"no band holds {_FEWEST} points of any sweep: {wanted or 'none'}; wider bands are needed")
+        return self._subject.pose(kept)
 
-    def _cut(
-        self, choices: Choices, step: str, sweeps: Sequence[Sweep], whole: bool
-    ) -> tuple[list[Sweep], list[NDArray[np.float64]]]:
-        """Return the sweeps of a step and their noise within its bands; what is too short is left out."""
-        kept: list[Sweep] = []
-        noise: list[NDArray[np.float64]] = []
-        for sweep, sigma in zip(sweeps, self._noises[step][1], strict=True):
-            mask = np.ones(sweep.frequency.size, bool) if whole else _within(sweep, choices.bands.get(step))
-            if mask.sum() >= min(_FEWEST, mask.size):
-                kept.append(replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask]))
-                noise.append(sigma[mask])
-        return kept, noise
+    def _bands(self, choices: Choices, step: str) -> Bands:
+        return choices.bands.get(step, self._subject.usual)
+
+    def _cut(self, step: str, bands: Bands, parts: Bands) -> list[tuple[Sweep, NDArray[np.float64]]]:
+        """Return the sweeps of a step and their noise within its bands, part by part; what is too short is left out."""
+        kept: list[tuple[Sweep, NDArray[np.float64]]] = []
+        for part in parts:
+            for sweep, sigma in zip(self.sweeps[step], self._subject.noises[step], strict=True):
+                mask = within(sweep, bands) & within(sweep, (part,))
+                if mask.sum() >= min(_FEWEST, mask.size):
+                    cut = replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask])
+                    kept.append((cut, sigma[mask]))
+        return kept
 
     def _curves(
         self, choices: Choices, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
     ) -> tuple[tuple[Curve, ...], float]:
         """Return the model over whole sweeps, and its misfit within the bands."""
-        recordings = self._problem(choices, whole=True).with_effects(effects)
+        recordings = self._posed(choices, whole=True).with_effects(effects)
         objective = Objective(recordings, coordinates, ())
         curves: list[Curve] = []
         total = points = 0.0
         for recording, model, ratio in zip(recordings, objective.models(x), objective.log_ratios(x), strict=True):
-            sweep, mask = recording.sweep, _within(recording.sweep, choices.bands.get(recording.step))
+            sweep, mask = recording.sweep, within(recording.sweep, self._bands(choices, recording.step))
             Z = model.impedance(sweep.frequency)
             curves.append(Curve(recording.step, sweep.frequency, sweep.impedance, Z, Z))
             if mask.any():
@@ -196,44 +207,17 @@ class ByHand:
                 points += float(mask.sum())
         return tuple(curves), total / max(points, 1.0)
 
-    def _handles(
-        self, choices: Choices, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
-    ) -> tuple[Handle, ...]:
-        values, _ = coordinates.forward(x)
-        priors = self._problem(choices).priors
-        return handles_of(coordinates.names, values, priors, effects, coordinates.free)
+
+def _handles(
+    posed: Posed, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
+) -> tuple[Handle, ...]:
+    values, _ = coordinates.forward(x)
+    return handles_of(coordinates.names, values, posed.priors, effects, coordinates.free)
 
 
-def parameters_of(constants: Mapping[str, Constant]) -> dict[str, float]:
-    """Return the model parameters of fitted constants."""
-    values: dict[str, float] = {}
-    for name, constant in constants.items():
-        if name.rpartition(".")[2] in PIEZO_CONSTANTS:
-            values |= {f"{name}.re": constant.re, f"{name}.im": constant.im}
-        else:
-            values[name] = constant.re
-    return values
-
-
-def _check_bands(choices: Choices, steps: Sequence[str]) -> None:
-    for step, bands in choices.bands.items():
-        if step not in steps:
-            raise FitError(f"bands of step {step!r}: it was not recorded; {', '.join(steps)} was")
-        for low, high in bands:
-            if not 0 <= low < high:
-                raise FitError(f"band {low / 1e6:g} to {high / 1e6:g} MHz of step {step!r}: the lower end comes first")
-
-
-def _within(sweep: Sweep, bands: Bands | None) -> NDArray[np.bool_]:
-    if bands is None:
-        return np.ones(sweep.frequency.size, bool)
-    inside = [(sweep.frequency >= low) & (sweep.frequency <= high) for low, high in bands]
-    return np.any(inside, axis=0) if inside else np.zeros(sweep.frequency.size, bool)
-
-
-def _effects(problem: Problem, choices: Choices) -> tuple[Candidate, ...]:
+def _effects(posed: Posed, choices: Choices) -> tuple[Candidate, ...]:
     """Return the chosen effects, each in all the steps that can have it."""
-    there = candidates(problem, {name for name, _ in choices.effects})
+    there = posed.places({name for name, _ in choices.effects})
     found: list[Candidate] = []
     for name, where in choices.effects:
         one = next((c for c in there if (c.effect.name, c.where) == (name, where)), None)

@@ -7,13 +7,18 @@ from typing import Literal
 import numpy as np
 
 from ..models.effects import Knob
-from .assembly import PIEZO_CONSTANTS, UNITS
 from .diagnosis.problem import Candidate
 from .interface import FitError
 from .objective import LOADS
+from .planar_answer import PLANAR_UNITS
 from .recording import Prior
 
 _LOSS = ".loss"
+_TURNED = {"eps33S", "eps33T", "s11E", "s12E", "d31"}
+"""What is lossy as `x (1 - j loss)`; a stiffness, and h33, as `x (1 + j loss)`."""
+_EITHER = {"h33", "s12E", "d31"}
+"""Constants whose loss may have either sign: the losses of others bound it."""
+_ANY_SIGN = {*_EITHER, "alpha", "d33f"}
 _LEAST, _MOST = 1.3, 10.0
 """Ranges as factors up and down: thirty per cent of what is well known, a decade of what is not."""
 _SURE = 4.0
@@ -64,52 +69,53 @@ def value_of(name: str, values: Mapping[str, float]) -> float:
     if name in values:
         return values[name]
     re, im = values[f"{bare}.re"], values[f"{bare}.im"]
-    return (-im if bare.endswith("eps33S") else im) / re if bare != name else re
+    return _sign(bare) * im / re if bare != name else re
 
 
 def with_value(name: str, value: float, values: Mapping[str, float]) -> dict[str, float]:
     """Return the model parameters with one handle moved; the real part of a constant takes its loss along.
 
-    Raises FitError for a handle that is not there, or a value that is no number or has a sign that cannot be.
+    Raises FitError for a value that is no number or has a sign that cannot be, KeyError for a handle that is not there.
     """
     bare = name.removesuffix(_LOSS)
-    if name not in values and f"{bare}.re" not in values:
-        raise FitError(f"{name!r} cannot be moved: there are {', '.join(sorted(_names(values)))}")
     lowest = 0.0 if name in LOADS or not _positive(name) else np.nextafter(0.0, 1.0)
     if not np.isfinite(value) or (value < lowest and _positive(name)):
         needed = "a positive number" if _positive(name) else "a number"
         raise FitError(f"{name!r} cannot be {value:g}: {needed} is needed")
     if name in values:
         return {**values, name: value}
-    sign = -1 if bare.endswith("eps33S") else 1
     re = values[f"{bare}.re"] if bare != name else value
-    loss = sign * value if bare != name else values[f"{bare}.im"] / values[f"{bare}.re"]
+    loss = _sign(bare) * value if bare != name else values[f"{bare}.im"] / values[f"{bare}.re"]
     return {**values, f"{bare}.re": re, f"{bare}.im": re * loss}
 
 
-def _names(values: Mapping[str, float]) -> set[str]:
-    bare = {name.removesuffix(".re") for name in values if not name.endswith(".im")}
-    return bare | {f"{name}{_LOSS}" for name in bare if f"{name}.im" in values}
+def _sign(bare: str) -> int:
+    return -1 if _kind(bare) in _TURNED else 1
+
+
+def _kind(name: str) -> str:
+    """Return `h33` of `disk.h33.loss`, `thickness` of `ml1.thickness@ground`."""
+    return name.removesuffix(_LOSS).rpartition(".")[2].partition("@")[0]
 
 
 def _positive(name: str) -> bool:
-    return "@" not in name.partition(".")[0] and ".h33" not in name
+    return "@" not in name.partition(".")[0] and _kind(name) not in _ANY_SIGN
 
 
 def _of_constant(name: str, value: float, u: float | None, free: bool) -> Handle:
-    kind = name.rpartition(".")[2].partition("@")[0]
+    kind = _kind(name)
     if name.endswith(_LOSS):
         return _loss(name, value, free)
     if name in LOADS:
         return Handle(name, "Rayl", value, max(min(value, _AIR), 1.0) / _MOST, max(value, _AIR) * _MOST, "log", free)
     wide = _MOST if kind == "q" else float(np.clip(1 + _SURE * (u or 0.0) / abs(value), _LEAST, _MOST))
     low, high = sorted((value / wide, value * wide))
-    return Handle(name, UNITS.get(kind, "1"), value, low, high, "log" if low > 0 else "linear", free)
+    return Handle(name, PLANAR_UNITS.get(kind, "1"), value, low, high, "log" if low > 0 else "linear", free)
 
 
 def _loss(name: str, value: float, free: bool) -> Handle:
-    """Return the handle of a loss; that of h33 may have either sign, and is bounded by the other two."""
-    if name.removesuffix(_LOSS).rpartition(".")[2] == PIEZO_CONSTANTS[1]:
+    """Return the handle of a loss."""
+    if _kind(name) in _EITHER:
         reach = max(0.05, 2 * abs(value))
         return Handle(name, "1", value, -reach, reach, "linear", free)
     middle = max(value, 1e-4)

@@ -27,7 +27,7 @@ _TENSOR_UNITS = {
     **dict.fromkeys(("e31", "e33", "e15"), "C/m2"),
     "eps11S": "F/m",
 }
-_ALL_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
+PLANAR_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
 _DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
 _ALPHA, _U_ALPHA = 0.75, 0.09
 _D33F, _U_D33F = 1.3e-10, 0.2e-10
@@ -169,11 +169,11 @@ def planar_answer(
     u = propagated(make, values, names, result.covariance)
     made: dict[str, Constant] = {}
     for name, x in make(values).items():
-        made[name] = Constant(x.real, x.imag, *u[name], _ALL_UNITS[name.split(".")[1]], free=u[name][0] > 0)
+        made[name] = Constant(x.real, x.imag, *u[name], PLANAR_UNITS[name.split(".")[1]], free=u[name][0] > 0)
     for k, name in enumerate(names):
-        if not name.endswith((".re", ".im")):
+        if name.split(".")[-1] in PLANAR_UNITS:
             spread = math.sqrt(max(0.0, float(result.covariance[k, k])))
-            made[name] = Constant(values[name], 0.0, spread, 0.0, _ALL_UNITS[name.split(".")[-1]], free=spread > 0)
+            made[name] = Constant(values[name], 0.0, spread, 0.0, PLANAR_UNITS[name.split(".")[-1]], free=spread > 0)
     derived = {name for name in made if name.split(".")[-1] in _DERIVED}
     return FitResult(
         build=disk.build.name,

@@ -35,6 +35,8 @@ from .radial_modes import Peaks, radial_peaks, second_missing
 from .recognise import few_points
 from .recording import Recording
 
+RADIAL_TOGETHER = ("s12E", "d31")
+"""Constants in whose place Poisson's ratio and the coupling move."""
 _BELOW_THICKNESS_MODE = 0.4
 _OVERTONES = 4.6
 # Highest frequency over fs1: the third resonance is at 4.2 fs1. Above, wavelengths are no longer long against the
@@ -59,25 +61,35 @@ class RadialLeastSquares:
         peaks = radial_peaks(whole)
         disk, start = radial_band(whole, peaks), radial_start(whole, peaks)
         descent = _descend(disk, start, peaks.frequencies[0], task.free)
-        layer = disk.layer.name
+        seconds = time.perf_counter() - began
+        return radial_answer(Named(self.name, self.version), disk, descent, peaks.frequencies[0], seconds)
 
-        def make(values: Mapping[str, float]) -> dict[str, complex]:
-            return radial_named(layer, radial_of(values, layer))
 
-        found = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer)
-        says = (
-            f"Constants at {peaks.frequencies[0] / 1e3:.5g} kHz, with causal losses. Planar coupling kp "
-            f"{found.kp.real:.4f} (data sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
-            passivity_says(found),
-            *few_points(disk.sweeps, peaks.frequencies[0], 1 / found.Qm),
-        )
-        return planar_answer(Named(self.name, self.version), disk, descent, make, says, time.perf_counter() - began)
+def radial_answer(fitter: Named, disk: BareDisk, descent: Descent, reference: float, seconds: float) -> FitResult:
+    """Return the answer of a descent of `radial_model`; `reference` in Hz."""
+    layer = disk.layer.name
+
+    def make(values: Mapping[str, float]) -> dict[str, complex]:
+        return radial_named(layer, radial_of(values, layer))
+
+    found = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+    says = (
+        f"Constants at {reference / 1e3:.5g} kHz, with causal losses. Planar coupling kp "
+        f"{found.kp.real:.4f} (data sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
+        passivity_says(found),
+        *few_points(disk.sweeps, reference, 1 / found.Qm),
+    )
+    return planar_answer(fitter, disk, descent, make, says, seconds)
+
+
+def radial_top(disk: BareDisk, first: float) -> float:
+    """Return up to which frequency the model holds, Hz; `first`: the first resonance, Hz."""
+    return min(_BELOW_THICKNESS_MODE * disk.expected_thickness_mode, _OVERTONES * first)
 
 
 def radial_band(disk: BareDisk, peaks: Peaks) -> BareDisk:
     """Return what the recordings hold of the radial modes, far below the thickness mode."""
-    high = min(_BELOW_THICKNESS_MODE * disk.expected_thickness_mode, _OVERTONES * peaks.frequencies[0])
-    return disk.between(0.0, high)
+    return disk.between(0.0, radial_top(disk, peaks.frequencies[0]))
 
 
 def radial_start(disk: BareDisk, peaks: Peaks) -> Radial:
@@ -97,7 +109,7 @@ def radial_start(disk: BareDisk, peaks: Peaks) -> Radial:
         fs1 * turn, ratio * fs1 * turn, fp1 * turn, 1e-8 / loss, disk.radius, disk.sizes["density"].re
     )
     try:
-        shape = _model(disk, made, fs1)
+        shape = radial_model(disk, made, fs1)
     except RadialError as error:
         raise FitError(f"the radial resonances found are those of no material: {error}") from None
     level = abs(shape.impedance(f[away : away + 1])[0] / Z[away])
@@ -121,8 +133,11 @@ def _ratio_beforehand(disk: BareDisk, fs1: float) -> float:
     return float(np.interp(v["s12E"].re / v["s11E"].re, -np.array(sigmas), ratios))
 
 
-def _model(disk: BareDisk, constants: Radial, reference: float) -> RadialDisk:
-    """Return the causal disk of finite thickness; `reference`: Hz, where the constants are what they say."""
+def radial_model(disk: BareDisk, constants: Radial, reference: float) -> RadialDisk:
+    """Return the causal disk of finite thickness; `reference`: Hz, where the constants are what they say.
+
+    Raises RadialError for constants of no material.
+    """
     sizes, causal = disk.sizes, CausalConstantQ(reference)
     thin = RadialDisk.of(disk.layer.name, constants, sizes["area"].re, sizes["thickness"].re, sizes["density"].re)
     arm = replace(thin.arm, laws=dict.fromkeys(("s11E", "s12E", "d31"), causal))
@@ -130,10 +145,10 @@ def _model(disk: BareDisk, constants: Radial, reference: float) -> RadialDisk:
 
 
 def _descend(disk: BareDisk, start: Radial, reference: float, free: tuple[str, ...] | None) -> Descent:
-    at, model = disk.layer.name, _model(disk, start, reference)
+    at, model = disk.layer.name, radial_model(disk, start, reference)
     plate = [f"{at}.alpha", f"{at}.d33f"]
     blocks = (radial_constants_block(at), *plate_blocks(at))
-    coordinates = planar_coordinates(disk, "radial", blocks, model, RADIAL_CONSTANTS, ("s12E", "d31"), free)
+    coordinates = planar_coordinates(disk, "radial", blocks, model, RADIAL_CONSTANTS, RADIAL_TOGETHER, free)
     recordings = [
         Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
     ]

@@ -10,8 +10,9 @@ from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from ...fitters.byhand import ByHand, Choices
+from ...fitters.byhand import ByHand, Choices, models_for
 from ...fitters.interface import Curve
+from ...fitters.plugins import DEFAULT
 from ...models.errors import PzctlError
 from ..byhand import InHand, of_measurement
 from ..samples import open_journal
@@ -32,6 +33,8 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the page sends: a measurement, and the choices made on it."""
 
     measurement: str
+    fitter: str = DEFAULT
+    """Whose model."""
     free: tuple[str, ...] | None = None
     values: dict[str, float] = {}
     bands: dict[str, tuple[tuple[float, float], ...]] = {}
@@ -110,10 +113,10 @@ def _answer(wish: Wish, work: Work) -> dict[str, Any]:
     """Do the work, within the process."""
     journal = open_journal()
     try:
-        version = (*journal.sweep_ids(wish.measurement), journal.answers(wish.measurement, "mason"))
+        version = (*journal.sweep_ids(wish.measurement), journal.answers(wish.measurement, wish.fitter))
     finally:
         journal.close()
-    hand = _in_hand(wish.measurement, version)
+    hand = _in_hand(wish.measurement, wish.fitter, version)
     if work == "look":
         return _looked(hand, wish.choices)
     result, there = hand.keep(wish.choices, wish.by) if work == "keep" else hand.fit(wish.choices)
@@ -122,13 +125,15 @@ def _answer(wish: Wish, work: Work) -> dict[str, Any]:
 
 
 @lru_cache(4)
-def _in_hand(measurement: str, version: tuple[Any, ...]) -> InHand:
-    return of_measurement(measurement)
+def _in_hand(measurement: str, fitter: str, version: tuple[Any, ...]) -> InHand:
+    return of_measurement(measurement, fitter)
 
 
 def _looked(hand: ByHand, choices: Choices) -> dict[str, Any]:
     look = hand.look(choices)
     return {
+        "fitter": hand.fitter,
+        "models": models_for(hand.build, hand.steps[-1]),
         "steps": list(hand.steps),
         "places": hand.places(),
         "handles": [msgspec.to_builtins(one) for one in look.handles],

@@ -12,14 +12,24 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.buildfile import read_build
-from pzctl.daemon.client import connect
+from pzctl.daemon.client import Client, connect
+from pzctl.models.plan import Segment, SweepPlan
 
 from .chromium import Browser, live_page, needs_chromium
+
+BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with live_page(tmp_path_factory.mktemp("page")) as address:
+        yield address
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> Iterator[str]:
+    """A page beside a daemon that has measured nothing yet."""
+    with live_page(tmp_path) as address:
         yield address
 
 
@@ -38,9 +48,24 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
     one.close()
 
 
+@pytest.fixture
+def lab(page: str) -> Iterator[Client]:
+    """The daemon behind the page, with a transducer that nothing is glued on: no test needs what another left."""
+    with connect() as made:
+        made.bench({"command": "new-sample", "seed": 3})
+        yield made
+
+
+def press(browser: Browser, which: str, begins: str) -> None:
+    """Press the button whose text begins so, as soon as it can be pressed."""
+    found = f"[...document.querySelectorAll('{which} button')].find((b) => b.textContent.startsWith('{begins}'))"
+    browser.wait(f"{found} !== undefined && !{found}.disabled")
+    browser.run(f"{found}.click()")
+
+
 @needs_chromium
-def test_from_the_button_to_the_constants(page: str, browser: Browser, pictures: Path) -> None:
-    browser.open(page)
+def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures: Path) -> None:
+    browser.open(fresh)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     assert "4294A" in browser.run("document.getElementById('device').textContent")
 
@@ -73,8 +98,9 @@ def test_from_the_button_to_the_constants(page: str, browser: Browser, pictures:
 
 @needs_chromium
 def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
-    page: str, browser: Browser, pictures: Path
+    page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
+    lab.wait_fit("mason", lab.measure(read_build(BUILD), "disk").id)
     browser.open(page)
     browser.wait("document.getElementById('constants').tBodies[0].rows.length >= 5")
     browser.run("document.getElementById('hand-open').click()")
@@ -111,16 +137,12 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
 
 
 @needs_chromium
-def test_what_was_left_out_is_found_named_and_marked(page: str, browser: Browser, pictures: Path) -> None:
-    with connect() as lab:
-        lab.bench({"command": "hidden", "lead-inductance": 1e-8})
-        browser.open(page)
-        browser.wait(
-            "[...document.querySelectorAll('#steps button')].some((b) => b.textContent === 'disk' && !b.disabled)"
-        )
-        browser.run("[...document.querySelectorAll('#steps button')].find((b) => b.textContent === 'disk').click()")
-        browser.wait("document.getElementById('chi2').classList.contains('bad')")
-        lab.bench({"command": "hidden", "lead-inductance": 0.0})
+def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, browser: Browser, pictures: Path) -> None:
+    lab.bench({"command": "hidden", "lead-inductance": 1e-8})
+    browser.open(page)
+    press(browser, "#steps", "disk")
+    browser.wait("document.getElementById('chi2').classList.contains('bad')")
+    lab.bench({"command": "hidden", "lead-inductance": 0.0})
 
     # By hand: the effect that one suspects is added, and its slider shows what it does.
     browser.run("document.getElementById('hand-open').click()")
@@ -145,29 +167,68 @@ def test_what_was_left_out_is_found_named_and_marked(page: str, browser: Browser
 
 
 @needs_chromium
-def test_stop_and_what_the_daemon_refuses(page: str, browser: Browser) -> None:
+def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
+    page: str, lab: Client, browser: Browser, pictures: Path
+) -> None:
+    lab.bench({"command": "effects", "radial": True})
+    plan = SweepPlan((Segment(80e3, 600e3, 401), Segment(2e6, 9e6, 401)))
+    lab.wait_fit("mason", lab.measure(replace(read_build(BUILD), name="round", plan=plan), "disk").id)
+    lab.bench({"command": "effects", "radial": False})
+    browser.open(page)
+    press(browser, "#samples", "round · disk")
+    browser.wait("document.getElementById('chi2').classList.contains('bad')")  # mason knows no radial modes
+    browser.run("document.getElementById('hand-open').click()")
+    at_rest = "!document.getElementById('hand').dataset.busy"
+    browser.wait(f"document.querySelectorAll('#hand-handles .handle').length >= 10 && {at_rest}")
+    models = "[...document.getElementById('hand-model').options].map((one) => one.value).join()"
+    assert browser.run(models) == "mason,radial,disk"
+    browser.run(
+        "const one = document.getElementById('hand-model'); one.value = 'disk'; one.dispatchEvent(new Event('change'))"
+    )
+    slider = "document.querySelector('[data-handle=\"disk.s11E\"]')"
+    browser.wait(f"{slider} !== null && {at_rest}")
+    misfit = "Number(document.getElementById('hand-chi2').textContent.split(' ')[1])"
+    browser.run("document.getElementById('hand-fit').click()")
+    browser.wait(f"{at_rest} && {misfit} < 1.5")
+    browser.run(f"{slider}.focus()")
+    for _ in range(30):
+        browser.key("ArrowRight")
+    browser.wait(f"{at_rest} && {misfit} > 100")
+    browser.picture(pictures / "page-by-hand-disk.png")
+    before = browser.run("document.querySelector('[data-handle=\"disk.s12E\"]').value")
+    browser.run("document.getElementById('hand-none').click()")
+    browser.run("document.querySelector('[aria-label=\"free disk.s11E\"]').click()")
+    browser.run("document.getElementById('hand-fit').click()")
+    browser.wait(f"{at_rest} && {misfit} < 1.5")
+    assert browser.run("document.querySelector('[data-handle=\"disk.s12E\"]').value") == before, "it was held"
+    browser.run("document.getElementById('hand-by').focus()")
+    browser.type("Ana")
+    browser.key("Enter")
+    browser.wait("document.getElementById('hand-kept').textContent === 'kept, by Ana'")
+    browser.wait("[...document.querySelectorAll('#fits button')].at(-1)?.textContent === 'by-hand (disk) · Ana'")
+    assert "on the model of disk" in browser.run("document.getElementById('words').textContent")
+    assert browser.problems == []
+
+
+@needs_chromium
+def test_stop_and_what_the_daemon_refuses(page: str, lab: Client, browser: Browser) -> None:
     browser.open(page)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
-    browser.wait("[...document.querySelectorAll('#steps button')].some((b) => b.textContent === 'ml1' && !b.disabled)")
-    browser.run("[...document.querySelectorAll('#steps button')].find((b) => b.textContent === 'ml1').click()")
+    press(browser, "#steps", "ml1")
     browser.wait("!document.getElementById('stop').disabled")
     browser.run("document.getElementById('stop').click()")
     browser.wait("document.getElementById('state').textContent === 'ml1 cancelled'")
-    browser.wait("![...document.querySelectorAll('#steps button')][0].disabled")
-    browser.run("[...document.querySelectorAll('#steps button')].find((b) => b.textContent === 'disk').click()")
+    press(browser, "#steps", "disk")
     browser.wait("document.getElementById('problem').textContent.includes('glue does not come off')")
 
 
 @needs_chromium
 def test_a_past_sample_beside_this_one_its_report_as_pdf_and_everything_by_keyboard(
-    page: str, browser: Browser, pictures: Path
+    page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
-    build = read_build(Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml")
-    with connect() as lab:
-        lab.bench({"command": "new-sample", "seed": 7})
-        lab.wait_fit("mason", lab.measure(replace(build, name="older"), "disk").id)
-        lab.bench({"command": "new-sample", "seed": 8})
-        lab.wait_fit("mason", lab.measure(replace(build, name="newer"), "disk").id)
+    for name, seed in (("older", 7), ("newer", 8)):
+        lab.bench({"command": "new-sample", "seed": seed})
+        lab.wait_fit("mason", lab.measure(replace(read_build(BUILD), name=name), "disk").id)
     browser.open(page)
     choose = "[...document.querySelectorAll('#samples button')].find((b) => b.textContent.startsWith('{} · disk'))"
     browser.wait(f"{choose.format('newer')} !== undefined")

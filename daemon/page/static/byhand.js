@@ -1,11 +1,12 @@
 // A fit by hand: sliders move the model's curve, which the server computes; one request is under way at any time.
 
-import { columns, draw } from "./plots.js";
+import { columns, draw, overlay } from "./plots.js";
 import { withUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
 const STEPS = 1000;
-let state = null; // measurement, step, steps, handles, free, values, effects, model
+let state = null; // measurement, fitter, step, steps, handles, free, values, effects, model
+let subject = null; // the measurement that is in hand, or about to be
 let busy = false, wanted = null;
 
 const toSlider = (h, value) => Math.round(STEPS * (h.scale === "log" ? Math.log(Math.max(value, h.low) / h.low) / Math.log(h.high / h.low) : (value - h.low) / (h.high - h.low)));
@@ -29,7 +30,7 @@ function bands() {
 }
 
 function wish() {
-  return { measurement: state.measurement, free: [...state.free], values: state.values, bands: bands(), effects: state.effects };
+  return { measurement: state.measurement, fitter: state.fitter, free: [...state.free], values: state.values, bands: bands(), effects: state.effects };
 }
 
 // One request is under way; of all that is asked meanwhile, only the newest is sent after it.
@@ -46,8 +47,8 @@ async function ask(path, made, then) {
         const answer = await fetch(where, { method: "POST", body: JSON.stringify(body) });
         const found = await answer.json().catch(() => ({ error: answer.statusText }));
         if (!answer.ok) throw new Error(found.error);
-        if (body.measurement === state?.measurement) { $("hand-problem").textContent = ""; done(found); }
-      } catch (error) { $("hand-problem").textContent = error.message; }
+        if (body.measurement === subject) { $("hand-problem").textContent = ""; done(found); }
+      } catch (error) { $("hand-problem").textContent = error.message; showModels(); }
     }
   } finally { busy = false; delete $("hand").dataset.busy; }
 }
@@ -66,7 +67,7 @@ function take(found) {
     state.values[h.name] = h.value;
     if (!known.has(h.name) && h.free) state.free.add(h.name);
   }
-  Object.assign(state, { steps: found.steps, places: found.places, model: found.curves, chi2: found.chi2_per_dof });
+  Object.assign(state, { fitter: found.fitter, models: found.models, steps: found.steps, places: found.places, model: found.curves, chi2: found.chi2_per_dof });
 }
 
 function showHandles() {
@@ -87,6 +88,14 @@ function showHandles() {
     row.append(tick, element("span", h.name), slider, shown);
     return row;
   }));
+}
+
+// Whose model the curve is: a bare round disk has several.
+function showModels() {
+  const models = state?.models ?? [];
+  $("hand-models").hidden = models.length < 2;
+  $("hand-model").replaceChildren(...models.map((name) => element("option", name, { value: name, selected: name === state.fitter })));
+  $("hand-earlier").parentElement.hidden = (state?.steps.length ?? 0) < 2;
 }
 
 function showEffects() {
@@ -112,7 +121,7 @@ function showCurve() {
   const model = state.model[k]?.fitted;
   if (!sweep || !model || model.re.length !== sweep.f.length) return;
   const x = sweep.f.map((f) => f / 1e6), measured = columns(sweep.z), hand = columns(model);
-  const curve = state.view().fit?.curves[k], fitted = curve && columns(curve.fitted);
+  const fitted = overlay(sweep.f, state.view().fit?.curves ?? []);
   for (const [id, part, log] of [["hand-z", "size", true], ["hand-phase", "phase", false]]) {
     const lines = [["measured", "--measured", 4, measured[part]]];
     if (fitted) lines.push(["fitted", "--fitted", 1.5, fitted[part]]);
@@ -121,7 +130,7 @@ function showCurve() {
 }
 
 const moved = (found) => { state.model = found.curves; state.chi2 = found.chi2_per_dof; showCurve(); };
-const whole = (found) => { take(found); showEffects(); showHandles(); showCurve(); };
+const whole = (found) => { take(found); showModels(); showEffects(); showHandles(); showCurve(); };
 
 // What was fitted can be kept once, by somebody who says who it is.
 function offer() {
@@ -129,21 +138,30 @@ function offer() {
   $("hand-kept").textContent = state?.fitted ? "not kept yet" : "";
 }
 
-function begin(measurement, view) {
-  Object.assign(view, { segment: view.segment });
-  state = { measurement, step: view.step, steps: [], handles: [], free: new Set(), values: {}, effects: [], places: {}, model: [], chi2: 0, view: () => view };
-  ask("/api/look", { measurement }, (found) => {
+function begin(view, fitter) {
+  const measurement = view.measurement;
+  subject = measurement;
+  const fresh = { measurement, fitter, models: [], step: view.step, steps: [], handles: [], free: new Set(), values: {}, effects: [], places: {}, model: [], chi2: 0, view: () => view };
+  ask("/api/look", { measurement, fitter }, (found) => {
+    state = fresh;
     for (const h of found.handles) if (h.free) state.free.add(h.name);
+    $("hand-bands").value = "";
     offer();
     $("hand-board").hidden = false;
     whole(found);
   });
 }
 
+// The model of the fit that is shown, where it is one that can be taken in hand.
+function shown(view) {
+  const name = view.fit?.chosen?.model ?? view.fit?.fitter;
+  return ["radial", "disk"].includes(name) ? name : "mason";
+}
+
 export function wire(view) {
-  const restart = () => { $("hand-bands").value = ""; begin(view.measurement, view); };
-  $("hand-open").onclick = restart;
-  $("hand-reset").onclick = restart;
+  $("hand-open").onclick = () => begin(view, shown(view));
+  $("hand-reset").onclick = () => begin(view, state.fitter);
+  $("hand-model").onchange = () => begin(view, $("hand-model").value);
   $("hand-fit").onclick = () => {
     let made;
     try { made = wish(); } catch (error) { $("hand-problem").textContent = error.message; return; }
@@ -178,6 +196,7 @@ export function wire(view) {
 // The page shows another measurement, or this one anew.
 export function follow(view) {
   $("hand-open").disabled = !view.measurement;
+  if (subject !== view.measurement) subject = null;
   if (!state) return;
   if (state.measurement !== view.measurement) { state = null; $("hand-board").hidden = true; $("hand-problem").textContent = ""; } else if (state.model.length) showCurve();
 }

@@ -1,7 +1,7 @@
 // What the page shows, and what its buttons do. Everything from outside is set as text, never as markup.
 
 import { follow, wire } from "./byhand.js";
-import { circle, clear, columns, draw, resampled, smith } from "./plots.js";
+import { circle, clear, columns, draw, overlay, resampled, smith } from "./plots.js";
 import { history, stack } from "./sketch.js";
 import { complexWithUncertainty } from "./numbers.js";
 
@@ -39,8 +39,7 @@ function showCurves() {
   showSegments();
   const sweep = view.sweeps[view.segment];
   if (!sweep) return;
-  const curve = view.fit?.curves[view.segment];
-  const x = sweep.f.map((f) => f / 1e6), measured = columns(sweep.z), fitted = curve && columns(curve.fitted);
+  const x = sweep.f.map((f) => f / 1e6), measured = columns(sweep.z), fitted = overlay(sweep.f, view.fit?.curves ?? []);
   const other = keptAt(sweep.f);
   for (const [id, part, log] of [["plot-z", "size", true], ["plot-phase", "phase"], ["plot-g", "g", true], ["plot-b", "b"]]) {
     const lines = [["measured", "--measured", 4, measured[part]]];
@@ -52,9 +51,9 @@ function showCurves() {
     show(id, [["--measured", 4, measured[part]], ...(other ? [["--good", 2, other[part]]] : []), ...(fitted ? [["--fitted", 1.5, fitted[part]]] : [])]);
   }
   if (!fitted) { clear("plot-residual"); return; }
-  const turn = fitted.phase.map((p, k) => { const d = p - measured.phase[k]; return ((d - 360 * Math.round(d / 360)) * Math.PI) / 180; });
-  draw("plot-residual", x, [
-    ["magnitude", "--fitted", 1, fitted.size.map((m, k) => Math.log(m / measured.size[k]))], ["phase", "--phase", 1, turn]]);
+  const turn = fitted.phase.map((p, k) => { const d = p - measured.phase[k]; return p === null ? null : ((d - 360 * Math.round(d / 360)) * Math.PI) / 180; });
+  const size = fitted.size.map((m, k) => (m === null ? null : Math.log(m / measured.size[k])));
+  draw("plot-residual", x, [["magnitude", "--fitted", 1, size], ["phase", "--phase", 1, turn]]);
 }
 
 // Of the kept measurement, the sweep that has most of this band.
@@ -98,11 +97,13 @@ function showFit() {
 function showFits() {
   const whose = view.fits.length > 1 ? view.fits : [];
   $("fits").replaceChildren(...whose.map((fit) => {
-    const one = element("button", fit.chosen ? `${fit.fitter} · ${fit.chosen.by}` : fit.fitter, { type: "button", onclick: () => { view.fit = fit; showAll(); } });
+    const one = element("button", fit.chosen ? `${byHand(fit)} · ${fit.chosen.by}` : fit.fitter, { type: "button", onclick: () => { view.fit = fit; showAll(); } });
     one.setAttribute("aria-pressed", String(fit === view.fit));
     return one;
   }));
 }
+
+const byHand = (fit) => ((fit.chosen.model ?? "mason") === "mason" ? fit.fitter : `${fit.fitter} (${fit.chosen.model})`);
 
 function showControls() {
   const steps = view.build.steps.map((step) => step.name);

@@ -32,6 +32,18 @@ export function resampled(f, values, at) {
   });
 }
 
+// What a fit has at the frequencies of a sweep, null where it has nothing, or null altogether: not every fitter takes
+// all of a recording, and some take repeats together.
+export function overlay(f, curves) {
+  const same = curves.find((one) => one.f.length === f.length && one.f[0] === f[0] && one.f.at(-1) === f.at(-1));
+  if (same) return columns(same.fitted);
+  const parts = curves.filter((one) => one.f[0] < f.at(-1) && one.f.at(-1) > f[0]).sort((a, b) => a.f[0] - b.f[0]).map((one) => ({ f: one.f, ...columns(one.fitted) }));
+  if (!parts.length) return null;
+  const within = (key) => parts.flatMap((one) => one[key].filter((_, k) => one.f[k] >= f[0] && one.f[k] <= f.at(-1)));
+  const over = (key) => parts.map((one) => resampled(one.f, one[key], f)).reduce((all, one) => all.map((value, k) => value ?? one[k]));
+  return { size: over("size"), phase: over("phase"), g: over("g"), b: over("b"), y: within("y"), gamma: within("gamma") };
+}
+
 function options(width, lines, log) {
   const axis = { stroke: css("--faint"), grid: { stroke: css("--line"), width: 0.5 }, ticks: { stroke: css("--line") }, font: FONT };
   return {
