@@ -4,23 +4,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import leastsq
 
 from ..models.arrays import Complexes, Reals
 from .coordinates import Coordinates
 from .objective import Objective
-from .recording import Posterior, Prior, Recording
+from .recording import Posterior, Prior, Recording, along_curve
 
 _MAX_EVALUATIONS = 200
 ROUGH, _FINE, _FINEST = 1e-4, 1e-10, 1e-13
 # Relative tolerances: enough to see where a descent leads; enough for the minimum that is reported; and that where a
 # coordinate has run off, as that of a load does towards nothing: it shortens the steps of all others.
+_SURE = 1e-2
+# Part of a tolerance below which a step is not taken: one that is, ends far nearer than it was.
+_FAR, _KEPT = 100.0, 0.75
+# Standard uncertainties that a step may be long, and part of the fall it promised that it must keep: MINPACK's radius
+# at its first step, and where it makes it larger.
 _RUN_OFF = 1e3
 _TOO_MANY = 5
 # What MINPACK calls an end by the number of evaluations; 1 to 4 are its ways to converge, 6 to 8 to do so to rounding.
 _ROUNDS = 8
-_FEW = 100
-# Points of a recording that show the way: the minimum they lead to is a few standard uncertainties from that of all.
 _DESCRIBED = 1.3
 # chi2 per degree of freedom up to which a recording counts as described: the noise estimate is good to a few per
 # cent, and 1600 residuals scatter by 3.5 %.
@@ -40,22 +44,24 @@ class Descent:
 
 
 def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int = _MAX_EVALUATIONS) -> Descent:
-    """Go downhill from `x` by Levenberg-Marquardt with the exact Jacobian.
+    """Go downhill from `x`: by Gauss-Newton while it keeps what it promises, else by Levenberg-Marquardt.
 
-    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`; on 1600 x 12
-    its own QR is faster than a trust region by singular values, and needs no threads. `leastsq` calls it at once, where
-    `least_squares` does as much work around it as a small recording takes.
+    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`. `leastsq`
+    calls it at once, where `least_squares` does as much work around it as a small recording takes.
     """
     before = objective.evaluations
     if x.size == 0:
         cost = float(np.sum(objective.residual(x) ** 2)) / 2
         return Descent(objective, x, x, cost, converged=True, evaluations=1)
+    near, cost, converged = _straight_down(objective, x, tolerance, most)
+    if converged:
+        return Descent(objective, x, near, cost, converged, objective.evaluations - before)
     # From zero, so that tolerances refer to the way travelled and not to logarithms of stiffnesses.
     with np.errstate(over="ignore", invalid="ignore"):  # of a covariance that it makes too, which nobody asked for
         way, _, found, _, ended = leastsq(
-            lambda way: objective.residual(x + way),
+            lambda way: objective.residual(near + way),
             np.zeros_like(x),
-            Dfun=lambda way: objective.jacobian(x + way).T,
+            Dfun=lambda way: objective.jacobian(near + way).T,
             full_output=True,
             col_deriv=True,
             xtol=tolerance,
@@ -65,7 +71,41 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int 
         )
     cost = float(np.sum(np.asarray(found["fvec"]) ** 2)) / 2
     tried = objective.evaluations - before
-    return Descent(objective, x, x + np.asarray(way), cost, ended not in (0, _TOO_MANY), tried)
+    return Descent(objective, x, near + np.asarray(way), cost, ended not in (0, _TOO_MANY), tried)
+
+
+def _straight_down(objective: Objective, x: Reals, tolerance: float, most: int) -> tuple[Reals, float, bool]:
+    """Take Gauss-Newton steps: return where they end, the cost there, and whether that is the minimum.
+
+    They are the first steps that MINPACK would take, at a third of the time: normal equations instead of its QR, and
+    it is seen before the last evaluation that a step would gain nothing. What those equations are too coarse for,
+    or what bends, is left to MINPACK.
+    """
+    r = objective.residual(x)
+    cost = float(r @ r) / 2
+    for _ in range(most):
+        slopes = objective.jacobian(x).T
+        normal, gradient = slopes @ slopes.T, slopes @ r
+        size = np.sqrt(np.diag(normal))
+        if not np.all(size > 0):
+            break
+        try:
+            step = -cho_solve(cho_factor(normal / size / size[:, None]), gradient / size)
+        except np.linalg.LinAlgError:
+            break
+        fall = -float(gradient / size @ step) / 2
+        if fall <= _SURE * tolerance * cost:
+            return x, cost, True
+        if float(np.linalg.norm(step)) > _FAR:
+            break
+        before, there = cost, x + step / size
+        r = objective.residual(there)
+        cost = float(r @ r) / 2
+        if cost < before:
+            x = there
+        if before - cost < _KEPT * fall:
+            break
+    return x, cost, False
 
 
 def chi2_per_point(recording: Recording, ratio: Complexes) -> float:
@@ -88,11 +128,9 @@ def softened(recording: Recording, ratio: Complexes) -> Recording:
 
 
 def thinned(recording: Recording) -> Recording:
-    """Return the recording with a hundred points at most, evenly along its curve of ln Z: closest at resonances."""
+    """Return the recording with a hundred points at most, closest at resonances."""
     sweep = recording.sweep
-    way = np.cumsum(np.abs(np.diff(np.log(sweep.impedance), prepend=0.0)))
-    even = np.linspace(float(way[0]), float(way[-1]), _FEW)
-    at = np.unique(np.searchsorted(way, even))
+    at = along_curve(sweep.impedance)
     few = replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at])
     return replace(recording, sweep=few, noise=recording.noise[at])
 

@@ -11,16 +11,20 @@ from ..models.sweep import Sweep
 from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, recordings_of
 from .coordinates import Coordinates
 from .covariance import posterior
-from .descent import Descent, approach, settle, softened, thinned
+from .descent import Descent, approach, chi2_per_point, settle, softened, thinned
 from .interface import FitError, FitTask, Noise
 from .noise import noise_of
 from .objective import Objective
 from .recording import Posterior, Prior, Recording, rms
+from .refine import refined
 from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS, _MOST_DESCENTS = 3, 12
-_LOST = 0.05
-# RMS of ln Z that no physics left out of a model makes, but a wrong minimum does: the search goes on then.
+_CLOSE = 10.0
+# chi2 per point up to which a recording needs no caution on the last bit of the way.
+_NEAR, _LOST = 0.01, 0.05
+# RMS of ln Z: so near, all points at once lead to the minimum; so far, no physics left out of a model ends, but a wrong
+# minimum does: the search goes on then.
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +159,9 @@ def _start_values(
     if len(new) == 1 and new[0].kind == "piezo":
         disk = new[0].name
         widest = max((r.sweep for r in recordings), key=lambda sweep: sweep.frequency[-1] / sweep.frequency[0])
-        guesses = disk_starts(widest, values[f"{disk}.thickness"], values[f"{disk}.density"], values["area"])
-        return [values | guess.parameters(disk) for guess in distinct(guesses, _DESCENTS)]
+        plate = (values[f"{disk}.thickness"], values[f"{disk}.density"], values["area"])
+        best, *others = distinct(disk_starts(widest, *plate), _DESCENTS)
+        return [values | guess.parameters(disk) for guess in (refined(best, widest, *plate), *others)]
     uncertain = {
         f"{layer.name}.{name}": layer.values[name].u
         for layer in new
@@ -180,10 +185,11 @@ def _best_descent(
     few = [thinned(recording) for recording in new]
     ranked = sorted((Objective(few, start, priors) for start in starts), key=_rms_at_start)
     tried: list[Descent] = []
-    for k, start in enumerate(objective.coordinates for objective in ranked[:_MOST_DESCENTS]):
+    for k, begun in enumerate(ranked[:_MOST_DESCENTS]):
         if k >= _DESCENTS and min(_rms(descent.objective, descent.x) for descent in tried) < _LOST:
             break
-        tried.append(_by_few_points(earlier, new, start, priors))
+        start = begun.coordinates
+        tried.append(_by_few_points(earlier, new, begun, priors))
         if _rms(tried[-1].objective, tried[-1].x) > _LOST:
             tried.append(settle((*earlier, *_cautious(new, start)), start, priors, start.x))
         if all(recording.misfit == 0 for recording in tried[-1].objective.recordings[len(earlier) :]):
@@ -193,17 +199,25 @@ def _best_descent(
 
 
 def _by_few_points(
-    earlier: Sequence[Recording], new: Sequence[Recording], start: Coordinates, priors: Sequence[Prior | Posterior]
+    earlier: Sequence[Recording], new: Sequence[Recording], begun: Objective, priors: Sequence[Prior | Posterior]
 ) -> Descent:
-    """Let a few points of each recording show the way, and settle all of them from where it leads."""
-    few = _cautious([thinned(recording) for recording in new], start)
-    near = approach((*(thinned(recording) for recording in earlier), *few), start, priors, start.x)
-    # There and back: a load that ran off to nothing on the way begins again from next to nothing.
-    x = start.inverse(start.forward(near.x)[0])
+    """Let a few points of each recording show the way, where the start is not near, and settle all from there.
+
+    `begun` is the objective of those few points of the new recordings.
+    """
+    start, x, evaluations = begun.coordinates, begun.coordinates.x, 0
+    if _rms_at_start(begun) > _NEAR:
+        few = (*map(thinned, earlier), *_cautious(begun.recordings, start))
+        near = approach(few, start, priors, x)
+        # There and back: a load that ran off to nothing on the way begins again from next to nothing.
+        x, evaluations = start.inverse(start.forward(near.x)[0]), near.evaluations
     whole = Objective((*earlier, *new), start, priors)
-    judged = tuple(map(softened, whole.recordings, whole.log_ratios(x)))
+    judged = [
+        recording if chi2_per_point(recording, ratio) < _CLOSE else softened(recording, ratio)
+        for recording, ratio in zip(whole.recordings, whole.log_ratios(x), strict=True)
+    ]
     there = settle(judged, start, priors, x)
-    return replace(there, start=start.x, evaluations=near.evaluations + there.evaluations)
+    return replace(there, start=start.x, evaluations=evaluations + there.evaluations)
 
 
 def _cautious(recordings: Sequence[Recording], start: Coordinates) -> list[Recording]:

@@ -65,10 +65,11 @@ def resonance_pairs(sweep: Sweep) -> list[tuple[float, float]]:
     return [(fs, fp) for fs, fp in product(series, parallel) if fs < fp < _LARGEST_RATIO * fs]
 
 
-def _free_plate(frequency: Frequencies, fp: float, kt2: float, Q: Reals) -> Complexes:
-    """Return jwC0 Z of a free plate: 1 - kt^2 tan X / X, X = (pi/2) f/fp, with c33D (1 + j/Q), shape (Q, N)."""
-    X = np.asarray(np.pi / 2 * frequency / (fp * np.sqrt(1 + 1j / Q)), np.complex128)
-    return 1 - kt2 * np.tan(X) / X
+def _free_plates(frequency: Frequencies, fp: Reals, kt2: Reals) -> Complexes:
+    """Return jwC0 Z of free plates: 1 - kt^2 tan X / X, X = (pi/2) f/fp, with c33D (1 + j/Q), shape (P, Q, N)."""
+    per_Hz = np.pi / 2 / (fp[:, None] * np.sqrt(1 + 1j / _QUALITIES))
+    X = np.asarray(per_Hz[..., None] * frequency, np.complex128)
+    return 1 - kt2[:, None, None] * np.tan(X) / X
 
 
 def coupling_squared(fs: float, fp: float) -> float:
@@ -86,14 +87,15 @@ def disk_starts(sweep: Sweep, thickness: float, density: float, area: float) -> 
     f, Z = sweep.frequency[few], sweep.impedance[few]
     level = thickness / (2j * np.pi * f * area * Z)
     starts: list[DiskStart] = []
-    for fs, fp in resonance_pairs(sweep):
-        kt2 = coupling_squared(fs, fp)
+    pairs = resonance_pairs(sweep)
+    kt2s = [coupling_squared(fs, fp) for fs, fp in pairs]
+    ratio = level * _free_plates(f, np.array([fp for _, fp in pairs]), np.array(kt2s))
+    eps, angle = np.median(np.abs(ratio), axis=-1), np.median(np.angle(ratio), axis=-1)
+    made = eps * (1 - 1j * np.clip(-angle, 1e-3, 0.3))
+    misfits = np.median(np.abs(np.log(ratio / made[..., None])), axis=-1)
+    for (fs, fp), kt2, permittivities, of_pair in zip(pairs, kt2s, made.tolist(), misfits.tolist(), strict=True):
         c = density * (2 * thickness * fp) ** 2
-        ratio = level * _free_plate(f, fp, kt2, _QUALITIES[:, None])
-        eps, angle = np.median(np.abs(ratio), axis=1), np.median(np.angle(ratio), axis=1)
-        made = eps * (1 - 1j * np.clip(-angle, 1e-3, 0.3))
-        misfits = np.median(np.abs(np.log(ratio / made[:, None])), axis=1)
-        for Q, eps33S, misfit in zip(_QUALITIES.tolist(), made.tolist(), misfits.tolist(), strict=True):
+        for Q, eps33S, misfit in zip(_QUALITIES.tolist(), permittivities, of_pair, strict=True):
             h33 = complex(np.sqrt(kt2 * c / eps33S.real))
             starts.append(DiskStart(fs, fp, c * (1 + 1j / Q), h33, eps33S, misfit))
     if not starts:
