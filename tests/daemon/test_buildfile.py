@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -194,6 +195,11 @@ def test_two_disks_or_none_are_refused() -> None:
         parse_build(elastic)
     with pytest.raises(BuildError, match=r"2 piezo layers \(disk, glue1\)"):
         parse_build(S4.replace('kind = "elastic"\nmaterial = "epoxy"', 'kind = "piezo"\nmaterial = "Pz27"'))
+
+
+def test_a_transducer_without_a_step_is_refused() -> None:
+    with pytest.raises(BuildError, match=r"steps is empty; at least one \[\[steps\]\] is needed"):
+        check_build(replace(parse_build(S4), steps=()), "S4.toml")
 
 
 def test_what_is_no_text_file_is_said(tmp_path: Path) -> None:

@@ -133,6 +133,10 @@ def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path) -
         assert (tmp_path / name).read_bytes().startswith(begins), name
     seen = told(start(tmp_path, "screenshot", "t.tif", "--resource", sim.resource, "--json"))
     assert seen == {"file": "t.tif", "kind": "screen", "bytes": (tmp_path / "t.tif").stat().st_size}
+    (tmp_path / "folder.tif").mkdir()
+    assert "folder.tif: it cannot be written" in end(
+        start(tmp_path, "screenshot", "folder.tif", "--resource", sim.resource), 2
+    )
     refused = end(start(tmp_path, "screenshot", "s.png", "--resource", sim.resource), 2)
     assert "s.png: the name ends with '.png'; allowed are .tif, .txt, .dat, .s1p" in refused
 

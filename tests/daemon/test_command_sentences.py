@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from pzctl.daemon.archive import Archive
 from pzctl.daemon.buildfile import parse_build, read_build
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli import app, export, report
 from pzctl.daemon.cli.adaptive import adapted_plan
 from pzctl.daemon.guest import load_fitter
 from pzctl.daemon.journal import Journal
-from pzctl.daemon.keys import read_client_key
+from pzctl.daemon.keys import read_client_key, write_secret
 from pzctl.daemon.notebook import sliders
 from pzctl.daemon.page.serve import serve, served_beside
 from pzctl.daemon.reports import curves_of
@@ -31,6 +31,7 @@ from pzctl.daemon.wire import BeatEvent, Heard, decode
 from pzctl.models.errors import PzctlError
 
 BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
+no_record: Any = None
 ROWS = "".join(f"{1e6 + 1e4 * k},1,{-100 + k}\n" for k in range(30))
 
 
@@ -183,6 +184,16 @@ def simulator_that_does_not_start() -> object:
             "message: the header lacks run or time, or its seq is negative",
         ),
         (beat_as_sweep, "message: BeatEvent holds no sweep"),
+        (lambda: read_client_key(Path("samples")), "samples cannot be read: Is a directory"),
+        (lambda: write_secret(Path(300 * "k"), b""), f"{300 * 'k'} cannot be written: File name too long"),
+        (
+            lambda: report._write(Path("samples"), "<p>"),
+            "samples: the report cannot be written: Is a directory",
+        ),
+        (
+            lambda: export._write(no_record, None, "csv", Path("disk.csv/data")),
+            "disk.csv/data: this folder cannot be made: Not a directory",
+        ),
         (lambda: load_fitter("masn"), "fitter 'masn' is not installed; installed are bvd, "),
         (
             lambda: load_fitter("no_such_module:Fitter"),

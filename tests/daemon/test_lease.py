@@ -19,6 +19,8 @@ def test_who_has_a_lease_has_the_instrument(start_daemon, build: Build) -> None:
         start_daemon(resource=sim.resource)
         with connect() as lab, connect() as other:
             other.measure(build, "disk")
+            with pytest.raises(DaemonError, match="measures with an instrument that has no simulated bench"):
+                lab.bench({"command": "truth"})
             with lab.lease("scan", 30.0) as lease:
                 assert other.status().lease.owner == "scan"
                 with socket.create_connection(("127.0.0.1", sim.port)) as link, link.makefile("rwb") as lines:

@@ -39,6 +39,10 @@ def sweep(analyzer: Agilent4294A) -> object:
     return analyzer.measure(PLAN)
 
 
+def joined(analyzer: Agilent4294A) -> object:
+    return analyzer.measure(SweepPlan((Segment(1e6, 1.2e6, 3), Segment(1.5e6, 1.6e6, 3)), joined=True))
+
+
 def compensate(analyzer: Agilent4294A) -> object:
     return analyzer.compensate(["open"], lambda _: None, adapter="M1")
 
@@ -117,6 +121,7 @@ def ask_unplugged(analyzer: Agilent4294A) -> object:
             {'FSIZE? "pzctl.txt"': [b"12\n"], "READ?": [block(1.0)]},
             "16 bytes of pzctl.txt came; 12 bytes were announced",
         ),
+        (joined, {"*ESR?": [b"0\n", b"32\n"]}, "was refused (event status register 32)"),
         (ask_unplugged, {}, "sending *IDN? failed: Invalid session handle. The resource might be closed."),
     ],
     ids=lambda value: getattr(value, "__name__", None),
@@ -131,6 +136,14 @@ def test_an_instrument_that_does_what_it_should_not(play, work: Work, answers: d
     finally:
         analyzer.close()
     assert says in str(caught.value)
+
+
+def test_an_instrument_that_stays_in_hold_is_told_in_the_notes_of_a_sound_sweep(play) -> None:
+    analyzer = open_analyzer(play({"CONT": [b""]} | READ).resource, timeout_seconds=0.6)
+    (found,) = analyzer.measure(PLAN)
+    analyzer.close()
+    assert found.notes[-1].startswith("The instrument could not be left as found: ")
+    assert found.notes[-1].endswith("it does not go on sweeping after CONT")
 
 
 def test_an_archive_of_another_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

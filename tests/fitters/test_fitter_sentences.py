@@ -12,6 +12,7 @@ from pzctl.fitters import plugins
 from pzctl.fitters.assembly import stack_of
 from pzctl.fitters.bootstrap import Draws
 from pzctl.fitters.bvd import ButterworthVanDyke
+from pzctl.fitters.by_method import drawn
 from pzctl.fitters.critical import Trace, critical
 from pzctl.fitters.disk2d import Disk2DFitter
 from pzctl.fitters.interface import FitError, FitTask, Options
@@ -20,7 +21,8 @@ from pzctl.fitters.mason import Mason
 from pzctl.fitters.nelder_mead import MasonNelderMead
 from pzctl.fitters.radial import RadialLeastSquares
 from pzctl.fitters.sherrit_radial import SherritRadial
-from pzctl.fitters.sherrit_thickness import SherritThickness
+from pzctl.fitters.sherrit_thickness import SherritThickness, _constants
+from pzctl.fitters.start import disk_starts
 from pzctl.models.build import Build
 from pzctl.models.disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
@@ -216,6 +218,32 @@ def test_a_peak_that_is_no_resonance() -> None:
     peak = 1 / (1 - 1j * x)  # conjugated: its reactive part runs the other way
     with pytest.raises(FitError, match=r"for a resonance they lie below and above it"):
         critical(Trace(f, peak, np.full(f.size, 1e-4)), 200, "fs")
+
+
+def test_extremes_that_too_few_points_show() -> None:
+    f = np.linspace(1e6, 1.1e6, 401)
+    width = 4.0 * 250  # of points 250 Hz apart: enough to have a width, too few for a polynomial at its flank
+    x = (f - 1.05e6) / width
+    peak = 1 / (1 + 1j * x)
+    gap = (np.abs(f - 1.05e6 - width) > 3.5 * 250) | (np.abs(f - 1.05e6) < 600)
+    trace = Trace(f[gap], peak[gap], np.full(int(gap.sum()), 1e-4))
+    with pytest.raises(FitError, match=r"^fs near .* kHz: too few points there to see where its extremes are$"):
+        critical(trace, int(np.argmax(trace.values.real)), "fs")
+
+
+def test_critical_frequencies_that_say_nothing() -> None:
+    with pytest.raises(FitError, match="known too badly: within their noise most are those of no material"):
+        drawn(lambda rng: {"kt": complex(np.nan if rng.random() < 0.9 else 0.5)})
+    f = np.linspace(1e6, 2e6, 11)
+    far = f, 1 / (2j * np.pi * f * 1e-9), 1e-4
+    sizes = {"thickness": 5e-4, "area": 2e-4, "density": 7700.0}
+    with pytest.raises(FitError, match=r"the resonance lies at 4.1e.06 Hz, above the antiresonance at 4e.06 Hz"):
+        _constants(4.1e6 + 0j, 4.0e6 + 0j, far, 1.0 + 0j, sizes)
+    capacitor = Sweep(f, (1 - 0.02j) / (2j * np.pi * f * 1e-9), id="c.csv")
+    with pytest.raises(
+        FitError, match=r"^c\.csv shows no resonance with an antiresonance above it between 1 and 2 MHz"
+    ):
+        disk_starts(capacitor, 5e-4, 7700.0, 2e-4)
 
 
 def test_a_bootstrap_whose_fits_hardly_converge() -> None:

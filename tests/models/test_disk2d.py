@@ -233,6 +233,11 @@ def test_derivatives_by_every_parameter(five):
         assert np.abs(row - expected).max() < 5e-3 * np.abs(expected).max(), name
 
 
+def test_constants_that_are_not_finite_are_refused(five):
+    with pytest.raises(DiskError, match="these constants are not finite: they are those of no disk"):
+        disk(five[1]).replace({"disk.c33E.re": np.nan}).impedance(np.linspace(1e5, 1e6, 11))
+
+
 def test_the_estimate_is_above_the_error_and_enrichment_follows_it(five):
     full, reduced = five
     far = np.tile(C.real * np.array([1.9, 1.6, 1.7, 0.6, 2.2, 2.5, 0.5, 2, 3, 0.4]) * (1 + 0.01j), (5, 1))
