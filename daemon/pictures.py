@@ -8,6 +8,8 @@ import numpy as np
 from ..fitters.interface import Curve, FitResult
 from ..models.arrays import Complexes, Impedances
 
+_HEIGHT = 12.0
+"""Of the picture, inches."""
 _ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
 _MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
 _START: dict[str, Any] = {"color": "tab:green", "linewidth": 0.9, "linestyle": "--", "label": "start"}
@@ -20,9 +22,12 @@ def fit_picture(result: FitResult, path: Path) -> Path:
     from matplotlib.figure import Figure
 
     columns = len(result.curves)
-    figure: Any = Figure(figsize=(max(6.0, 4.6 * columns), 12), layout="constrained")
+    width = max(6.0, 4.6 * columns)
+    figure: Any = Figure(figsize=(width, _HEIGHT))
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
+    # Margins in inches: a layout that matplotlib finds itself takes as long as all of the drawing.
+    figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
     for k, curve in enumerate(result.curves):
         _column(axes[:, k], curve, result.noise.relative)
         axes[0, k].set_title(curve.step)
@@ -51,4 +56,5 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
     ratio: Complexes = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
     axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
+    axes[4].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
