@@ -31,6 +31,8 @@ _PRICE = 30.0
 # Deviance that a further term must save; neighbouring differences share points, so it is five times the usual 6.6.
 _FLOOR = 1e-7
 # 4294A data carry seven digits: no recording is better than this.
+_SAME = 1e-9
+# Part of the largest number below which two numbers differ by the arithmetic that they went through, not as written.
 _UNKNOWN = 1e-3
 # The analyzer's own accuracy at 1 MHz, for recordings too short to tell that do not carry it.
 
@@ -158,7 +160,8 @@ def resolution(sweep: Sweep) -> Reals:
 
 
 def _step(values: Reals) -> float:
-    gaps = np.diff(np.unique(values))
+    gaps = np.diff(np.sort(values))
+    gaps = gaps[gaps > _SAME * float(np.max(np.abs(values)))]
     if gaps.size == 0:
         return 0.0
     q = float(np.min(gaps))

@@ -53,7 +53,7 @@ def test_a_jump_is_found_taken_out_and_dated() -> None:
     assert verdict_with(gated, "no-mismatch") == "unexplained"
     (finding,) = of_the_data(gated, 1.0, 1.0)
     assert (finding.effect, finding.where) == ("unknown", "any")
-    assert "jumps by 0.44 %" in finding.says
+    assert "jumps by 0.4" in finding.says
 
 
 @pytest.mark.parametrize("length", [1, 6])
@@ -98,9 +98,14 @@ def test_a_resonance_between_the_points_is_too_coarse() -> None:
 
 
 def test_the_glitch_of_the_real_kapton_transducer_is_found_and_others_pass(recordings: Path) -> None:
-    gated = gate({"t": (read_recording(recordings / "pvdf-on-kapton" / "T64.csv"),)})
-    (jump,) = gated.checks[0].abrupt
-    assert jump.band_Hz[1] == pytest.approx(148e6, rel=0.002)
+    t64 = read_recording(recordings / "pvdf-on-kapton" / "T64.csv")
+    for seed in (None, 2, 5):  # as written, and as arithmetic would round it
+        off = 0.0 if seed is None else 1e-15 * np.random.default_rng(seed).standard_normal(t64.frequency.size)
+        (check,) = gate({"t": (with_factor(t64, 1 + off),)}).checks
+        (jump,) = check.troubles
+        assert (jump.kind, jump.size) == ("step", pytest.approx(0.0337, rel=0.01))
+        assert jump.band_Hz[1] == pytest.approx(148e6, rel=0.002)
+        assert check.noise == pytest.approx(3.088e-3, rel=1e-3)
     for name in ("disk-20x2/thickness-mode.csv", "disk-35x2/radial-mode-1.csv", "pvdf-on-kapton/T61.csv"):
         assert gate({"t": (read_recording(recordings / name),)}).checks[0].abrupt == ()
     (inverted,) = gate({"t": (read_recording(recordings / "hp4294a-exports" / "sampleadmittance.txt"),)}).checks

@@ -146,7 +146,9 @@ def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], flaw: Flaw, fit:
         rest = [one for one in flaws if one is not flaw]
         again = standing(linear_fit(_frame(sweep, noise, rest), fit.poles), flaw)
     clear = flaw.plain or again.raw < _UNCLEAR * again.score
-    return again if clear and again.score > _SIGNIFICANT and _possible(sweep, again) else None
+    # Where poles leave more than noise, what is left has bumps of its own, and roundings decide which of them reach 50.
+    least = _SIGNIFICANT * max(1.0, fit.chi2_per_dof)
+    return again if clear and again.score > least and _possible(sweep, again) else None
 
 
 def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw]) -> Frame:

@@ -25,6 +25,8 @@ MOST_POLES = 14
 _PAYS = 40.0
 """Fall of chi2, in units of what is left over, that a pole with its four numbers must bring."""
 _FREQUENCIES, _WIDTHS = 70, (0.004, 0.02, 0.1)
+_FELT = 1e-6
+"""Least part of a pole's column that the ground must not have: what is left of less are roundings, in any direction."""
 _FAR = 30.0
 """chi2 per degree of freedom above which a refinement need not be good: more poles are to come."""
 
@@ -123,11 +125,13 @@ def linear_fit(frame: Frame, poles: Complexes) -> PoleFit:
     basis, residues = frame.ground, np.zeros(0, np.complex128)
     if poles.size:
         columns = np.hstack(_columns(frame, poles))
-        columns -= frame.ground @ (frame.ground.T @ columns)
-        q, r = np.linalg.qr(columns)
+        outside = columns - frame.ground @ (frame.ground.T @ columns)
+        felt = np.linalg.norm(outside, axis=0) > _FELT * np.linalg.norm(columns, axis=0)
+        q, r = np.linalg.qr(outside[:, felt])
         q -= frame.ground @ (frame.ground.T @ q)
         basis = np.hstack([frame.ground, q])
-        x = np.asarray(np.linalg.lstsq(r, q.T @ aim, rcond=1e-12)[0], np.float64)
+        x = np.zeros(felt.size)
+        x[felt] = np.linalg.lstsq(r, q.T @ aim, rcond=1e-12)[0]
         residues = x[: poles.size] + 1j * x[poles.size :]
     return PoleFit(frame, poles, basis, residues, aim - basis @ (basis.T @ aim))
 
