@@ -158,7 +158,7 @@ def _instrument(resource: str) -> list[Check]:
 def _path(analyzer: Agilent4294A) -> Check:
     begun = time.monotonic()
     (sweep,) = analyzer.measure(SHORT)
-    told = "by service request" if analyzer.hears_requests else "by its status byte, which is asked for"
+    told = "by its service request" if analyzer.hears_requests else "by asking for the status byte"
     says = f"{sweep.frequency.size} points swept and read in {time.monotonic() - begun:.1f} s, settings read back"
     return Check("path", "note" if sweep.notes else "ok", "; ".join((says, f"its end is told {told}", *sweep.notes)))
 

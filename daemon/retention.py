@@ -33,6 +33,8 @@ class Keeper(Journal):
         copy_journal(self, backup)
         stays = self._one("SELECT min(number) FROM measurements WHERE time >= ? AND station = ?", before, self.station)
         number = stays[0] if stays and stays[0] is not None else self._after_last()
+        if self._one("SELECT 1 FROM measurements WHERE number < ? AND station = ?", number, self.station) is None:
+            return 0  # what a daemon said before its first measurement stays with that
         last = self._one(
             "SELECT coalesce(min(seq) - 1, (SELECT max(seq) FROM events WHERE station = ?)) FROM events "
             "WHERE station = ? AND measurement IN (SELECT id FROM measurements WHERE number >= ? AND station = ?)",

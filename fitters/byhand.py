@@ -56,6 +56,8 @@ class Look:
     """Over whole sweeps; `start` and `fitted` are both the model."""
     chi2_per_dof: float
     """Misfit over the chosen bands, in units of the noise."""
+    says: tuple[str, ...] = ()
+    """What a person must know of where it begins."""
 
 
 class ByHand:
@@ -119,7 +121,7 @@ class ByHand:
         """Return the model at the chosen values. Raises FitError where a choice cannot be."""
         posed, effects, coordinates = self._chosen(choices)
         curves, chi2 = self._curves(choices, effects, coordinates, coordinates.x)
-        return Look(_handles(posed, effects, coordinates, coordinates.x), curves, chi2)
+        return Look(_handles(posed, effects, coordinates, coordinates.x), curves, chi2, self._subject.says)
 
     def fit(self, choices: Choices = _USUAL) -> tuple[FitResult, Choices]:
         """Fit with exactly these choices; return the result, and the choices with every handle where it has come to.

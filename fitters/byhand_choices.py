@@ -100,6 +100,11 @@ class Subject(Protocol):
         """Between these limits each sweep is a recording with a misfit of its own."""
         ...
 
+    @property
+    def says(self) -> tuple[str, ...]:
+        """What a person must know of where it begins."""
+        ...
+
     def pose(self, kept: Kept) -> Posed:
         """Return the recordings of what takes part."""
         ...

@@ -46,6 +46,7 @@ class _Begun:
     parts: Bands
     answer: Callable[[Descent, float], FitResult]
     """Of a descent and the seconds it took."""
+    says: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class DiskInHand:
         self.sweeps = {disk.step: sweeps}
         self.noises = {disk.step: noise_of(sweeps)[1]}
         begun = kind.begin(disk)
-        self.usual, self.parts = begun.usual, begun.parts
+        self.usual, self.parts, self.says = begun.usual, begun.parts, begun.says
         self._disk, self._kind, self._begun = disk, kind, begun
         usual = self._coordinates((kind.passive(disk.layer.name),))
         self._free, (self.values, _) = usual.free, usual.forward(usual.x)
@@ -149,29 +150,37 @@ def disk_in_hand(task: FitTask) -> DiskInHand:
 
 
 def _radial_begun(disk: BareDisk) -> _Begun:
+    says: tuple[str, ...] = ()
     try:
         peaks = radial_peaks(disk)
         first, constants = peaks.frequencies[0], radial_start(radial_band(disk, peaks), peaks)
-    except FitError:
-        first, constants = disk.expected_radial_mode, _of_library(disk)
+    except FitError as error:
+        first, constants, says = disk.expected_radial_mode, _of_library(disk), _begins(error)
         if constants is None:
             raise
     model = radial_model(disk, constants, first)
     usual = ((0.0, radial_top(disk, first)),)
-    return _Begun(model, usual, _EVERYTHING, lambda descent, s: radial_answer(_BY, disk, descent, first, s))
+    return _Begun(model, usual, _EVERYTHING, lambda descent, s: radial_answer(_BY, disk, descent, first, s), says)
 
 
 def _disk_begun(disk: BareDisk) -> _Begun:
+    says: tuple[str, ...] = ()
     try:
         model, references = disk_start(disk)
-    except FitError:
-        references, constants = (disk.expected_radial_mode, disk.expected_thickness_mode), _of_library(disk)
+    except FitError as error:
+        references = disk.expected_radial_mode, disk.expected_thickness_mode
+        constants, says = _of_library(disk), _begins(error)
         if constants is None:
             raise
         model = disk_model(disk, constants, {}, references)
     split = disk_split(disk)
     parts = ((0.0, split), (float(np.nextafter(split, np.inf)), np.inf))
-    return _Begun(model, _EVERYTHING, parts, lambda descent, s: disk_answer(_BY, disk, descent, (model, references), s))
+    of = model, references
+    return _Begun(model, _EVERYTHING, parts, lambda descent, s: disk_answer(_BY, disk, descent, of, s), says)
+
+
+def _begins(error: FitError) -> tuple[str, ...]:
+    return (f"It begins with the values of the library, since the recording does not show where: {error}.",)
 
 
 def _of_library(disk: BareDisk) -> Radial | None:

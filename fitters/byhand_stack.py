@@ -23,6 +23,7 @@ class StackInHand:
 
     fitter = "mason"
     usual = parts = ((0.0, np.inf),)
+    says: tuple[str, ...] = ()
 
     def __init__(self, task: FitTask) -> None:
         """Take the steps in hand. Raises FitError where task, build and sweeps do not fit."""

@@ -93,6 +93,6 @@ def prune(
     try:
         removed = keeper.prune(day.isoformat(), backup_to)
         told = {"removed": removed, "backup": str(backup_to)}
-        print(json.dumps(told) if as_json else f"{removed} events removed; all that was is in {backup_to}")
+        print(json.dumps(told) if as_json else f"events removed: {removed}; all that was is in {backup_to}")
     finally:
         keeper.close()

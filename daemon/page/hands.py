@@ -138,6 +138,7 @@ def _looked(hand: ByHand, choices: Choices) -> dict[str, Any]:
         "places": hand.places(),
         "handles": [msgspec.to_builtins(one) for one in look.handles],
         "chi2_per_dof": look.chi2_per_dof,
+        "says": look.says,
         "curves": [_model(curve) for curve in look.curves if curve.step == hand.steps[-1]],
     }
 

@@ -66,13 +66,15 @@ def test_only_the_older_measurements_go(tmp_path: Path, build: Build, monkeypatc
     from pzctl.daemon import journal as module
 
     keeper = Keeper(tmp_path / "journal")
+    keeper.append(StateEvent(state="started"))
     ids = []
     for k, day in enumerate(("2026-01-01", "2026-02-01", "2026-03-01")):
         monkeypatch.setattr(module, "now_utc", lambda day=day: f"{day}T00:00:00.000Z")
         ids.append(keeper.begin_measurement(str(k), build, "disk")[0])
         for state in ("queued", "measured"):
             keeper.append(StateEvent(state=state, measurement=ids[-1], sample=Sample("s", "disk")))
-    assert keeper.prune("2026-02-01", tmp_path / "copy") == 2
+    assert keeper.prune("2026-01-01", tmp_path / "nothing") == 0, "no measurement is older, so nothing goes with one"
+    assert keeper.prune("2026-02-01", tmp_path / "copy") == 3
     assert [one.id for one in keeper.measurements()] == ids[1:]
     assert keeper.verify() == []
     assert keeper.prune("2026-02-01", tmp_path / "again") == 0

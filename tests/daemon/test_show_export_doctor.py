@@ -121,8 +121,8 @@ def test_the_doctor_takes_a_sweep_of_the_instrument_that_is_named(
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
         for resource, told in (
-            (sim.resource, "by its status byte"),
-            (f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17", "by service request"),
+            (sim.resource, "by asking for the status byte"),
+            (f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17", "by its service request"),
         ):
             who, path = _instrument(resource)
             assert (who.status, path.status) == ("ok", "ok")

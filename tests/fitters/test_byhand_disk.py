@@ -148,6 +148,10 @@ def test_without_its_peaks_it_begins_with_the_library(
 ) -> None:
     between = np.linspace(150e3, 300e3, 60)
     hand = ByHand(FitTask(build, {"disk": (swept(device, between),)}), "radial")
+    assert hand.look().says == (
+        "It begins with the values of the library, since the recording does not show where: no radial resonance in "
+        "150-300 kHz: the first is expected near 124 kHz for a diameter of 16 mm.",
+    )
     v = build.layer("disk").values
     assert {h.name: h.value for h in hand.look().handles}["disk.s11E"] == pytest.approx(v["s11E"].re, rel=1e-6)
 

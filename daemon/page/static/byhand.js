@@ -67,7 +67,7 @@ function take(found) {
     state.values[h.name] = h.value;
     if (!known.has(h.name) && h.free) state.free.add(h.name);
   }
-  Object.assign(state, { fitter: found.fitter, models: found.models, steps: found.steps, places: found.places, model: found.curves, chi2: found.chi2_per_dof });
+  Object.assign(state, { fitter: found.fitter, models: found.models, says: found.says, steps: found.steps, places: found.places, model: found.curves, chi2: found.chi2_per_dof });
 }
 
 function showHandles() {
@@ -95,6 +95,7 @@ function showModels() {
   const models = state?.models ?? [];
   $("hand-models").hidden = models.length < 2;
   $("hand-model").replaceChildren(...models.map((name) => element("option", name, { value: name, selected: name === state.fitter })));
+  $("hand-says").textContent = (state?.says ?? []).join(" ");
   $("hand-earlier").parentElement.hidden = (state?.steps.length ?? 0) < 2;
 }
 
