@@ -11,6 +11,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -71,9 +72,10 @@ def page(provoked: Path | None = None) -> str:
     return _HEAD + "\n".join(rows) + "\n" + (_sentences(provoked) if provoked is not None else "")
 
 
-def all_sites() -> list[Site]:
+@cache
+def all_sites() -> tuple[Site, ...]:
     """Return every place in the code that makes an error."""
-    return sites(_ROOT, [PzctlError.__name__, CannotError.__name__, *(kind.__name__ for kind in error_kinds())])
+    return tuple(sites(_ROOT, [PzctlError.__name__, CannotError.__name__, *(kind.__name__ for kind in error_kinds())]))
 
 
 def rows_of(provoked: Path) -> list[dict[str, Any]]:
