@@ -150,7 +150,8 @@ def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
         return ()
     return (
         f"{', '.join(stuck)} would leave the physical bounds and was held at them: the model does not describe this "
-        "device, or build and data sheet are far off. Do not use these numbers.",
+        "device, or build and data sheet are far off. Do not use these numbers; `mason` knows no such bounds, and "
+        "names the diameter or thickness that would explain them.",
     )
 
 

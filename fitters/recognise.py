@@ -24,6 +24,9 @@ _NEED, _WANT = 0.25, 3.0
 # the model says of the flanks.
 _SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps33T": (0.6, 1.6)}
 # Fitted over data sheet: no maker's batches scatter more.
+_ANOTHER = {"eps33S": 1.8, "c33D": 1.49, "s11E": 1.49}
+# Factor beyond which neither scatter nor damage explains it. Permittivities differ by as much from one soft ceramic to
+# the next, and who names the wrong one has right sizes; eps33T, beside which s11E tells of the diameter, is said only.
 
 
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
@@ -120,7 +123,8 @@ def doubts(
 ) -> tuple[str, ...]:
     """Return what is to be doubted of an answer about a stack.
 
-    Raises FitError where the recordings have too few points to tell a resonance of that width at all.
+    Raises FitError where the recordings have too few points to tell a resonance of that width at all, or where the
+    constants are those of another disk than the build's.
     """
     piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
@@ -165,7 +169,11 @@ def _spacing(sweep: Sweep, fp: float) -> float:
 
 
 def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -> tuple[str, ...]:
-    """Return what cannot be a ceramic's scatter: c33D tells of the thickness, the other constants of the area."""
+    """Return what cannot be a ceramic's scatter: c33D tells of the thickness, the other constants of the area.
+
+    Raises FitError where it is so far off that the build file must be of another disk, unless that gives the constant
+    itself.
+    """
     says: list[str] = []
     told: set[str] = set()
     for name, (low, high) in _SCATTER.items():
@@ -175,10 +183,16 @@ def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -
             continue
         told.add(what)
         ratio = found.re / sheet.re
+        outlier = f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says"
+        explained = f"{_explained(build, piezo, what, ratio)} would explain it"
+        far = max(ratio, 1 / ratio) > _ANOTHER.get(name, np.inf)
+        if far and piezo.values[name].source != "build.toml":
+            raise FitError(
+                f"{outlier}, which no disk of it has: {explained}; correct the build file, or give {name} there with "
+                "an uncertainty if this is another ceramic"
+            )
         says.append(
-            f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says, more "
-            f"than ceramics scatter: {_explained(build, piezo, what, ratio)} would explain it. Do not use these "
-            "constants before that is settled."
+            f"{outlier}, more than ceramics scatter: {explained}. Do not use these constants before that is settled."
         )
     return tuple(says)
 

@@ -96,5 +96,7 @@ def test_radial_modes_and_a_wrong_diameter_are_said_not_fitted(disk_build, swept
     small = disk_build("PZT-5A", (5.5, 0.5, 7800.0), more="eps33S_r = 1300")
     with pytest.raises(FitError, match=r"first is expected near 3.. kHz .* 5\.5 mm: a diameter of (9\.|10).* explain"):
         RadialLeastSquares().fit(FitTask(small, {"disk": (sweep,)}))
-    answer = RadialLeastSquares().fit(FitTask(disk_build("PZT-5A", (14.0, 0.5, 7800.0)), {"disk": (sweep,)}))
-    assert any("instead of 14 mm would explain it" in line for line in answer.says)
+    with pytest.raises(FitError, match=r"s11E comes out at 0\.5. times .* 10\.. mm instead of 14 mm would explain it"):
+        RadialLeastSquares().fit(FitTask(disk_build("PZT-5A", (14.0, 0.5, 7800.0)), {"disk": (sweep,)}))
+    answer = RadialLeastSquares().fit(FitTask(disk_build("PZT-5A", (12.4, 0.5, 7800.0)), {"disk": (sweep,)}))
+    assert any("instead of 12.4 mm would explain it" in line for line in answer.says)

@@ -22,11 +22,17 @@ def good(cases: Path) -> Sweep:
     return read_recording(cases / "null" / "disk.csv")
 
 
-def fit(cases: Path, sweep: Sweep, area: float = 1.0) -> FitResult:
+def fit(cases: Path, sweep: Sweep, area: float = 1.0, *, given: bool = False) -> FitResult:
+    """Fit with another area; `given`: with a permittivity that the build file gives, and knows badly."""
     build = read_build(cases / "null" / "build.toml")
     assert build.diameter is not None
     diameter = replace(build.diameter, re=build.diameter.re * area**0.5)
     build = replace(build, area=replace(build.area, re=build.area.re * area), diameter=diameter)
+    if given:
+        (disk, *others) = build.layers
+        eps = disk.values["eps33S"]
+        own = replace(eps, re=eps.re / area, u=0.3 * eps.re / area, source="build.toml")
+        build = replace(build, layers=(replace(disk, values={**disk.values, "eps33S": own}), *others))
     return Mason().fit(FitTask(build, {"disk": (sweep,)}))
 
 
@@ -64,11 +70,29 @@ def test_too_few_points_in_a_linewidth(cases: Path, good: Sweep) -> None:
         fit(cases, fewer)
 
 
-@pytest.mark.parametrize("area", [0.5, 2.0])
-def test_a_wrong_diameter_is_said_with_the_right_one(cases: Path, good: Sweep, area: float) -> None:
+def named(sentence: str) -> float:
+    return float(sentence.partition("a diameter of ")[2].partition(" mm")[0])
+
+
+@pytest.mark.parametrize("area", [0.72, 1.52])
+def test_a_doubtful_diameter_is_said_with_the_right_one(cases: Path, good: Sweep, area: float) -> None:
+    (said,) = [sentence for sentence in fit(cases, good, area).says if "a diameter of" in sentence]
+    assert named(said) == pytest.approx(right_diameter(cases), rel=0.05)
+    assert not any("a diameter of" in sentence for sentence in fit(cases, good).says)
+
+
+@pytest.mark.parametrize("area", [0.33, 3.0])
+def test_the_diameter_of_another_disk_is_refused_unless_the_permittivity_is_given(
+    cases: Path, good: Sweep, area: float
+) -> None:
+    with pytest.raises(FitError, match="which no disk of it has: a diameter of") as caught:
+        fit(cases, good, area)
+    assert named(str(caught.value)) == pytest.approx(right_diameter(cases), rel=0.05)
+    (said,) = [sentence for sentence in fit(cases, good, area, given=True).says if "a diameter of" in sentence]
+    assert named(said) == pytest.approx(right_diameter(cases), rel=0.05)
+
+
+def right_diameter(cases: Path) -> float:
     right = read_build(cases / "null" / "build.toml").diameter
     assert right is not None
-    (said,) = [sentence for sentence in fit(cases, good, area).says if "a diameter of" in sentence]
-    named = float(said.split("a diameter of ")[1].split(" mm")[0])
-    assert named == pytest.approx(1e3 * right.re, rel=0.05)
-    assert not any("a diameter of" in sentence for sentence in fit(cases, good).says)
+    return 1e3 * right.re
