@@ -22,7 +22,8 @@ Work: TypeAlias = Literal["look", "fit", "keep"]
 
 PATIENCE = 120.0
 """Seconds that an answer may take."""
-_NICE = 10
+_NICE = 5
+"""Below the daemon and whoever measures, above a diagnosis in the background: somebody waits for this."""
 
 
 class HandError(PzctlError):
@@ -104,7 +105,6 @@ def _end(pool: ProcessPoolExecutor) -> None:
 
 
 def _polite() -> None:
-    """Give way to the daemon, and to whoever measures."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
 

@@ -27,7 +27,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None or sys.platform == "win32", reason="no chromium is installed (Debian: apt-get install chromium)"
 )
-PATIENCE = 60.0
+PATIENCE = 90.0
 
 
 class Browser:
@@ -130,11 +130,14 @@ def free_port() -> int:
 
 @contextmanager
 def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
-    """Give the address of a page beside a daemon with a simulated 4294A, on a data folder of its own."""
+    """Give the address of a page beside a daemon with a simulated 4294A, on a data folder of its own.
+
+    It diagnoses nothing by itself: what no test waits for would hold up what one does.
+    """
     port = free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PZCTL_HOME", str(home))
-        start(Options(fitters=("mason",), simulator={"time_scale": time_scale}))
+        start(Options(fitters=("mason",), simulator={"time_scale": time_scale}, diagnose="asked"))
         command = [Path(sys.executable).with_name("pzctl"), "page", "--port", str(port)]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert server.stdout is not None
