@@ -33,6 +33,8 @@ it does (a dead layer, a missing bond), and only a refit shows what they cannot.
 _REFITTED_LATER = 10
 _REFITTED = 18
 _POLISHED = 4
+_POLISH = 1e-5
+"""Relative tolerance of the fits that are held against each other: a tenth of chi2, where thirty decide."""
 _OUT_OF_REACH = 8.0, 2.0
 """chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
 
@@ -51,18 +53,21 @@ class Search:
     )
     missed: dict[tuple[Refit, Candidate], Refit] = field(default_factory=dict[tuple[Refit, Candidate], Refit])
 
-    def onward(self, current: Refit) -> tuple[Refit, ...]:
-        """Return refits with one effect more than `current`, of a kind that is not there yet; the best first."""
-        return self._all_of(self.candidates, current)
+    def onward(self, current: Refit, against: Refit | None = None) -> tuple[Refit, ...]:
+        """Return refits with one effect more than `current`, of a kind that is not there yet; the best first.
 
-    def flawed(self, current: Refit) -> tuple[Refit, ...]:
+        Those that could not stand `against` an explanation that is known already are left rough.
+        """
+        return self._all_of(self.candidates, current, against)
+
+    def flawed(self, current: Refit, against: Refit | None = None) -> tuple[Refit, ...]:
         """Return refits with a flaw of the instrument more than `current`; the best first."""
-        return self._all_of(self.flaws, current)
+        return self._all_of(self.flaws, current, against)
 
-    def _all_of(self, candidates: tuple[Candidate, ...], current: Refit) -> tuple[Refit, ...]:
+    def _all_of(self, candidates: tuple[Candidate, ...], current: Refit, against: Refit | None) -> tuple[Refit, ...]:
         key = (candidates, frozenset(current.effects))
         if key not in self.tried:
-            self.tried[key] = tuple(_try_all(self.problem, candidates, current))
+            self.tried[key] = tuple(_try_all(self.problem, candidates, current, against))
         return self.tried[key]
 
     def without(self, found: Refit, effect: Candidate) -> Refit:
@@ -106,7 +111,7 @@ def null_refit(problem: Problem) -> Refit:
     return finished((), descend(objective, objective.coordinates.x, ROUGH))
 
 
-def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) -> list[Refit]:
+def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit, against: Refit | None) -> list[Refit]:
     softer = resoftened(problem, current)
     base = refit(softer, current.effects, current.values, None)
     taken = {effect.effect.name for effect in current.effects}
@@ -119,10 +124,14 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit) 
         ranked = ranked[:_REFITTED_LATER]
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
-    reach = _OUT_OF_REACH[bool(rough) and max(rough[0].chi2) < DESCRIBED]
-    within = [one for one in rough[:_POLISHED] if one.chi2_per_dof < reach * rough[0].chi2_per_dof]
-    polished = [polish(problem, one) for one in within]
+    rivals = [one for one in (*rough[:1], against) if one is not None]
+    polished = [polish(problem, one) for one in rough[:_POLISHED] if all(_within_reach(one, best) for best in rivals)]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
+
+
+def _within_reach(rough: Refit, best: Refit) -> bool:
+    """Return whether a finer fit could still stand against the best."""
+    return rough.chi2_per_dof < _OUT_OF_REACH[max(best.chi2) < DESCRIBED] * best.chi2_per_dof
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
@@ -155,11 +164,11 @@ def resoftened(problem: Problem, current: Refit) -> Problem:
     return replace(problem, recordings=soft)
 
 
-def polish(problem: Problem, rough: Refit) -> Refit:
+def polish(problem: Problem, rough: Refit, tolerance: float = _POLISH) -> Refit:
     """Return a refit with weights that fit what it leaves over."""
     best = rough
     for _ in range(3):
-        again = refit(resoftened(problem, best), best.effects, best.values, None, tolerance=1e-8)
+        again = refit(resoftened(problem, best), best.effects, best.values, None, tolerance)
         if again.chi2_per_dof > 0.97 * best.chi2_per_dof:
             return again if again.chi2_per_dof < best.chi2_per_dof else best
         best = again

@@ -30,6 +30,8 @@ from .search import Refit
 from .structure import period, uneven
 from .weigh import Weighed, better_instead, weigh
 
+_FINE = 1e-8
+"""Relative tolerance of the fits whose constants are told."""
 _EXPLAINED = 1.4
 """chi2 per degree of freedom of every recording up to which the effects found explain it."""
 _HELD_OUT = 1.6
@@ -57,15 +59,16 @@ def diagnose(
     gated = gate(task.sweeps)
     progress("fitting without effects")
     problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
-    null = polish(problem, null_refit(problem))
+    null = polish(problem, null_refit(problem), _FINE)
     choice = candidates(problem, effects)
     search = Search(problem, choice, flaws(problem), progress)
     found = better_instead(search, without_idle(search, pursue(search, null)))
-    final = weightiest(search, found, _MOST_NAMED)
+    fewest = weightiest(search, found, _MOST_NAMED)
+    final = polish(problem, fewest, _FINE) if fewest.effects else null
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final.effects else held_before
-    named, verdict = _named(null, final, held_after, crowded=found is not final)
+    named, verdict = _named(null, final, held_after, crowded=found is not fewest)
     if not named:
         final, held_after = null, held_before
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):

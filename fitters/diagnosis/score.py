@@ -11,8 +11,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ...models.arrays import Impedances, Reals
-from ...models.effects import Knob
+from ...models.arrays import Frequencies, Impedances, Reals
+from ...models.effects import Device, Knob, Stage
 from ...models.model import Model
 from ..objective import Objective
 from ..recording import Recording
@@ -138,7 +138,8 @@ def _first_columns(
 ) -> Callable[[Sequence[float]], Reals]:
     """Return what makes, of the other knobs' values, d residual / d first knob in typical sizes, shape (rows,).
 
-    By one small step from where the effect is absent, which is the same for all of them.
+    By one small step from where the effect is absent, which is the same for all of them. What the sweep itself did is
+    small, and left out unless it is what is looked for.
     """
     knob, name = candidate.knobs[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0
@@ -146,19 +147,25 @@ def _first_columns(
     for plain, recording in zip(problem.recordings, problem.with_effects([candidate]), strict=True):
         f = recording.sweep.frequency
         if recording.step in candidate.steps:
-            there = _moved(recording.model, {**values, name: size})
-            places.append((at, recording, there, _moved(plain.model, values).impedance(f)))
+            there, absent = _moved(recording.model, {**values, name: size}), _moved(plain.model, values)
+            places.append((at, recording, there, _seen(absent, candidate, f)))
         at += 2 * f.size
 
     def column(others: Sequence[float]) -> Reals:
         made, trial = np.zeros(rows), dict(zip(candidate.parameters[1:], others, strict=True))
         for at, recording, there, absent in places:
             f = recording.sweep.frequency
-            weighted = np.log(there.replace(trial).impedance(f) / absent) / (_STEP * recording.sigma)
+            weighted = np.log(_seen(there.replace(trial), candidate, f) / absent) / (_STEP * recording.sigma)
             made[at : at + f.size], made[at + f.size : at + 2 * f.size] = weighted.real, weighted.imag
         return made
 
     return column
+
+
+def _seen(model: Model, candidate: Candidate, f: Frequencies) -> Impedances:
+    if candidate.effect.stage < Stage.RECORD and isinstance(model, Device):
+        return model.steady_impedance(f)
+    return model.impedance(f)
 
 
 def _moved(model: Model, values: dict[str, float]) -> Model:

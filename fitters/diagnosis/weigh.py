@@ -39,7 +39,7 @@ def weigh(search: Search, final: Refit) -> list[Weighed]:
     found: list[Weighed] = []
     for candidate in final.effects:
         rest = search.without(final, candidate)
-        rivals = _instead(search, rest, candidate)[:_RIVALS]
+        rivals = _instead(search, rest, candidate, final)[:_RIVALS]
         mirrored = [one for one in rivals if _mirrors(one, candidate, final)]
         rivals = [one for one in rivals if one not in mirrored]
         odds = [float(np.exp(-0.5 * min(max(evidence_lost(one, final), -_DECIDED), 1400.0))) for one in rivals]
@@ -64,21 +64,21 @@ def better_instead(search: Search, final: Refit) -> Refit:
     """Return the final fit with look-alikes in the place of effects wherever the evidence is for them."""
     current = final
     for candidate in final.effects:
-        rivals = _instead(search, search.without(current, candidate), candidate)
+        rivals = _instead(search, search.without(current, candidate), candidate, current)
         for rival in rivals:
             if evidence_lost(rival, current) < 0:
                 current = rival
     return current
 
 
-def _instead(search: Search, rest: Refit, candidate: Candidate) -> list[Refit]:
+def _instead(search: Search, rest: Refit, candidate: Candidate, final: Refit) -> list[Refit]:
     """Return the explanations with another effect, or the same elsewhere, in the place of this one, the best first.
 
     Of one effect the best place only.
     """
     kinds: set[str] = set()
     found: list[Refit] = []
-    for one in sorted((*search.onward(rest), *search.flawed(rest)), key=price):
+    for one in sorted((*search.onward(rest, final), *search.flawed(rest, final)), key=price):
         newest = one.effects[-1]
         if newest is candidate or not is_there(one):
             continue

@@ -10,9 +10,20 @@ from pkgutil import iter_modules
 from ..errors import PzctlError
 from .assembly import Assembly, Conditions
 from .device import Added, Device
-from .effect import Effect, Knob
+from .effect import Effect, Knob, Stage
 
-__all__ = ["Added", "Assembly", "Conditions", "Device", "Effect", "EffectError", "Knob", "catalogue", "find_effect"]
+__all__ = [
+    "Added",
+    "Assembly",
+    "Conditions",
+    "Device",
+    "Effect",
+    "EffectError",
+    "Knob",
+    "Stage",
+    "catalogue",
+    "find_effect",
+]
 
 
 class EffectError(PzctlError):

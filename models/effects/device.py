@@ -83,11 +83,16 @@ class Device:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         return self._assembly.impedance(frequency)
 
+    def steady_impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), as a sweep without end would record it."""
+        Z = self._assembly.steady(frequency)
+        return np.conj(Z) if self._assembly.conjugated else Z
+
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
 
         Exact by the stack's parameters; by knobs from one difference, on the allowed side of a limit.
-        Effects of the sweep are small: the stack's derivatives are those of the steady device.
+        Effects of the sweep are small: all derivatives but those by their own knobs are those of the steady device.
         """
         require(names, self.parameters(), "the device")
         own = self.bare.parameters()
@@ -95,7 +100,8 @@ class Device:
         Z = self._assembly.while_recorded(frequency, steady)
         rows = iter(slopes)
         mirror = np.conj if self._assembly.conjugated else np.asarray
-        made = [mirror(next(rows)) if name in own else self._by_knob(name, frequency, Z) for name in names]
+        at_rest = mirror(steady)
+        made = [mirror(next(rows)) if name in own else self._by_knob(name, frequency, at_rest, Z) for name in names]
         return Z, np.array(made, np.complex128).reshape(len(names), frequency.size)
 
     @cached_property
@@ -119,16 +125,19 @@ class Device:
         limits = {name: (knobs[name].lower, knobs[name].upper) for name in one.values if name in knobs}
         return {name: float(np.clip(v, *limits[name])) if name in limits else v for name, v in one.values.items()}
 
-    def _by_knob(self, name: str, frequency: Frequencies, Z: Impedances) -> Complexes:
-        """Return d ln Z / d knob, into the side that is physical; 0 for a flag."""
-        knob, value = self._knob(name), self.parameters()[name]
+    def _by_knob(self, name: str, frequency: Frequencies, at_rest: Impedances, Z: Impedances) -> Complexes:
+        """Return d ln Z / d knob, into the side that is physical; 0 for a flag. `at_rest` is the steady impedance."""
+        (one, knob), value = self._knob(name), self.parameters()[name]
         if knob is None:
             return np.zeros_like(Z)
         step = _STEP * knob.typical if value + _STEP * knob.typical <= knob.upper else -_STEP * knob.typical
-        return np.log(self.replace({name: value + step}).impedance(frequency) / Z) / complex(step)
+        moved = self.replace({name: value + step})
+        if one.effect.stage is Stage.RECORD:
+            return (moved.impedance(frequency) / Z - 1) / complex(step)
+        return (moved.steady_impedance(frequency) / at_rest - 1) / complex(step)
 
-    def _knob(self, name: str) -> Knob | None:
-        """Return the knob that a parameter is, or None where it is a flag."""
+    def _knob(self, name: str) -> tuple[Added, Knob | None]:
+        """Return the effect that a parameter belongs to, and the knob that it is, or None where it is a flag."""
         one = next(one for one in self.added if name.startswith(one.prefix))
         knobs = one.effect.knobs(self.nominal or self.bare, one.where)
-        return next((knob for knob in knobs if one.prefix + knob.name == name), None)
+        return one, next((knob for knob in knobs if one.prefix + knob.name == name), None)

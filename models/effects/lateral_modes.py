@@ -5,10 +5,9 @@ from math import pi, sqrt
 
 import numpy as np
 
-from ..arrays import Complexes
+from ..arrays import Complexes, Reals
 from ..stack import Stack
 from .assembly import Assembly
-from .branch import branch
 from .effect import Effect, Knob
 from .scale import active, capacitance, resonance
 
@@ -53,25 +52,28 @@ class LateralModes(Effect):
         nominal = assembly.nominal
         C0, f0 = capacitance(nominal), resonance(nominal)
         spacing = values["speed"] / (2 * sqrt(nominal.area / pi))
-        radial = _comb(f0, spacing, values["offset"])
-        branches = [(values["strength"] * weight, f_k) for f_k, weight in zip(*radial, strict=True)]
-        branches.append((values["edge"], values["edge_frequency"] * f0))
-        shown = [(C0 * C, 2 * pi * f_k) for C, f_k in branches if C > 0]
-        if not shown:
+        f_k, weights = _comb(f0, spacing, values["offset"])
+        strengths = np.append(values["strength"] * weights, values["edge"])
+        w_k = 2 * pi * np.append(f_k, values["edge_frequency"] * f0)
+        shown = strengths > 0
+        if not np.any(shown):
             return assembly
+        strengths, w_k = strengths[shown], w_k[shown]
 
         def lateral(jw: Complexes) -> Complexes:
-            return sum((C * branch(jw, w_k, values["q"]) for C, w_k in shown), np.zeros_like(jw))
+            w2, damped = w_k[:, None] ** 2, jw * (w_k[:, None] / values["q"])
+            return C0 * jw * ((strengths * w_k**2) @ (1 / (w2 + jw * jw + damped)))
 
         return assembly.beside(lateral)
 
 
-def _comb(f0: float, spacing: float, offset: float) -> tuple[list[float], list[float]]:
+def _comb(f0: float, spacing: float, offset: float) -> tuple[Reals, Reals]:
     """Return frequencies (Hz) and weights of the radial overtones around f0."""
     low, high = (max(0.0, (f0 * (1 + sign * _REACH * _WIDTH)) / spacing) for sign in (-1, 1))
-    f_k = (np.arange(int(low), int(high) + 2) + offset) * spacing
+    f_k: Reals = (np.arange(int(low), int(high) + 2, dtype=np.float64) + offset) * spacing
     f_k = f_k[f_k > 0.05 * f0]
-    return f_k.tolist(), np.exp(-0.5 * ((f_k / f0 - 1) / _WIDTH) ** 2).tolist()
+    weights: Reals = np.exp(-0.5 * ((f_k / f0 - 1) / _WIDTH) ** 2)
+    return f_k, weights
 
 
 EFFECT = LateralModes()

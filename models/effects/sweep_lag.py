@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Impedances
+from ..arrays import Frequencies, Impedances
 from ..stack import Stack
 from .assembly import Assembly
 from .effect import SWEEP, Effect, Knob, Stage
@@ -39,7 +39,7 @@ class SweepLag(Effect):
         f0 = resonance(stack)
         return (
             Knob("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),
-            Knob("memory", "1", typical=0.5, lower=0.0, upper=1.0),
+            Knob("memory", "1", typical=0.5, lower=0.0, upper=1.0, null=0.5),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -49,16 +49,15 @@ class SweepLag(Effect):
         if lag == 0:
             return assembly
 
+        ago = np.array([*([1.0] if memory < 1 else []), *(_AGO if memory > 0 else [])])
+        weights = np.array([*([1 - memory] if memory < 1 else []), *(memory * _WEIGHTS if memory > 0 else [])])
+
         def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
             steps = np.gradient(frequency)  # a sweep takes as long for each point, so it is fastest where they are wide
             behind = lag * steps / np.mean(steps)
-
-            def then(ago: float) -> Complexes:
-                return 1 / device.steady(np.maximum(frequency - ago * behind, 0.5 * frequency))
-
-            read = (1 - memory) * then(1.0) if memory < 1 else np.zeros_like(Z)
-            if memory > 0:
-                read += memory * sum(w * then(ago) for ago, w in zip(_AGO.tolist(), _WEIGHTS.tolist(), strict=True))
+            then = np.maximum(frequency - ago[:, None] * behind, 0.5 * frequency)
+            # all at once: a stack takes hardly longer for many points than for few
+            read = weights @ (1 / device.steady(then.ravel())).reshape(then.shape)
             return Z / (read * device.steady(frequency))
 
         return assembly.recorded(late)
