@@ -176,7 +176,8 @@ def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
     lab.bench({"command": "effects", "radial": False})
     browser.open(page)
     press(browser, "#samples", "round · disk")
-    browser.wait("document.getElementById('chi2').classList.contains('bad')")  # mason knows no radial modes
+    browser.wait("document.getElementById('sample').textContent === 'round'")  # not what the page opens by itself
+    assert browser.run("document.getElementById('chi2').className") == "big bad", "mason knows no radial modes"
     browser.run("document.getElementById('hand-open').click()")
     at_rest = "!document.getElementById('hand').dataset.busy"
     browser.wait(f"document.querySelectorAll('#hand-handles .handle').length >= 10 && {at_rest}")
