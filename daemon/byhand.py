@@ -82,7 +82,9 @@ def of_sample(name: str, step: str | None = None, fitter: str = DEFAULT) -> InHa
     """Return the latest measurement of a sample's step in hand, with the steps before it; None: the latest step.
 
     `fitter`: whose model, `mason`, or of a bare round disk `radial` or `disk`. Handles begin where its latest fit
-    ended, and where it has not answered at nominal values, or where the peaks of the recording are. Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
+    ended, and where it has not answered at nominal values, or where the peaks of the recording are.
+
+    Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
     """
     archive = open_journal()
     try:
