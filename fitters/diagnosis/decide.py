@@ -27,7 +27,7 @@ _AS_GOOD = 4.0
 _WITHIN = 30.0
 """How much less likely (-2 ln) than the best an explanation may be to be pursued, once the best describes all."""
 _WORTH_A_REFIT = 0.4
-_IMITATED = 1e-3
+_IMITATED = 1e-2
 """What survives of an effect, part of it, from which its score tells nothing: to first order the constants do all that
 it does (a dead layer, a missing bond), and only a refit shows what they cannot."""
 _REFITTED_LATER = 10
@@ -35,6 +35,8 @@ _REFITTED = 18
 _POLISHED = 4
 _POLISH = 1e-5
 """Relative tolerance of the fits that are held against each other: a tenth of chi2, where thirty decide."""
+_FINER = 1e-7
+"""The same for effects that constants imitate: their fits run along narrow valleys and fall little at every step."""
 _OUT_OF_REACH = 8.0, 2.0
 """chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
 
@@ -125,7 +127,13 @@ def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit, 
     rough = [_tried(softer, current, base, score) for score in ranked]
     rough.sort(key=price)
     rivals = [one for one in (*rough[:1], against) if one is not None]
-    polished = [polish(problem, one) for one in rough[:_POLISHED] if all(_within_reach(one, best) for best in rivals)]
+    likely = [*rough[:_POLISHED], *(one for one in rough[_POLISHED:] if not one.descent.converged)]
+    fine = {score.candidate: _POLISH if score.survives > _IMITATED else _FINER for score in ranked}
+    polished = [
+        polish(problem, one, fine[one.effects[-1]])
+        for one in likely
+        if all(_within_reach(one, best) for best in rivals)
+    ]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
 
 
@@ -135,7 +143,14 @@ def _within_reach(rough: Refit, best: Refit) -> bool:
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
-    return refit(problem, (*current.effects, score.candidate), {**base.values, **score.start}, score.value)
+    effects = (*current.effects, score.candidate)
+    start = {**base.values, **score.start}
+    if score.survives > _IMITATED:
+        return refit(problem, effects, start, score.value)
+    # What the score tells of its sizes is as little worth as what it tells of its gain.
+    told = refit(problem, effects, start, score.value, _FINER)
+    usual = refit(problem, effects, base.values, score.candidate.knobs[0].null, _FINER)
+    return min(told, usual, key=price)
 
 
 def _worth_a_refit(ranked: list[Score]) -> list[Score]:

@@ -101,10 +101,14 @@ def is_there(found: Refit) -> bool:
     the effect is held: a cable is there although a short one's impedance is open.
     """
     coordinates, newest = found.objective.coordinates, found.effects[-1]
-    sizes = [coordinates.free.index(name) for name, _ in newest.sizes]
+    columns = [coordinates.free.index(name) for name, _ in newest.sizes]
     shapes = {one for one, knob in zip(newest.parameters, newest.knobs, strict=True) if not knob.from_nothing}
     J = found.objective.jacobian(found.descent.x)
-    others = [k for k, name in enumerate(coordinates.free) if k not in sizes and name not in shapes]
-    own = J[:, sizes] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, sizes], rcond=1e-12)[0]
-    null = coordinates.inverse({**found.values, **{name: knob.null for name, knob in newest.sizes}})
-    return float(np.linalg.norm(own @ (found.descent.x - null)[sizes])) > _SIZED
+    others = [k for k, name in enumerate(coordinates.free) if k not in columns and name not in shapes]
+    own = J[:, columns] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, columns], rcond=1e-12)[0]
+    values, chain = coordinates.forward(found.descent.x)
+    # in sizes, not in coordinates, which bend towards null
+    slopes = [chain[coordinates.parameters.index(name), k] for (name, _), k in zip(newest.sizes, columns, strict=True)]
+    away = [values[name] - knob.null for name, knob in newest.sizes]
+    steps = [far / slope if slope else 0.0 for far, slope in zip(away, slopes, strict=True)]
+    return float(np.linalg.norm(own @ np.array(steps))) > _SIZED
