@@ -26,13 +26,14 @@ class Trouble:
         )
         when = "" if self.seconds is None else f", {self.seconds:.3g} s after the sweep began"
         size = "" if self.size is None else f"{100 * self.size:.2g} %"
+        few = f"{self.size or 0:.2g} point" if f"{self.size or 0:.2g}" == "1" else f"{self.size or 0:.2g} points"
         return {
             "step": f"it jumps by {size} {place}{when} (a range switch or a contact); the jump was taken out",
             "glitch": f"a glitch of {size} {place}{when}; its points were left out",
             "not passive": f"Re Z is negative beyond noise {place}, as if it gave energy; check the compensation",
             "not causal": f"{place} no linear device at rest was found to look like this: driven too hard, swept too "
             "fast, drifting, disturbed, or a great many resonances",
-            "too coarse": f"only {self.size or 0:.2g} points within the width of the resonance {place}; take more",
+            "too coarse": f"only {few} within the width of the resonance {place}; take more",
             "not repeated": f"{place} this sweep differs from the one before it by more than noise",
         }[self.kind]
 

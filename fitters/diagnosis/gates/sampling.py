@@ -7,6 +7,8 @@ from .rational import PoleFit, linear_fit
 
 _PAYS = 100.0
 """Fall of chi2 that makes a pole a resonance one can be sure of."""
+_INSIDE = 2
+"""Points that a resonance has on either side: a pole beside the first point mends what poles beyond the band leave."""
 
 
 def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, float] | None:
@@ -14,7 +16,7 @@ def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, f
     s = np.asarray(fit.frame.s.imag, np.float64)
     steps = 2 * fit.frame.least_width
     best: tuple[float, float] | None = None
-    for k in np.flatnonzero((fit.poles.imag > s[0]) & (fit.poles.imag < s[-1])):
+    for k in np.flatnonzero((fit.poles.imag > s[_INSIDE - 1]) & (fit.poles.imag < s[-_INSIDE])):
         pole = complex(fit.poles[int(k)])
         points = float(-2 * pole.real / np.interp(pole.imag, s, steps))
         if best is not None and points >= best[0]:
