@@ -148,9 +148,10 @@ def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit
     if score.survives > _IMITATED:
         return refit(problem, effects, start, score.value)
     # What the score tells of its sizes is as little worth as what it tells of its gain.
-    told = refit(problem, effects, start, score.value, _FINER)
-    usual = refit(problem, effects, base.values, score.candidate.knobs[0].null, _FINER)
-    return min(told, usual, key=price)
+    told, first = refit(problem, effects, start, score.value, _FINER), score.candidate.knobs[0]
+    if score.value == first.null and all(start[name] == knob.null for name, knob in score.candidate.sizes[1:]):
+        return told
+    return min(told, refit(problem, effects, base.values, first.null, _FINER), key=price)
 
 
 def _worth_a_refit(ranked: list[Score]) -> list[Score]:
