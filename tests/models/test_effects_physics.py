@@ -208,7 +208,7 @@ def test_the_comb_of_a_finite_disk_has_the_spacing_of_its_diameter() -> None:
 
 def test_a_sweep_that_lags_reads_the_past() -> None:
     for direction, sign in (("up", -1), ("down", 1)):
-        late = added("sweep-lag", "sweep", conditions=Conditions(direction), lag=2000.0).impedance(F)
+        late = added("sweep-lag", "sweep", conditions=Conditions(direction), lag=2000.0, memory=0.0).impedance(F)
         close(late, BARE.impedance(F + sign * 2000.0))
         settling = added("sweep-lag", "sweep", conditions=Conditions(direction), lag=2000.0, memory=1.0).impedance(F)
         Y, _ = quad_vec(lambda u: np.exp(-u) / BARE.impedance(F + sign * u * 2000.0), 0, 40, epsrel=1e-11)  # noqa: B023
