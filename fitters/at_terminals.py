@@ -11,7 +11,7 @@ import numpy as np
 
 from ..models.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..models.effects import Assembly, Effect, catalogue
-from ..models.effects.device import Added
+from ..models.effects.device import Added, small_step
 from ..models.effects.effect import Stage
 from ..models.model import Model
 from ..models.named import require
@@ -19,8 +19,6 @@ from ..models.stack import Stack
 
 _OUTSIDE = (Stage.TERMINALS, Stage.CABLE)
 _BESIDE = "spurious-resonance"
-_STEP = 1e-6
-"""Of a knob's typical size: the step of the difference that gives its derivative."""
 
 
 def outside_effects() -> tuple[Effect, ...]:
@@ -39,19 +37,14 @@ class AtTerminals:
 
     def parameters(self) -> dict[str, float]:
         """Return the device's parameters and `effect@place.knob` for each knob."""
-        own = {f"{one.prefix}{knob}": value for one in self.added for knob, value in one.values.items()}
-        return {**self.device.parameters(), **own}
+        own = (one.parameters() for one in self.added)
+        return {**self.device.parameters(), **{name: value for of_one in own for name, value in of_one.items()}}
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for a name it does not have."""
         require(values, self.parameters(), "the device")
         knobs = {name: value for name, value in values.items() if "@" in name.partition(".")[0]}
-        added = tuple(
-            one.with_values(
-                {name.removeprefix(one.prefix): v for name, v in knobs.items() if name.startswith(one.prefix)}
-            )
-            for one in self.added
-        )
+        added = tuple(one.moved(knobs) for one in self.added)
         moved = {name: value for name, value in values.items() if name not in knobs}
         return replace(self, device=self.device.replace(moved) if moved else self.device, added=added)
 
@@ -75,7 +68,7 @@ class AtTerminals:
         knobs = one.effect.knobs(self.nominal, one.where)
         knob = next(knob for knob in knobs if one.prefix + knob.name == name)
         value = one.values[knob.name]
-        step = _STEP * knob.typical * (1 if value + _STEP * knob.typical <= knob.upper else -1)
+        step = small_step(knob, value)
         there, _ = _through(self.replace({name: value + step}), frequency, bare)
         return (there / seen - 1) / step
 

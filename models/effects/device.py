@@ -31,9 +31,20 @@ class Added:
         """What its parameters' names begin with."""
         return f"{self.effect.name}@{self.where}."
 
-    def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return it with some values changed."""
-        return replace(self, values={**self.values, **values})
+    def parameters(self) -> dict[str, float]:
+        """Return its values by the names that a model's parameters have."""
+        return {self.prefix + knob: value for knob, value in self.values.items()}
+
+    def moved(self, parameters: Mapping[str, float]) -> Self:
+        """Return it with those of the parameters that are its own."""
+        own = {name.removeprefix(self.prefix): v for name, v in parameters.items() if name.startswith(self.prefix)}
+        return replace(self, values={**self.values, **own})
+
+
+def small_step(knob: Knob, value: float) -> float:
+    """Return the step of a derivative by a knob, into the side that is physical."""
+    step = _STEP * knob.typical
+    return step if value + step <= knob.upper else -step
 
 
 @dataclass(frozen=True)
@@ -51,21 +62,16 @@ class Device:
 
     def parameters(self) -> dict[str, float]:
         """Return the stack's parameters and those of the effects."""
-        own = {f"{one.prefix}{knob}": value for one in self.added for knob, value in one.values.items()}
-        return self.bare.parameters() | own
+        own = (one.parameters() for one in self.added)
+        return {**self.bare.parameters(), **{name: value for of_one in own for name, value in of_one.items()}}
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for a name it does not have."""
-        knobs = {one.prefix + knob for one in self.added for knob in one.values}
+        knobs = {name for one in self.added for name in one.parameters()}
         moved = {name: value for name, value in values.items() if name not in knobs}
         if moved:
             require(moved, self.parameters(), "the device")
-        added = tuple(
-            one.with_values(
-                {name.removeprefix(one.prefix): v for name, v in values.items() if name.startswith(one.prefix)}
-            )
-            for one in self.added
-        )
+        added = tuple(one.moved(values) for one in self.added)
         made = replace(self, bare=self.bare.replace(moved) if moved else self.bare, added=added)
         within = {one.prefix for one in self.added if one.effect.stage < Stage.TERMINALS}
         if not moved and not any(name.startswith(tuple(within)) for name in values):
@@ -130,7 +136,7 @@ class Device:
         (one, knob), value = self._knob(name), self.parameters()[name]
         if knob is None:
             return np.zeros_like(Z)
-        step = _STEP * knob.typical if value + _STEP * knob.typical <= knob.upper else -_STEP * knob.typical
+        step = small_step(knob, value)
         moved = self.replace({name: value + step})
         if one.effect.stage is Stage.RECORD:
             return (moved.impedance(frequency) / Z - 1) / complex(step)
