@@ -26,7 +26,8 @@ class Trouble:
         )
         when = "" if self.seconds is None else f", {self.seconds:.3g} s after the sweep began"
         size = "" if self.size is None else f"{100 * self.size:.2g} %"
-        few = f"{self.size or 0:.2g} point" if f"{self.size or 0:.2g}" == "1" else f"{self.size or 0:.2g} points"
+        count = f"{self.size or 0:.2g}"
+        few = f"{count} point" if count == "1" else f"{count} points"
         return {
             "step": f"it jumps by {size} {place}{when} (a range switch or a contact); the jump was taken out",
             "glitch": f"a glitch of {size} {place}{when}; its points were left out",
