@@ -13,7 +13,7 @@ from ..models.disk2d.full import FullDisk
 from ..models.disk2d.reduced import ReducedDisk
 from ..models.disk2d.training import trained
 
-_VERSION = 3
+_VERSION = 4
 _GRID = 0.01
 # D/t is rounded to 1 %; the basis is trained for ratios +-2 % around, and the disk's own sizes are used with it.
 _EDGES = 10_000

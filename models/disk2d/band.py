@@ -25,7 +25,7 @@ _STATIC = 6
 _DEPENDENT = 1e-8
 # Static shapes that add less than this are none of their own.
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
-_TOLERANCE, _ROUNDS = 1e-6, 25
+_TOLERANCE, _ROUNDS = 1e-4, 25
 _TINY = 1e-300
 
 
@@ -37,8 +37,8 @@ class Modes:
     """(2 pi f)^2 of the modes, shape (nu,), rising."""
     shapes: Reals
     """Columns over the displacement shapes of the reduced disk, shape (nu, nu)."""
-    losses: Complexes | None
-    """Stiffness of the lossy disk less that of the lossless one, between modes, over mass, shape (nu, nu); or none."""
+    losses: Reals | None
+    """Imaginary stiffness between modes over mass, to first order in the losses, shape (nu, nu); or none."""
     force: Complexes
     """Force on each mode over mass, shape (nu,)."""
     weights: Complexes
@@ -47,12 +47,8 @@ class Modes:
 
 def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> Modes:
     """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them."""
-    still = disk.condensed(weights.real) / shape.mass
-    squared, shapes = np.linalg.eigh(still)
-    losses = None
-    if not rough:
-        lossy = disk.condensed(weights) / shape.mass - still
-        losses = real_times(shapes.T, real_times(shapes.T, lossy).T)
+    squared, shapes = np.linalg.eigh(disk.condensed(weights.real) / shape.mass)
+    losses = None if rough else shapes.T @ (disk.losses(weights) / shape.mass) @ shapes
     force: Complexes = disk.force(weights)
     return Modes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
 
@@ -63,39 +59,37 @@ def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Nu
     `weights`: of TERMS amid the band, shape (13,). Real for rough modes.
     """
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
-    inside = (modes.squared > _BELOW**2 * bottom) & (modes.squared < _ABOVE**2 * top)
-    outside = ~inside
-    near, far = modes.squared[inside], modes.squared[outside]
-    own: Numbers = far
-    aside: Numbers | None = None
+    ends = np.searchsorted(modes.squared, [_BELOW**2 * bottom, _ABOVE**2 * top])
+    inside = slice(int(ends[0]), int(ends[1]))
+    own: Numbers = modes.squared
     force: Numbers = modes.force.real
-    across: Numbers | None = None
+    turn, diagonal = 0j, np.zeros(modes.squared.size)
     if modes.losses is not None:
-        moved = modes.losses + _dispersed(modes.weights, weights) * modes.losses.imag
-        own, force = far + np.diag(moved)[outside], modes.force
-        aside = moved[np.ix_(outside, outside)]
-        np.fill_diagonal(aside, 0.0)
-        across = moved[np.ix_(outside, inside)]
+        turn, diagonal = 1j + _dispersed(modes.weights, weights), np.diag(modes.losses)
+        own, force = modes.squared + turn * diagonal, modes.force
 
     def answer(force: Numbers, squared: Reals) -> Numbers:
         """Answer of the modes outside, by two steps of Jacobi: losses couple them by a hundredth."""
-        inverse = 1 / (own[:, None] - squared[None, :])
+        inverse = 1 / (own[:, None] - squared)
+        inverse[inside] = 0.0
         first = force * inverse
-        return first if aside is None else first - (aside @ first) * inverse
+        if modes.losses is None:
+            return first
+        return first - turn * (real_times(modes.losses, first) - diagonal[:, None] * first) * inverse
 
     static: list[Numbers] = []
-    for squared in np.array([[bottom], [(bottom + top) / 2], [top]]):
-        column = force[outside, None]
-        for _ in range(_STATIC):
-            column = answer(column, squared)
-            column = column / max(float(np.linalg.norm(column)), _TINY)
-            static.append(column)
+    column, squared = np.repeat(force[:, None], 3, axis=1), np.array([bottom, (bottom + top) / 2, top])
+    for _ in range(_STATIC):
+        column = answer(column, squared)
+        column = column / np.maximum(np.linalg.norm(column, axis=0), _TINY)
+        static.append(column)
     still = _orthonormal(np.hstack(static))
-    coordinates = np.zeros((near.size + far.size, near.size + still.shape[1]), still.dtype)
+    near = modes.squared[inside]
+    coordinates = np.zeros((own.size, near.size + still.shape[1]), still.dtype)
+    if modes.losses is not None:
+        coordinates[:, : near.size] = -answer(turn * modes.losses[:, inside], np.clip(near, bottom, top))
     coordinates[inside, : near.size] = np.eye(near.size)
-    if across is not None:
-        coordinates[outside, : near.size] = -answer(across, np.clip(near, bottom, top))
-    coordinates[outside, near.size :] = still
+    coordinates[:, near.size :] = still
     return real_times(modes.shapes, coordinates)
 
 
@@ -154,11 +148,9 @@ class Band:
         at, nodes = self._nodes()
         force = self.weights[:, PIEZO] @ self.drive + at @ np.array([self._beyond(w) for w in nodes])
         matrices = np.array([self._condensed(w) for w in nodes])
-        y = _by_poles(matrices, self.mass, at, force, squared) if len(nodes) == _NODES.size else None
-        if y is None:
-            y = _by_each(matrices, self.mass, at, force, squared)
-        whole = sum(at[:, [k]] * (y @ M) for k, M in enumerate(matrices)) - squared[:, None] * (y @ self.mass)
-        return y, np.einsum("ni,ni->n", y, whole + 2 * force) + self._still()
+        made = _by_poles(matrices, self.mass, at, force, squared) if len(nodes) == _NODES.size else None
+        y, form = made or _by_each(matrices, self.mass, at, force, squared)
+        return y, form + self._still()
 
     def _nodes(self) -> tuple[Reals, Complexes]:
         """Return what each node counts for at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
@@ -215,8 +207,13 @@ def _lagrange(x: Reals) -> Reals:
     return made
 
 
-def _by_poles(matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals) -> Complexes | None:
-    """Return -(A(f) - squared mass)^-1 force, shape (N, m), by poles; None where that does not converge."""
+def _by_poles(
+    matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals
+) -> tuple[Complexes, Complexes] | None:
+    """Return y = -(A(f) - squared mass)^-1 force, shape (N, m), and y (A - squared mass) y + 2 y force, shape (N,).
+
+    By poles; None where that does not converge.
+    """
     poles, vectors = np.linalg.eig(np.linalg.solve(mass, matrices[1]))
     norm = np.einsum("ik,ik->k", vectors, mass @ vectors)
     if np.any(np.abs(norm) < 1e-6 * np.abs(norm).max()):
@@ -226,25 +223,29 @@ def _by_poles(matrices: Complexes, mass: Complexes, at: Reals, force: Complexes,
     diagonal = np.einsum("mii->mi", moved).copy()
     if np.abs(moved[1] - np.diag(diagonal[1])).max() > 1e-6 * np.abs(poles).max():
         return None
-    own = 1 / (at @ diagonal - squared[:, None])
+    own = at @ diagonal - squared[:, None]
     for k in range(3):
         np.fill_diagonal(moved[k], 0.0)
     drive = -(force @ X)
-    y = drive * own
+    y = drive / own
     for _ in range(_ROUNDS):
         coupled = at[:, [0]] * (y @ moved[0]) + at[:, [2]] * (y @ moved[2])
-        after = (drive - coupled) * own
+        after = (drive - coupled) / own
         change = np.abs(after - y).max(axis=1) / np.abs(after).max(axis=1)
-        y = after
         if change.max() < _TOLERANCE:
-            return y @ X.T
+            # stationary: of this y the form is right to the square of the change
+            return after @ X.T, np.einsum("ni,ni->n", y, own * y + coupled - 2 * drive)
+        y = after
     return None
 
 
-def _by_each(matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals) -> Complexes:
+def _by_each(
+    matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals
+) -> tuple[Complexes, Complexes]:
     """Return the same, each frequency solved by itself."""
     made: list[Complexes] = [
-        np.linalg.solve(np.tensordot(a, matrices, 1) - s * mass, f)
+        -np.linalg.solve(np.tensordot(a, matrices, 1) - s * mass, f)
         for a, s, f in zip(at, squared.tolist(), force, strict=True)
     ]
-    return -np.array(made)
+    y = np.array(made)
+    return y, np.einsum("ni,ni->n", y, force)

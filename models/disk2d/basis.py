@@ -16,9 +16,9 @@ from ..arrays import Reals
 from .full import FullDisk, Shape
 
 _PER_SHIFT = 20
-_KEPT = 5e-5
-# Singular values below this part of the largest are left out; the capacitance is stationary, so its error is of the
-# square of it, times the sharpness of the resonances.
+_KEPT = 2e-5, 5e-5
+# Singular values of displacements and potentials below this part of the largest are left out; the capacitance is
+# stationary, so its error is of the square of it, times the sharpness of the resonances.
 _TINY = 1e-12
 
 
@@ -40,7 +40,7 @@ def krylov(disk: FullDisk, shape: Shape, constants: Reals, shift: float, count: 
     return made
 
 
-def compressed(snapshots: Sequence[Reals], kept: float = _KEPT) -> Reals:
+def compressed(snapshots: Sequence[Reals], kept: float) -> Reals:
     """Return the leading left singular vectors of all snapshots side by side, shape (n, r)."""
     whole = np.hstack(list(snapshots))
     values, vectors = np.linalg.eigh(whole @ whole.T if whole.shape[0] < whole.shape[1] else whole.T @ whole)
@@ -50,15 +50,15 @@ def compressed(snapshots: Sequence[Reals], kept: float = _KEPT) -> Reals:
     return leading if whole.shape[0] < whole.shape[1] else whole @ (leading / singular[:count])
 
 
-def split(disk: FullDisk, snapshots: Sequence[Reals], kept: float = _KEPT) -> tuple[Reals, Reals]:
+def split(disk: FullDisk, snapshots: Sequence[Reals], kept: tuple[float, float] = _KEPT) -> tuple[Reals, Reals]:
     """Return bases of displacement and potential over the unknowns of the mesh, shapes (n, ru) and (n, rp).
 
-    Displacements are orthonormal by the mass matrix.
+    Displacements are orthonormal by the mass matrix. `kept`: the least singular values of either, over the largest.
     """
     moving, n = disk.matrices.moving, disk.size
     u, p = np.zeros((n, 0)), np.zeros((n, 0))
-    upper = compressed([s[:moving] for s in snapshots], kept)
-    lower = compressed([s[moving:] for s in snapshots], kept)
+    upper = compressed([s[:moving] for s in snapshots], kept[0])
+    lower = compressed([s[moving:] for s in snapshots], kept[1])
     u = np.vstack([upper, np.zeros((n - moving, upper.shape[1]))]) * disk.scale[:, None]
     p = np.vstack([np.zeros((moving, lower.shape[1])), lower]) * disk.scale[:, None]
     mass = u.T @ (disk.matrices.mass[:n, :n] @ u)

@@ -82,6 +82,13 @@ class ReducedDisk:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
         return stiffness + (coupling / self.permittivity(weights)) @ coupling.T
 
+    def losses(self, weights: Complexes) -> Reals:
+        """Return the imaginary part of `condensed` to first order in the imaginary parts of the weights, (nu, nu)."""
+        coupling, lossy = (np.tensordot(part, self.coupling, 1) for part in (weights[PIEZO].real, weights[PIEZO].imag))
+        still, moved = self.permittivity(weights.real), self.permittivity(weights.imag)
+        half = (coupling / still) @ (lossy - coupling * (moved / (2 * still))).T
+        return np.tensordot(weights[ELASTIC].imag, self.stiffness, 1) + half + half.T
+
     def force(self, weights: Numbers) -> Numbers:
         """Return the force of one volt with the potential eliminated, shape (nu,)."""
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)

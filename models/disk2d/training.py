@@ -24,6 +24,8 @@ _JITTER = 0.02  # of the aspect ratio
 _ENOUGH = 1e-4
 _ADDED = 12
 _ROUNDS = 6
+_NEW = 1e-6
+# Singular values of what enriches a basis that are left out, over the largest.
 
 
 def sampled(rng: np.random.Generator) -> Reals:
@@ -38,7 +40,7 @@ def sampled(rng: np.random.Generator) -> Reals:
 def trained(
     diameter_to_thickness: float, progress: Callable[[int, int], None] = lambda _i, _n: None, electrode: float = 1.0
 ) -> ReducedDisk:
-    """Return a reduced disk for this D/t, good to 1e-4 of the capacitance (2e-4 at D/t 40) for its box.
+    """Return a reduced disk for this D/t, good to 1e-4 of the capacitance for its box.
 
     `progress` is told how many of how many samples are done. Raises DiskError for a D/t beyond 2 to 60.
     """
@@ -61,7 +63,7 @@ def trained(
 
 def enriched(full: FullDisk, reduced: ReducedDisk, shape: Shape, snapshots: Sequence[Reals]) -> ReducedDisk:
     """Return the reduced disk with what `snapshots`, scaled and each of shape (n, k), add to its shapes."""
-    u, p = split(full, snapshots, 1e-6)
+    u, p = split(full, snapshots, (_NEW, _NEW))
     mass = full.matrices.mass[: full.size, : full.size]
     u = u - reduced.u @ (reduced.u.T @ (mass @ u))
     u = u - reduced.u @ (reduced.u.T @ (mass @ u))
