@@ -63,8 +63,8 @@ def capacitance(
 ) -> Complexes:
     """Return Y/(jw) in F, shape (N,), at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
 
-    Constants are smooth over an octave, as causal ones are: a parabola in ln f stands for them. `rough`: to a thousandth
-    or so, at half the cost. Raises DiskError for constants that are not finite.
+    Constants are smooth over an octave, as causal ones are: a parabola in ln f stands for them.
+    `rough`: to a thousandth or so, at half the cost. Raises DiskError for constants that are not finite.
     """
     made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
     for part, band in _solved(disk, shape, constants, frequency, rough):
