@@ -32,22 +32,34 @@ class Cable(Effect):
         return (TERMINALS,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return length in metre (at 2e8 m/s), characteristic impedance in ohm, attenuation in Np/m at 1 MHz."""
+        """Return its inductance in henry, characteristic impedance in ohm, attenuation in Np/m at 1 MHz.
+
+        A short line is its inductance and little else: told so, and not by length, a fit finds it whatever the rest.
+        Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
+        """
         return (
-            Knob("length", "m", typical=0.1, upper=100.0),
-            Knob("impedance", "ohm", typical=10.0, lower=10.0, upper=300.0, null=50.0),
+            Knob("inductance", "H", typical=2.5e-8, upper=2.5e-5),
+            Knob("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0),
             Knob("loss", "Np/m", typical=2e-3, upper=1.0),
         )
 
+    def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+        """Return its length at 2e8 m/s."""
+        return {"length": (_length(values), "m")}
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device at the end of a cable."""
-        line = Line(values["length"], values["impedance"], _VELOCITY, values["loss"])
+        line = Line(_length(values), values["impedance"], _VELOCITY, values["loss"])
 
         def through(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
             seen, slope, _ = line.see(Z, jw.imag / (2 * np.pi))
             return seen, slope
 
         return assembly.behind(through)
+
+
+def _length(values: Mapping[str, float]) -> float:
+    return values["inductance"] * _VELOCITY / values["impedance"]
 
 
 EFFECT = Cable()

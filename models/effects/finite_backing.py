@@ -1,7 +1,9 @@
-"""`finite-backing`: echoes from the rear of a backing taken as infinite."""
+"""`finite-backing`: a backing taken as infinite and without loss, which has a rear and eats sound."""
 
 from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from ..stack import Stack
 from .assembly import Assembly
@@ -10,15 +12,21 @@ from .loads import Echoing, is_backing
 from .scale import resonance
 
 _BACK = FACES[0]
-_SPEED, _LENGTHS = 2000.0, (1e-3, 2e-3, 4e-3, 7e-3, 12e-3, 20e-3)
-"""m/s, of tungsten-filled epoxy; m, of backings."""
+_DELAYS = tuple(np.geomspace(0.7e-6, 25e-6, 72).tolist())
+"""s, there and back, of 0.7 to 25 mm of tungsten-filled epoxy; closer than a fit finds its way."""
+_DECAYS = (0.0, 3.0, 8.0)
+"""Np: what is no echo at the resonance may be a strong one far below."""
 
 
 class FiniteBacking(Effect):
-    """A ripple with the period 1/delay, as deep as the echo is strong: the backing is a layer with a free rear."""
+    """A layer with a free rear: a ripple with the period 1/delay, as deep as the echo is strong, and its own loss.
+
+    Where it eats all sound there is no ripple, and still it is not the half-space of a real impedance.
+    """
 
     name = "finite-backing"
-    says = "The backing is not long or lossy enough: an echo from its rear comes back to the disk."
+    sizes = 2
+    says = "The backing is no endless medium without loss: its rear sends an echo back, or its own loss is felt."
     separates = "load the rear of the backing with water or putty: this ripple changes, that of the rim does not"
     references = (
         "Kossoff, IEEE Trans. Sonics Ultrason. 13 (1966) 20 (backing and matching)",
@@ -30,23 +38,23 @@ class FiniteBacking(Effect):
         return (_BACK,) if is_backing(stack.back) else ()
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
-        """Return the echo's amplitude at the resonance, its delay in s, and its attenuation (Np at the resonance)."""
-        delays = tuple(2 * length / _SPEED for length in _LENGTHS)
+        """Return the echo's amplitude at the resonance, 1/Q of the backing, and the echo's delay (s) and decay (Np)."""
         return (
             Knob("strength", "1", typical=0.01, upper=0.99),
-            Knob("delay", "s", typical=0.1 / resonance(stack), lower=1e-7, upper=1e-3, null=delays[2], scan=delays),
-            Knob("decay", "Np", typical=1.0, upper=20.0),
+            Knob("loss", "1", typical=0.01, upper=1.0),
+            Knob("delay", "s", typical=0.1 / resonance(stack), lower=1e-7, upper=1e-3, null=4e-6, scan=_DELAYS),
+            Knob("decay", "Np", typical=1.0, upper=20.0, scan=_DECAYS),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device on a backing that has an end."""
-        if values["strength"] <= 0:
+        if values["strength"] <= 0 and values["loss"] <= 0:
             return assembly
         reference = resonance(assembly.nominal)
 
         def echoing(stack: Stack) -> Stack:
-            back = Echoing(stack.back, values["strength"], values["delay"], values["decay"], reference)
-            return replace(stack, back=back)
+            strength, delay, decay = values["strength"], values["delay"], values["decay"]
+            return replace(stack, back=Echoing(stack.back, strength, delay, decay, reference, values["loss"]))
 
         return assembly.each_stack(echoing)
 

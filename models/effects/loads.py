@@ -54,7 +54,7 @@ class Pressed(Wrapped):
 
 @dataclass(frozen=True)
 class Echoing(Wrapped):
-    """A medium with a free rear: z (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) the echo seen from the face.
+    """A medium with a free rear: z sqrt(1 + j loss) (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) its echo.
 
     The amplitude is strength exp(decay (1 - f/reference)), as a medium of constant Q makes it, and stays below 1.
     """
@@ -67,16 +67,18 @@ class Echoing(Wrapped):
     """Attenuation there and back, that falls off linearly towards low frequency, Np at the reference."""
     reference: float
     """Hz."""
+    loss: float
+    """1/Q of the medium's stiffness, which turns its characteristic impedance."""
 
     def impedance(self, frequency: Frequencies) -> ComplexLike:
         """Return the specific impedance in Rayl, shape (N,)."""
         return self.inner.impedance(frequency) * self.factor(frequency)
 
     def factor(self, frequency: Frequencies) -> Complexes:
-        """Return (1 - e)/(1 + e), shape (N,)."""
+        """Return sqrt(1 + j loss) (1 - e)/(1 + e), shape (N,)."""
         amplitude = np.minimum(_MOST, self.strength * np.exp(self.decay * (1 - frequency / self.reference)))
         echo = amplitude * np.exp(-2j * np.pi * self.delay * frequency)
-        return np.divide(1 - echo, 1 + echo, dtype=np.complex128)
+        return np.divide(1 - echo, 1 + echo, dtype=np.complex128) * np.sqrt(1 + 1j * self.loss)
 
 
 _MOST = 0.999

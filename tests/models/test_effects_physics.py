@@ -65,15 +65,17 @@ def test_a_cable_is_its_ladder_of_short_pieces() -> None:
     for _ in range(n):
         half = Z + 0.5j * W * L
         Z = half / (1 + 1j * W * C * half) + 0.5j * W * L
-    close(added("cable", "terminals", length=length, impedance=Z0).impedance(F), Z, 1e-7)
+    close(added("cable", "terminals", inductance=Z0 * length / 2e8, impedance=Z0).impedance(F), Z, 1e-7)
 
 
 def test_leads_and_stray_stand_where_they_do_in_the_world() -> None:
     """Beside the device, then the wire, then the cable, whatever was found first."""
     device = Device(BARE)
     for name, knob, value in (
-        ("cable", "length", 0.5), ("lead-inductance", "inductance", 3e-8), ("stray-capacitance", "capacitance", 5e-12),
-    ):  # fmt: skip
+        ("cable", "inductance", 1.25e-7),
+        ("lead-inductance", "inductance", 3e-8),
+        ("stray-capacitance", "capacitance", 5e-12),
+    ):
         device = device.with_effect(find_effect(name), "terminals", {knob: value})
     inner = 1 / (1 / BARE.impedance(F) + 1j * W * 5e-12) + 1j * W * 3e-8
     T = 1j * np.tan(W / 2e8 * 0.5)
@@ -116,15 +118,15 @@ def test_a_jig_is_a_support_of_the_same_resistance_and_spring() -> None:
 
 
 def test_an_echoing_backing_is_a_long_layer_with_a_free_rear() -> None:
-    """A constant Q makes exp(-w delay/2Q) of the amplitude; the layer's small complex impedance is set real here."""
+    """A constant Q makes exp(-w delay/2Q) of the amplitude; its loss turns its impedance, too."""
     z, c, q, length = 5e6, 2000.0, 40.0, 3e-3
     f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
     delay = 2 * length / c
     decay = np.pi * f0 * delay / q
-    known = {"strength": float(np.exp(-decay)), "delay": delay, "decay": float(decay)}
+    known = {"strength": float(np.exp(-decay)), "delay": delay, "decay": float(decay), "loss": 1 / q}
     Z = added("finite-backing", "face:back", Stack((DISK,), HalfSpace("tungsten", z), AIR, AREA), **known).impedance(F)
     gamma = 1j * W / c * (1 - 0.5j / q)
-    ends = z * np.tanh(gamma * length)
+    ends = z * np.sqrt(1 + 1j / q) * np.tanh(gamma * length)
     expected = np.array(
         [
             Stack((DISK,), Support("rear", e.real, *((0, e.imag / w) if e.imag > 0 else (-e.imag * w, 0))), AIR, AREA)
