@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..fitters.diagnosis.decide import SIGNIFICANT
+from ..fitters.diagnosis.tries import SIGNIFICANT
 from ..models.errors import CannotError
 
 
@@ -75,6 +75,17 @@ class Judged:
                 got = complex(found[name]["re"], found[name]["im"] or 0.0)
                 errors.append(abs(got / wanted - 1) ** 2)
         return (sum(errors) / len(errors)) ** 0.5 if errors else None
+
+    def deviation_of_constants(self, side: str) -> float | None:
+        """Return the errors of these constants in their own stated uncertainties, root of the mean square."""
+        found = self.answer.get(side, {}).get("constants", {})
+        far: list[float] = []
+        for name, true in self.truth["constants"].items():
+            if name in found and name.split(".")[1] in ("c33D", "h33", "eps33S", "z", "c"):
+                for part, wanted in zip(("re", "im"), true, strict=True):
+                    if uncertainty := found[name][f"u_{part}"]:
+                        far.append(((found[name][part] - wanted) / uncertainty) ** 2)
+        return (sum(far) / len(far)) ** 0.5 if far else None
 
 
 def is_right(found: Mapping[str, Any], planted: Mapping[str, Any]) -> bool:

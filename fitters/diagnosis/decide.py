@@ -5,19 +5,13 @@ noise would, measured in units of what is left over and for as many points as ar
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from ..descent import descend, softened
 from .evidence import evidence_lost, gain, price
 from .problem import Candidate, Problem
-from .score import Score, scores
-from .search import ROUGH, Refit, finished, is_there, refit
+from .search import Refit, is_there, refit
+from .tries import DESCRIBED, FINER, SIGNIFICANT, polish, resoftened, tried_beside
 
-DESCRIBED = 1.25
-"""chi2 per degree of freedom up to which nothing is left to explain."""
-SIGNIFICANT = 30.0
-"""Gain in chi2, in units of what is left, that an effect must bring: chance gives 16 once in a thousand recordings
-for forty candidates, and the noise itself is known to some per cent only."""
 _EVIDENT = 18.0
 """What of this gain must remain when the freedom of its knobs is paid for: a line may be anywhere in the band."""
 _BEAM = (4, 3, 1)
@@ -26,19 +20,10 @@ _AS_GOOD = 4.0
 """chi2 over the best one's, up to which an explanation is pursued: the larger one of two effects leads."""
 _WITHIN = 30.0
 """How much less likely (-2 ln) than the best an explanation may be to be pursued, once the best describes all."""
-_WORTH_A_REFIT = 0.4
-_IMITATED = 1e-2
-"""What survives of an effect, part of it, from which its score tells nothing: to first order the constants do all that
-it does (a dead layer, a missing bond), and only a refit shows what they cannot."""
-_REFITTED_LATER = 10
-_REFITTED = 18
-_POLISHED = 4
-_POLISH = 1e-5
-"""Relative tolerance of the fits that are held against each other: a tenth of chi2, where thirty decide."""
-_FINER = 1e-7
-"""The same for effects that constants imitate: their fits run along narrow valleys and fall little at every step."""
-_OUT_OF_REACH = 8.0, 2.0
-"""chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
+_HOPELESS = 0.05
+"""Part of the misfit left by two effects from which a third one is not looked for: none of them would be named."""
+_MORE_THAN_A_FLAW = 3.0
+"""How much more than a flaw of the instrument an effect beside it must bring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +39,10 @@ class Search:
         default_factory=dict[tuple[tuple[Candidate, ...], frozenset[Candidate]], tuple[Refit, ...]]
     )
     missed: dict[tuple[Refit, Candidate], Refit] = field(default_factory=dict[tuple[Refit, Candidate], Refit])
+    ended: dict[Refit, Refit] = field(default_factory=dict[Refit, Refit])
 
     def onward(self, current: Refit, against: Refit | None = None) -> tuple[Refit, ...]:
-        """Return refits with one effect more than `current`, of a kind that is not there yet; the best first.
-
-        Those that could not stand `against` an explanation that is known already are left rough.
-        """
+        """Return refits with one effect more than `current`; the best first."""
         return self._all_of(self.candidates, current, against)
 
     def flawed(self, current: Refit, against: Refit | None = None) -> tuple[Refit, ...]:
@@ -69,8 +52,16 @@ class Search:
     def _all_of(self, candidates: tuple[Candidate, ...], current: Refit, against: Refit | None) -> tuple[Refit, ...]:
         key = (candidates, frozenset(current.effects))
         if key not in self.tried:
-            self.tried[key] = tuple(_try_all(self.problem, candidates, current, against))
+            self.tried[key] = tuple(tried_beside(self.problem, candidates, current, against))
         return self.tried[key]
+
+    def to_its_end(self, found: Refit, against: Refit) -> Refit:
+        """Return a refit that ran out of evaluations, taken on where what it lacks could decide `against` another."""
+        if found.descent.converged or evidence_lost(found, against) > _WITHIN:
+            return found
+        if found not in self.ended:
+            self.ended[found] = polish(self.problem, found, FINER)
+        return self.ended[found]
 
     def without(self, found: Refit, effect: Candidate) -> Refit:
         """Return the fit with every effect of `found` but this one."""
@@ -93,6 +84,8 @@ def pursue(search: Search, null: Refit) -> Refit:
             best = beam[0]
         if max(best.chi2) < DESCRIBED:
             beam = [one for one in beam if max(one.chi2) < DESCRIBED and evidence_lost(one, beam[0]) < _WITHIN]
+        elif n and best.chi2_per_dof - 1 > _HOPELESS * (null.chi2_per_dof - 1):
+            break
     return best
 
 
@@ -105,90 +98,6 @@ def _next(search: Search, beam: Sequence[Refit]) -> list[Refit]:
                 found.setdefault(frozenset(one.effects), one)
     ordered = sorted(found.values(), key=price)
     return [one for one in ordered if one.chi2_per_dof < _AS_GOOD * ordered[0].chi2_per_dof]
-
-
-def null_refit(problem: Problem) -> Refit:
-    """Return the fit without effects."""
-    objective = problem.objective((), problem.values)
-    return finished((), descend(objective, objective.coordinates.x, ROUGH))
-
-
-def _try_all(problem: Problem, candidates: Sequence[Candidate], current: Refit, against: Refit | None) -> list[Refit]:
-    softer = resoftened(problem, current)
-    base = refit(softer, current.effects, current.values, None)
-    taken = {effect.effect.name for effect in current.effects}
-    left = [one for one in candidates if one.effect.name not in taken]
-    ranked = _promising(scores(softer, left, base.objective, base.descent.x))
-    if max(current.chi2) < DESCRIBED:
-        # Near the noise the score test is right about what an effect would bring; far from it, it is only a hint.
-        ranked = _worth_a_refit(ranked)
-    elif current.effects:
-        ranked = ranked[:_REFITTED_LATER]
-    rough = [_tried(softer, current, base, score) for score in ranked]
-    rough.sort(key=price)
-    rivals = [one for one in (*rough[:1], against) if one is not None]
-    likely = [*rough[:_POLISHED], *(one for one in rough[_POLISHED:] if not one.descent.converged)]
-    fine = {score.candidate: _POLISH if score.survives > _IMITATED else _FINER for score in ranked}
-    polished = [
-        polish(problem, one, fine[one.effects[-1]])
-        for one in likely
-        if all(_within_reach(one, best) for best in rivals)
-    ]
-    return sorted(polished, key=lambda one: (not is_there(one), price(one)))
-
-
-def _within_reach(rough: Refit, best: Refit) -> bool:
-    """Return whether a finer fit could still stand against the best."""
-    return rough.chi2_per_dof < _OUT_OF_REACH[max(best.chi2) < DESCRIBED] * best.chi2_per_dof
-
-
-def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
-    effects = (*current.effects, score.candidate)
-    start = {**base.values, **score.start}
-    if score.survives > _IMITATED:
-        return refit(problem, effects, start, score.value)
-    # What the score tells of its sizes is as little worth as what it tells of its gain.
-    told, first = refit(problem, effects, start, score.value, _FINER), score.candidate.knobs[0]
-    if score.value == first.null and all(start[name] == knob.null for name, knob in score.candidate.sizes[1:]):
-        return told
-    return min(told, refit(problem, effects, base.values, first.null, _FINER), key=price)
-
-
-def _worth_a_refit(ranked: list[Score]) -> list[Score]:
-    """Return the scores that promise something, and of each effect whose score tells nothing the first."""
-    promising = [one for one in ranked if one.survives > _IMITATED and one.gain > _WORTH_A_REFIT * SIGNIFICANT]
-    silent = {one.candidate.effect.name: one for one in reversed(ranked) if one.survives <= _IMITATED}
-    return [*promising, *silent.values()]
-
-
-def _promising(found: list[Score]) -> list[Score]:
-    """Return the scores worth a refit: the best of them, but of each effect at one place at least."""
-    seen: set[str] = set()
-    first: list[Score] = []
-    for score in found:
-        if score.candidate.effect.name not in seen:
-            seen.add(score.candidate.effect.name)
-            first.append(score)
-    rest = [score for score in found if score not in first and score.gain > 0]
-    return sorted([*first, *rest][: max(_REFITTED, len(first))], key=lambda score: -score.gain)
-
-
-def resoftened(problem: Problem, current: Refit) -> Problem:
-    """Return the problem with its recordings softened by what a refit leaves."""
-    ratios = current.objective.log_ratios(current.descent.x)
-    soft = tuple(softened(recording, ratio) for recording, ratio in zip(problem.recordings, ratios, strict=True))
-    return replace(problem, recordings=soft)
-
-
-def polish(problem: Problem, rough: Refit, tolerance: float = _POLISH) -> Refit:
-    """Return a refit with weights that fit what it leaves over."""
-    best = rough
-    for _ in range(3):
-        again = refit(resoftened(problem, best), best.effects, best.values, None, tolerance)
-        if again.chi2_per_dof > 0.97 * best.chi2_per_dof:
-            return again if again.chi2_per_dof < best.chi2_per_dof else best
-        best = again
-    return best
 
 
 def without_idle(search: Search, found: Refit) -> Refit:
@@ -208,4 +117,21 @@ def weightiest(search: Search, found: Refit, most: int) -> Refit:
     current = found
     while len(current.effects) > most:
         current = min((search.without(current, effect) for effect in current.effects), key=price)
+    return current
+
+
+def believed(search: Search, found: Refit) -> Refit:
+    """Return the fit without the effects that may be what a flaw of the instrument, drawn roughly, leaves over.
+
+    Beside a flaw only an effect that weighs several times more is believed: mended, the instrument will show the rest.
+    """
+    flaws = [one for one in found.effects if one in search.flaws]
+    others = [one for one in found.effects if one not in search.flaws]
+    if not flaws or not others:
+        return found
+    heaviest = max(gain(search.without(found, one), found) for one in flaws)
+    current = found
+    for effect in others:
+        if gain(search.without(found, effect), found) < _MORE_THAN_A_FLAW * heaviest:
+            current = search.without(current, effect)
     return current

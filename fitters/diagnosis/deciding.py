@@ -23,13 +23,13 @@ from ..objective import Objective
 from ..recording import Recording
 from .candidates import candidates
 from .conditions import conditions_of
-from .decide import resoftened
 from .experiments import Experiment, experiments, frequencies, settings_of
 from .findings import Diagnosis
 from .flaws import ANY, UNKNOWN
 from .gates.gate import gate
 from .problem import Candidate, Problem
 from .search import Refit, refit
+from .tries import resoftened
 
 TELLS = 100.0
 """chi2 by which a measurement must tell two explanations apart to be proposed: ten standard deviations."""

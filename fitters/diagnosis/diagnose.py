@@ -17,7 +17,7 @@ from . import lateral
 from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
 from .candidates import candidates, flaws
-from .decide import DESCRIBED, Search, null_refit, polish, pursue, weightiest, without_idle
+from .decide import Search, believed, pursue, weightiest, without_idle
 from .disturbed import of_the_data, verdict_with
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
@@ -28,6 +28,7 @@ from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
 from .structure import period, uneven
+from .tries import DESCRIBED, null_refit, polish
 from .weigh import Weighed, better_instead, weigh
 
 _FINE = 1e-8
@@ -63,12 +64,17 @@ def diagnose(
     choice = candidates(problem, effects)
     search = Search(problem, choice, flaws(problem), progress)
     found = better_instead(search, without_idle(search, pursue(search, null)))
+    found = believed(search, found)
     fewest = weightiest(search, found, _MOST_NAMED)
-    final = polish(problem, fewest, _FINE) if fewest.effects else null
+    final = null
+    if fewest.effects:
+        final = polish(problem, fewest, _FINE)
+        again = better_instead(search, final)  # a fit that fine may be no better than its look-alikes
+        final = polish(problem, again, _FINE) if again is not final else final
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final.effects else held_before
-    named, verdict = _named(null, final, held_after, crowded=found is not fewest)
+    named, verdict = _named(search, null, final, held_after, crowded=found is not fewest)
     if not named:
         final, held_after = null, held_before
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
@@ -125,11 +131,12 @@ def _in_two_dimensions(
     )
 
 
-def _named(null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple[bool, Verdict]:
+def _named(search: Search, null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple[bool, Verdict]:
     """Return whether the effects found may be named, and the verdict.
 
     An effect in the wrong family is often flexible enough to take away much of a misfit. So effects are named only
-    where they take away nearly all of it, and on bands that took no part too. `crowded`: a further one was needed.
+    where they take away nearly all of it, and on bands that took no part too; where much is left over, each must take
+    away nearly all of what the other one leaves. `crowded`: a further one was needed.
     """
     if not final.effects:
         return False, "unexplained" if _something_left(null) else "no-mismatch"
@@ -137,6 +144,9 @@ def _named(null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple
     nearly_all = 1 - left / max(null.chi2_per_dof - 1, _SCATTER) > _MOST[len(final.effects) - 1]
     if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not _structured(final)):
         return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
+    if max(final.chi2) > _EXPLAINED:
+        others = [search.without(final, one).chi2_per_dof for one in final.effects]
+        nearly_all = nearly_all and all(left < (1 - _MOST[0]) * (chi2 - 1) for chi2 in others)
     return (True, "partly-explained") if nearly_all else (False, "unexplained")
 
 

@@ -1,13 +1,18 @@
 """How much one explanation is worth against another: misfit, what was known beforehand, and what freedom costs."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from ...models.effects import Knob
 from ..descent import lag_one
+from .problem import Candidate
 from .search import Refit
 
 _DECADES = 9.0
 """ln(10^4): before it is measured, any size from the smallest that shows to ten thousand times as much is as likely."""
+_NONE_YET = 2.0
+"""Standard uncertainties up to which a size is none."""
 
 
 def gain(before: Refit, after: Refit) -> float:
@@ -32,12 +37,16 @@ def price(found: Refit) -> float:
 
 
 def evidence_lost(rival: Refit, final: Refit) -> float:
-    """Return by how much a rival is worse: -2 ln of the ratio of evidences, by Laplace's approximation."""
-    return gain(rival, final) + freedom(rival) - freedom(final)
+    """Return by how much a rival is worse: -2 ln of the ratio of evidences, by Laplace's approximation.
+
+    What both have costs both the same: how far a knob of it is used that hardly matters, is an accident of the fits.
+    """
+    shared = {*rival.effects} & {*final.effects}
+    return gain(rival, final) + _freedom(rival, shared) - _freedom(final, shared)
 
 
-def freedom(found: Refit) -> float:
-    """Return what its effects cost: -2 ln(odds of each, and part of what was possible that the recording leaves).
+def _freedom(found: Refit, shared: Collection[Candidate]) -> float:
+    """Return what its other effects cost: -2 ln(odds of each, and part of what was possible that is left of it).
 
     A size may be anything over some decades; every other knob anything between its limits. A knob that the recording
     leaves open costs nothing, whatever a criterion that counts knobs says.
@@ -46,19 +55,24 @@ def freedom(found: Refit) -> float:
     cost = 0.0
     sigmas = _sigmas(found)
     for effect in found.effects:
+        if effect in shared:
+            continue
         sizes = dict(effect.sizes)
         cost -= 2 * float(np.log(effect.effect.odds))
         for name, knob in zip(effect.parameters, effect.knobs, strict=True):
             value, sigma = found.values[name], sigmas[name]
-            cost += 2 * float(np.log1p(_possible(value, knob, size=name in sizes) / sigma))
+            cost += 2 * float(np.log1p(_possible(value, sigma, knob, size=name in sizes) / sigma))
     return cost
 
 
-def _possible(value: float, knob: Knob, size: bool) -> float:
-    """Return the width of what a knob may be, in its unit: of a size, on a logarithmic scale around what it is."""
+def _possible(value: float, sigma: float, knob: Knob, size: bool) -> float:
+    """Return the width of what a knob may be, in its unit: of a size, on a logarithmic scale around what it is.
+
+    A size of two standard uncertainties or less is none yet: that fits end with it or without is chance.
+    """
     away = abs(value - knob.null)
     if size or knob.from_nothing:
-        return away * _DECADES
+        return _DECADES * float(np.sqrt(max(0.0, away**2 - (_NONE_YET * sigma) ** 2)))
     width = knob.upper - knob.lower
     if knob.lower > 0:
         width = value * float(np.log(knob.upper / knob.lower))

@@ -50,8 +50,9 @@ class RangeStep(Effect):
         change = complex(values["gain"], values["phase"])
 
         def stepped(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            point = float(np.mean(np.diff(frequency)))  # as wide as that, so that a fit can move it
-            return Z * np.exp(change * (1 + np.tanh((frequency - values["frequency"]) / point)) / 2)
+            # a ramp as wide as from one point to the next: one point always feels where it is, so that a fit moves it
+            beyond = (frequency - values["frequency"]) / float(np.mean(np.diff(frequency)))
+            return Z * np.exp(change * np.clip(beyond + 0.5, 0.0, 1.0))
 
         return assembly.recorded(stepped)
 

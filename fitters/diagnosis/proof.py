@@ -4,9 +4,9 @@ import numpy as np
 
 from ...models.arrays import Reals
 from .bands import held_out
-from .decide import resoftened
 from .problem import Problem
 from .search import Refit, refit
+from .tries import resoftened
 
 _FLAT = 1e-3
 """Slope of all residuals by a coordinate below which it is taken as not moving: a knob that rests at its limit."""

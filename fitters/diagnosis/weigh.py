@@ -84,5 +84,5 @@ def _instead(search: Search, rest: Refit, candidate: Candidate, final: Refit) ->
             continue
         if newest.effect.name not in kinds:
             kinds.add(newest.effect.name)
-            found.append(one)
+            found.append(search.to_its_end(one, final))
     return found
