@@ -35,6 +35,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         _share("absorbed effects: none named", (case.right for case in of["absorbed"]), "100 %"),
         _share("absorbed effects: listed in not_decidable", (case.listed for case in absorbed), "100 %"),
         Figure("error of the constants after / before, median", len(ratios), _median(ratios), "<= 0.1", False),
+        Figure("error of the constants before, in uncertainties, median", *_off(with_effect, "baseline"), "", False),
+        Figure("the same after", *_off(with_effect, "final"), "", False),
         Figure("held-out misfit after / before, median", *_held_out(with_effect), "<= 0.1", False),
         Figure("chi2 per degree of freedom after, median", *_chi2(with_effect), "< 1.2", False),
         Figure("said with probability p, right in p of cases: mean distance", *_distance(cases), "<= 5 %", True),
@@ -167,6 +169,11 @@ def _freed(cases: Sequence[Judged]) -> list[float]:
         for case in cases
         if (after := case.error_of_constants("final")) is not None and (before := case.error_of_constants("baseline"))
     ]
+
+
+def _off(cases: Sequence[Judged], side: str) -> tuple[int, float]:
+    found = [off for case in cases if (off := case.deviation_of_constants(side)) is not None]
+    return len(found), _median(found)
 
 
 def _share(what: str, right: Iterable[bool], target: str) -> Figure:
