@@ -20,6 +20,8 @@ _WEDGE, _ARCHED = 1.0, 0.6
 """Shape of a wedge, and of the faces that are mostly far from the mean; at 1/2 quadrature has a singular case."""
 _THIN = 0.1
 """Of the disk's thickness: a glue line varies by tens of per cent where ground layers vary by one."""
+_WIDEST = 0.95
+"""Half the range of thickness, relative to its mean, at most."""
 
 
 class ThicknessVariation(Effect):
@@ -79,8 +81,8 @@ class ThicknessVariation(Effect):
 
 
 def _half_range(values: Mapping[str, float]) -> float:
-    """Return w of the distribution of this variance and shape."""
-    return float(np.sqrt((2 * values["shape"] + 1) * values["variance"]))
+    """Return w of the distribution of this variance and shape: less than 1, for nothing is thinner than nothing."""
+    return min(_WIDEST, float(np.sqrt((2 * values["shape"] + 1) * values["variance"])))
 
 
 def _strips(stack: Stack, w: float) -> int:

@@ -32,7 +32,8 @@ def found(effect: str, where: str, p: float = 0.97, *others: tuple[str, str]) ->
 
 def answer(*findings: dict[str, Any], listed: tuple[str, ...] = ()) -> dict[str, Any]:
     def side(c: float, chi2: float) -> dict[str, Any]:
-        return {"chi2_per_dof": chi2, "held_out": chi2, "constants": {"disk.c33D": {"re": c, "im": 1e9}}}
+        constants = {"disk.c33D": {"re": c, "im": 1e9, "u_re": 1e8, "u_im": None}}
+        return {"chi2_per_dof": chi2, "held_out": chi2, "constants": constants}
 
     return {
         "verdict": "explained",
@@ -72,6 +73,8 @@ def test_figures_count_every_kind_once() -> None:
     assert by_name["one effect, detectable: right effect and place first"].value == pytest.approx(1 / 3)
     assert by_name["two effects: both"].value == 0
     assert by_name["error of the constants after / before, median"].value == pytest.approx(0.01, rel=0.01)
+    assert by_name["error of the constants before, in uncertainties, median"].value == pytest.approx(100)
+    assert by_name["the same after"].value == pytest.approx(1)
     pairs = said(JUDGED)
     assert sum(n for n, _, _ in bins(pairs)) == len(pairs) == 6
 
