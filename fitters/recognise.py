@@ -153,7 +153,9 @@ def refuse_lost(sweeps: Sequence[Sweep], at: float, loss: float) -> None:
 
 
 def _counted(count: float, at: float, loss: float) -> str:
-    return f"{count:.2g} points lie in the linewidth of {loss * at / 1e3:.3g} kHz at {at / 1e6:.4g} MHz"
+    points = f"{count:.2g}"
+    points += " point lies" if points == "1" else " points lie"
+    return f"{points} in the linewidth of {loss * at / 1e3:.3g} kHz at {at / 1e6:.4g} MHz"
 
 
 def _points_in(sweeps: Sequence[Sweep], at: float, loss: float) -> float:

@@ -189,8 +189,9 @@ def _says(seen: _Seen, found: Thickness) -> tuple[str, ...]:
     ]
     fewest = min(seen.fs.points_per_linewidth, seen.fp.points_per_linewidth)
     if fewest < FEW_POINTS:
+        lie = "point lies" if round(fewest) == 1 else "points lie"
         says.append(
-            f"Only {fewest:.0f} points lie in the linewidth; {FEW_POINTS:.0f} are wanted. Imaginary parts suffer first."
+            f"Only {fewest:.0f} {lie} in the linewidth; {FEW_POINTS:.0f} are wanted. Imaginary parts suffer first."
         )
     margin = passivity_margin(found.law)
     if margin < 0:
