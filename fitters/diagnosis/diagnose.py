@@ -205,7 +205,11 @@ def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
     """Return the knobs of an effect as people are shown them, with standard uncertainties."""
     names = final.objective.coordinates.parameters
     covariance = estimate(final.descent).covariance
-    values = {knob.name: final.values[candidate.prefix + knob.name] for knob in candidate.knobs}
+    # a knob that ran beyond its limit is as it is there
+    values = {
+        knob.name: min(max(final.values[candidate.prefix + knob.name], knob.lower), knob.upper)
+        for knob in candidate.knobs
+    }
     u = {
         knob.name: float(np.sqrt(max(0.0, covariance[k, k])))
         for knob in candidate.knobs
