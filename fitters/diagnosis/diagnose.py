@@ -39,6 +39,8 @@ _HELD_OUT = 1.6
 """The same on held-out bands: an explanation that fails there is none."""
 _MOST = (0.98, 0.995)
 """Part of the misfit that one effect, or two, must take away to be named although something is left over."""
+_MOST_OF_IT = 0.8
+"""The same for one, or two, to be mentioned in words."""
 _SCATTER = 0.05
 """chi2 per degree of freedom that a recording has more or less by chance, and by how well its noise is known."""
 _MOST_NAMED = len(_MOST)
@@ -75,6 +77,7 @@ def diagnose(
     held_before = held_out_chi2(problem, null)
     held_after = held_out_chi2(problem, final) if final.effects else held_before
     named, verdict = _named(search, null, final, held_after, crowded=found is not fewest)
+    nearest = () if named else _nearest(null, final)
     if not named:
         final, held_after = null, held_before
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
@@ -100,7 +103,7 @@ def diagnose(
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, taken),
         leftover=left,
-        says=_says(verdict, findings),
+        says=(*_says(verdict, findings), *nearest),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.start, final.descent.x),
         data=gated.checks,
@@ -245,6 +248,17 @@ def _constants(problem: Problem, found: Refit) -> dict[str, Constant]:
     result = estimate(found.descent)
     layers = layers_of(problem.build, problem.steps)
     return fitted_constants(layers, found.values, found.objective.coordinates.parameters, result.covariance)
+
+
+def _nearest(null: Refit, found: Refit) -> tuple[str, ...]:
+    """Return a sentence on what takes away most of a misfit, but not enough to be named; none where nothing does."""
+    share = 1 - (found.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, _SCATTER)
+    names = [f"{one.effect.name} at {one.where}" for one in found.effects if one.effect.name != UNKNOWN]
+    if not names or share < _MOST_OF_IT:
+        return ()
+    takes = "it takes" if len(names) == 1 else "they take"
+    of_it = f"{100 * share:.3g} % of the misfit"
+    return (f"Nearest comes {' and '.join(names)}: {takes} away {of_it}, not enough to be named.",)
 
 
 def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:

@@ -103,3 +103,13 @@ def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
     diagnosis = diagnose(FitTask(read_build(cases / "lead" / "build.toml"), sweeps), effects=("leakage",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert diagnosis.verdict == "unexplained"
+
+
+def test_what_explains_most_but_not_all_is_told_and_not_named(cases: Path) -> None:
+    truth = json.loads((cases / "truth.json").read_text())["void"]
+    sweeps = {
+        step: tuple(read_recording(cases / "void" / file) for file in files) for step, files in truth["files"].items()
+    }
+    diagnosis = diagnose(FitTask(read_build(cases / "void" / "build.toml"), sweeps), effects=("local-mass",))
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert "Nearest comes local-mass at face:front: it takes away 89" in diagnosis.says[-1]
