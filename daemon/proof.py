@@ -67,25 +67,29 @@ class Judged:
 
     def error_of_constants(self, side: str) -> float | None:
         """Return the relative error of the constants of the `baseline` or `final` fit, root of the mean square."""
-        found = self.answer.get(side, {}).get("constants", {})
-        errors: list[float] = []
-        for name, true in self.truth["constants"].items():
-            if name in found and name.split(".")[1] in ("c33D", "h33", "eps33S", "z", "c"):
-                wanted = complex(*true)
-                got = complex(found[name]["re"], found[name]["im"] or 0.0)
-                errors.append(abs(got / wanted - 1) ** 2)
+        errors = [
+            abs(complex(found["re"], found["im"] or 0.0) / complex(*true) - 1) ** 2 for found, true in self._known(side)
+        ]
         return (sum(errors) / len(errors)) ** 0.5 if errors else None
 
     def deviation_of_constants(self, side: str) -> float | None:
         """Return the errors of these constants in their own stated uncertainties, root of the mean square."""
-        found = self.answer.get(side, {}).get("constants", {})
-        far: list[float] = []
-        for name, true in self.truth["constants"].items():
-            if name in found and name.split(".")[1] in ("c33D", "h33", "eps33S", "z", "c"):
-                for part, wanted in zip(("re", "im"), true, strict=True):
-                    if uncertainty := found[name][f"u_{part}"]:
-                        far.append(((found[name][part] - wanted) / uncertainty) ** 2)
+        far = [
+            ((found[part] - wanted) / uncertainty) ** 2
+            for found, true in self._known(side)
+            for part, wanted in zip(("re", "im"), true, strict=True)
+            if (uncertainty := found[f"u_{part}"])
+        ]
         return (sum(far) / len(far)) ** 0.5 if far else None
+
+    def _known(self, side: str) -> list[tuple[dict[str, Any], list[float]]]:
+        """Return each constant of the materials as it was found, and its true parts."""
+        found = self.answer.get(side, {}).get("constants", {})
+        return [
+            (found[name], true)
+            for name, true in self.truth["constants"].items()
+            if name in found and name.split(".")[1] in ("c33D", "h33", "eps33S", "z", "c")
+        ]
 
 
 def is_right(found: Mapping[str, Any], planted: Mapping[str, Any]) -> bool:

@@ -144,13 +144,18 @@ def _named(search: Search, null: Refit, final: Refit, held_after: float, crowded
     if not final.effects:
         return False, "unexplained" if _something_left(null) else "no-mismatch"
     left = max(final.chi2_per_dof - 1, _SCATTER)
-    nearly_all = 1 - left / max(null.chi2_per_dof - 1, _SCATTER) > _MOST[len(final.effects) - 1]
+    nearly_all = _taken_away(null, final) > _MOST[len(final.effects) - 1]
     if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not _structured(final)):
         return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
     if max(final.chi2) > _EXPLAINED:
         others = [search.without(final, one).chi2_per_dof for one in final.effects]
         nearly_all = nearly_all and all(left < (1 - _MOST[0]) * (chi2 - 1) for chi2 in others)
     return (True, "partly-explained") if nearly_all else (False, "unexplained")
+
+
+def _taken_away(null: Refit, found: Refit) -> float:
+    """Return the part of the misfit that effects take away, no more of it than can be told from chance."""
+    return 1 - max(found.chi2_per_dof - 1, _SCATTER) / max(null.chi2_per_dof - 1, _SCATTER)
 
 
 def _unnamed(final: Refit, verdict: Verdict) -> Verdict:
@@ -252,9 +257,9 @@ def _constants(problem: Problem, found: Refit) -> dict[str, Constant]:
 
 def _nearest(null: Refit, found: Refit) -> tuple[str, ...]:
     """Return a sentence on what takes away most of a misfit, but not enough to be named; none where nothing does."""
-    share = 1 - (found.chi2_per_dof - 1) / max(null.chi2_per_dof - 1, _SCATTER)
-    names = [f"{one.effect.name} at {one.where}" for one in found.effects if one.effect.name != UNKNOWN]
-    if not names or share < _MOST_OF_IT:
+    share = _taken_away(null, found)
+    names = [f"{one.effect.name} at {one.where}" for one in found.effects]
+    if not names or share < _MOST_OF_IT or any(one.effect.name == UNKNOWN for one in found.effects):
         return ()
     takes = "it takes" if len(names) == 1 else "they take"
     of_it = f"{100 * share:.3g} % of the misfit"

@@ -29,13 +29,18 @@ CASES = (
 )
 
 
-@cache
-def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
+def given(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
     truth = json.loads((cases / "truth.json").read_text())[name]
     sweeps = {
         step: tuple(read_recording(cases / name / file) for file in files) for step, files in truth["files"].items()
     }
-    return diagnose(FitTask(read_build(cases / name / "build.toml"), sweeps)), truth
+    return FitTask(read_build(cases / name / "build.toml"), sweeps), truth
+
+
+@cache
+def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
+    task, truth = given(cases, name)
+    return diagnose(task), truth
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -98,18 +103,12 @@ def test_a_flaw_of_the_instrument_is_not_called_physics(cases: Path, step: float
 
 
 def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
-    truth = json.loads((cases / "truth.json").read_text())["lead"]
-    sweeps = {"disk": tuple(read_recording(cases / "lead" / file) for file in truth["files"]["disk"])}
-    diagnosis = diagnose(FitTask(read_build(cases / "lead" / "build.toml"), sweeps), effects=("leakage",))
+    diagnosis = diagnose(given(cases, "lead")[0], effects=("leakage",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert diagnosis.verdict == "unexplained"
 
 
 def test_what_explains_most_but_not_all_is_told_and_not_named(cases: Path) -> None:
-    truth = json.loads((cases / "truth.json").read_text())["void"]
-    sweeps = {
-        step: tuple(read_recording(cases / "void" / file) for file in files) for step, files in truth["files"].items()
-    }
-    diagnosis = diagnose(FitTask(read_build(cases / "void" / "build.toml"), sweeps), effects=("local-mass",))
+    diagnosis = diagnose(given(cases, "void")[0], effects=("local-mass",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert "Nearest comes local-mass at face:front: it takes away 89" in diagnosis.says[-1]
