@@ -17,11 +17,12 @@ from .sockets import limit, unlock
 from .uuid7 import uuid7
 from .wire import WELCOME, Envelope, Heard, decode, envelope
 
-SILENCE = 5.0
-"""Seconds without a beat after which a daemon counts as gone; it beats every second."""
+SILENCE = 20.0
+"""Seconds without a beat after which a daemon counts as gone. It beats every second, but while it writes its record it
+waits for the disk, and a disk that others keep busy can take ten seconds and more."""
 
-TRIES, PATIENCE = 3, 2.0
-"""How often a request is sent, and how many seconds each time is waited for its answer."""
+TRIES, PATIENCE = 4, 5.0
+"""How often a request is sent, and how many seconds each time is waited for its answer: as long as for a beat."""
 
 LOOKS = 20.0
 """Seconds that are waited where the daemon looks through the whole journal."""

@@ -14,7 +14,7 @@ from pzctl.daemon.frames import WireError
 from pzctl.daemon.replies import HelloAnswer
 from pzctl.daemon.requests import Hello
 
-NO_ANSWER = "no answer in 3 tries of 0.01 s; is it running"
+NO_ANSWER = "no answer in 4 tries of 0.01 s; is it running"
 NO_DAEMON = "it begins with b'good morning'; a pzctl daemon says welcome"
 
 
