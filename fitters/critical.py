@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from ..models.arrays import Complexes, Frequencies, Reals
+from ..models.peaks import prominent_peaks
 from ..models.sherrit import CriticalFrequencies
 from ..models.sweep import Sweep
 from .interface import FitError
@@ -78,8 +78,8 @@ def tops(traces: Sequence[Trace], low: float, high: float) -> list[tuple[Trace, 
     """
     found: list[tuple[Trace, int, float]] = []
     for trace in traces:
-        peaks, properties = find_peaks(trace.values.real, prominence=_ABOVE_NOISE * trace.sigma)
-        for k, prominence in zip(peaks.tolist(), properties["prominences"].tolist(), strict=True):
+        peaks, prominences = prominent_peaks(trace.values.real, _ABOVE_NOISE * trace.sigma)
+        for k, prominence in zip(peaks.tolist(), prominences.tolist(), strict=True):
             if low <= trace.frequency[k] <= high:
                 found.append((trace, int(k), float(prominence)))
     return sorted(found, key=lambda peak: -peak[2])

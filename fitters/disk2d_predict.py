@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from ..models.arrays import Frequencies, Reals, j_omega
 from ..models.disk2d.model import Disk2D
+from ..models.peaks import prominent_peaks
 from .interface import Constant
 
 _POINTS = 4000
@@ -62,7 +62,7 @@ def _half_octave(limit: float) -> float:
 def _peaks(frequency: Frequencies, values: Reals) -> Frequencies:
     """Return where positive values have their maxima, between the points by a parabola through the logarithms."""
     level = np.log(np.maximum(values, np.finfo(float).tiny))
-    there, _ = find_peaks(level, prominence=_PROMINENT)
+    there, _ = prominent_peaks(level, _PROMINENT)
     left, top, right = level[there - 1], level[there], level[there + 1]
     return frequency[there] + (left - right) / (2 * (left - 2 * top + right)) * (frequency[1] - frequency[0])
 

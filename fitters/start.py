@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from ..models.arrays import Complexes, Frequencies, Reals
+from ..models.peaks import prominent_peaks
 from ..models.sweep import Sweep
 from .interface import FitError
 from .noise import noise_of
@@ -48,8 +48,8 @@ class DiskStart:
 
 def largest_peaks(values: Reals, noise: Reals) -> list[int]:
     """Return the indices of the most prominent interior maxima that stand out of the noise, largest first."""
-    found, properties = find_peaks(values, prominence=_ABOVE_NOISE * noise)
-    order = np.argsort(properties["prominences"])[::-1][:_CANDIDATES]
+    found, prominences = prominent_peaks(values, _ABOVE_NOISE * noise)
+    order = np.argsort(prominences)[::-1][:_CANDIDATES]
     return [int(k) for k in found[order]]
 
 
