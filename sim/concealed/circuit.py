@@ -6,6 +6,8 @@ import numpy as np
 
 from .waves import Complexes, Reals
 
+OHM_OF_CABLE = 50.0
+"""Characteristic impedance of the cable."""
 _SECTIONS = 24
 _WIRE = 1e-4
 """ohm: a wire that has no impedance has no admittance; what it adds is taken off again."""
@@ -24,7 +26,7 @@ class Path:
     conductance: float = 0.0
     """S, across the device."""
     delay: float = 0.0
-    """s, one way through a cable of 50 ohm."""
+    """s, one way through a cable."""
     branch: tuple[float, float, float] | None = None
     """One resonance more: Hz, Q, and its static capacitance in F."""
     coupled: tuple[float, float, float] | None = None
@@ -48,7 +50,7 @@ def measured_impedance(omega: Reals, device: Complexes, path: Path) -> Complexes
 
 def _ladder(Y: Complexes, omega: Reals, delay: float) -> None:
     """Add a line as many small sections, half of each capacitance at either end."""
-    L, C = 50.0 * delay / _SECTIONS, delay / 50.0 / _SECTIONS
+    L, C = OHM_OF_CABLE * delay / _SECTIONS, delay / OHM_OF_CABLE / _SECTIONS
     for k in range(1, _SECTIONS + 1):
         _branch(Y, k, k + 1, 1 / (1j * omega * L))
         Y[:, k, k] += 0.5j * omega * C

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import families, layered
-from .plant import Hideout, Plant
+from .circuit import OHM_OF_CABLE
+from .plant import Hideout, Plant, path_plant
 from .specimen import Specimen, random_specimen
 from .sweeping import Take
 from .visible import Imitation, imitate, sized
@@ -14,7 +15,11 @@ from .visible import Imitation, imitate, sized
 KINDS = {"none": 0.25, "one": 0.45, "two": 0.15, "outside": 0.10, "absorbed": 0.05}
 _UNSEEN = 6.0
 """Gain in chi2 that no test can tell from noise."""
+_SHRINKS = 0.8
+"""What an effect that is to be unseen is made smaller by until it is."""
 _POINTS = 801
+_CONCEALING = (0.117, 1.46), (0.6, 1.4)
+"""Bands, in resonance frequencies, whose one resonance leaves the constants free to absorb what is hidden."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,28 @@ def draw_case(seed: int, index: int) -> Case:
     for k in range(len(plants)):
         hideout, _ = sized(hideout, k, takes, _wanted(rng, kind))
     seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
+    while kind == "absorbed" and any(one.gain > _UNSEEN for one in seen):
+        hideout = replace(hideout, plants=tuple(plant.at(plant.scale * _SHRINKS) for plant in hideout.plants))
+        seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
+    hideout = replace(hideout, plants=tuple(by_other_names(hideout, k, takes) for k in range(len(plants))))
     return Case(name, kind, hideout, takes, seen, told, int(rng.integers(2**31)))
+
+
+def by_other_names(hideout: Hideout, index: int, takes: Sequence[Take]) -> Plant:
+    """Return a plant with the names that are as right: a cable whose capacitance nobody can see is a lead."""
+    plants, plant = hideout.plants, hideout.plants[index]
+    cables = [k for k, one in enumerate(plants) if one.effect == "cable"]
+    if not cables:
+        return plant
+    cable = plants[cables[0]]
+    if {one.effect for one in plants} & {"lead-inductance", "stray-capacitance"}:
+        return plant  # as `_as_one` has it
+    inductance = OHM_OF_CABLE * cable.scale * float(cable.sizes["delay"])
+    lead = path_plant("lead-inductance", cable.steps, 30.0, inductance=inductance)
+    if imitate(Hideout(hideout.specimen, (*plants, lead)), cables[0], takes).gain > _UNSEEN:
+        return plant
+    names = {lead.effect if one is cable else one.effect for one in plants}
+    return replace(plant, accept=_as_one(names) or ((lead.effect,) if plant is cable else ()))
 
 
 def _wanted(rng: np.random.Generator, kind: str) -> float:
@@ -127,6 +153,8 @@ def plan(rng: np.random.Generator, specimen: Specimen, plants: Sequence[Plant], 
     low, high = ranges[int(rng.choice(3, p=[0.2, 0.3, 0.5]))]
     if "the disk alone" in needs:
         low, high = 0.45, 1.55
+    if kind == "absorbed":
+        low, high = _CONCEALING[int(rng.integers(len(_CONCEALING)))]
     f = np.round(np.linspace(low * f0, high * f0, _POINTS), 3)
     quiet = bool(rng.random() < 0.9)
     base = Take("disk", f, noise=2e-4 if quiet else 6e-4, bandwidth=5 if quiet else 3, level_V=0.5)

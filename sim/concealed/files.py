@@ -14,6 +14,7 @@ from .sweeping import Take, noisy, record
 from .visible import Imitation
 
 TRUTH = "truth.json"
+_CONSTANTS = ("c33D", "h33", "eps33S")
 _MATTERS = 1e-3
 """Relative change of a constant of the disk from which something unseen is worth telling: a tenth of what a
 micrometer leaves open."""
@@ -107,11 +108,10 @@ def _truth(case: Case) -> dict[str, Any]:
 
 def _that_matter(case: Case) -> list[Plant]:
     """Return the plants that a constant has to pay for: one that neither shows nor moves anything is nothing."""
-    true = case.hideout.specimen
+    true = case.hideout.specimen.disk
 
     def moved(seen: Imitation) -> float:
-        sides = ((getattr(one.disk, name) for name in ("c33D", "h33", "eps33S")) for one in (true, seen.specimen))
-        return max(abs(after / before - 1) for before, after in zip(*sides, strict=True))
+        return max(abs(getattr(seen.specimen.disk, name) / getattr(true, name) - 1) for name in _CONSTANTS)
 
     return [plant for plant, seen in zip(case.hideout.plants, case.seen, strict=True) if moved(seen) > _MATTERS]
 
@@ -130,7 +130,7 @@ def _planted(plant: Plant, gain: float) -> dict[str, Any]:
 
 def _constants(specimen: Specimen) -> dict[str, Any]:
     disk = specimen.disk
-    of_disk = {"c33D": disk.c33D, "h33": disk.h33, "eps33S": disk.eps33S}
+    of_disk: dict[str, complex] = {name: getattr(disk, name) for name in _CONSTANTS}
     found: dict[str, Any] = {f"disk.{name}": [value.real, value.imag] for name, value in of_disk.items()}
     for coat in specimen.coats:
         values = {"thickness": coat.thickness} if coat.glue else {"z": coat.z, "c": coat.c, "q": coat.q}

@@ -15,7 +15,8 @@ from scipy.special import j0, j1
 from pzctl.sim.concealed import layered
 from pzctl.sim.concealed.circuit import Path as Way
 from pzctl.sim.concealed.circuit import measured_impedance
-from pzctl.sim.concealed.files import make_cases
+from pzctl.sim.concealed.draw import by_other_names
+from pzctl.sim.concealed.files import make_case, make_cases
 from pzctl.sim.concealed.hidden import NOTHING
 from pzctl.sim.concealed.plant import Hideout, path_plant
 from pzctl.sim.concealed.ritz import finite_disk_admittance
@@ -136,3 +137,20 @@ def test_cases_are_the_same_for_ever_and_their_truth_is_sealed(tmp_path: Path) -
         written = {path.name for path in folder.glob("*.csv")}
         assert written == {file for files in truth["files"].values() for file in files}
         assert not any(word in (folder / "build.toml").read_text() for word in ("gain", "effect", "truth"))
+
+
+def test_what_hides_in_the_constants_and_moves_them_is_to_be_listed(tmp_path: Path) -> None:
+    truth = make_case(tmp_path, seed=96, index=439)
+    (mass,) = truth["hidden"]
+    assert truth["not_decidable"] == [mass["effect"]] == ["electrode-mass"]
+    assert mass["gain"] < 6
+    assert truth["findings"] == []
+
+
+def test_a_cable_too_short_to_have_a_capacitance_is_a_lead_as_well() -> None:
+    specimen = specimen_of(1)
+    f = grid(specimen, top=1.5, points=101)
+    takes = (Take("disk", f),)
+    for delay, names in ((1e-10, ("lead-inductance",)), (1e-8, ())):
+        cable = path_plant("cable", ("disk",), 12.0, delay=delay)
+        assert by_other_names(Hideout(specimen, (cable,)), 0, takes).accept == names
