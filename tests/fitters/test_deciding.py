@@ -1,5 +1,6 @@
 """What a further measurement would tell, how recordings differ without a model, and what may be there unseen."""
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 import pzctl
 from pzctl.daemon.buildfile import read_build
+from pzctl.drivers import open_analyzer
+from pzctl.drivers.adaptive import plan_seconds
 from pzctl.fitters.diagnosis.compared import compared
 from pzctl.fitters.diagnosis.conditions import conditions_of
 from pzctl.fitters.diagnosis.deciding import Instrument, proposals
@@ -18,12 +21,24 @@ from pzctl.fitters.diagnosis.widened import widened
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.noise import noise_of
 from pzctl.models.effects import Conditions, Device, find_effect
+from pzctl.models.plan import Segment, SweepPlan
 from pzctl.models.sweep import Sweep
+from pzctl.sim.control import bench_command
 from pzctl.sim.sample import sample
+from pzctl.sim.server import SimOptions, running
 
 BUILD = read_build(Path(pzctl.__file__).parent / "daemon" / "thesis.toml")
 F = np.linspace(3e6, 5e6, 161)
 NOISE = 5e-5
+CONSIDERED = (
+    "drive-nonlinearity",
+    "sweep-lag",
+    "temperature-drift",
+    "stray-capacitance",
+    "lead-inductance",
+    "electrode-mass",
+)
+"""What is like what is hidden here; the daemon's tests, the open cases and the guide consider the whole catalogue."""
 
 
 def swept(ran: Conditions | None = None, seed: int = 1, f=F, **settings: object) -> Sweep:
@@ -41,7 +56,7 @@ def swept(ran: Conditions | None = None, seed: int = 1, f=F, **settings: object)
 @pytest.fixture(scope="module")
 def told() -> tuple[FitTask, Diagnosis]:
     task = FitTask(BUILD, {"disk": (swept(),)})
-    return task, diagnose(task)
+    return task, diagnose(task, CONSIDERED)
 
 
 def test_how_sweeps_ran_is_read_from_their_settings() -> None:
@@ -81,6 +96,33 @@ def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosi
     sure = replace(diagnosis, findings=(replace(diagnosis.findings[0], alternatives=()),), not_decidable=())
     assert [one.decides[0].kind for one in proposals(task, sure, instrument)] == ["seen once"]
     assert not proposals(again, sure, instrument), "it was seen at two levels"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "size", "parameter", "value"),
+    [("sweep-lag", 4e-3, "lag", 4e-3 * 2e6 / (160 * 0.16)), ("temperature-drift", 1e-3, "relative", None)],
+)
+def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for(
+    hidden: str, size: float, parameter: str, value: float | None
+) -> None:
+    """The first sweep shows nothing, or something else that looks like it; constants and a lead take it up."""
+    plan = SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5)
+    instrument = Instrument(plan_seconds, lambda plan, f, Z: np.full(f.size, NOISE))
+    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})
+    with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
+        bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
+        own = analyzer.measure(plan)
+        task = FitTask(BUILD, {"disk": own})
+        first = diagnose(task, CONSIDERED)
+        assert [finding.effect for finding in first.findings] != [hidden]
+        asked = proposals(task, first, instrument)
+        further = [sweep for one in asked for sweep in analyzer.measure(one.experiment.plan)]
+    decided = diagnose(replace(task, sweeps={"disk": (*own, *further)}), CONSIDERED)
+    (finding,) = decided.findings
+    assert (decided.verdict, finding.effect) == ("explained", hidden)
+    assert not [one for one in finding.alternatives if one.probability > 0.01]
+    found = finding.parameters[parameter]
+    assert value is None or abs(found.value - value) < max(5 * found.u, 0.03 * value)
 
 
 def test_recordings_are_compared_without_a_model() -> None:
