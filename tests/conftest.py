@@ -1,8 +1,11 @@
 """Where the recordings of others lie; tests that need them skip with a reason where they are absent."""
 
 import os
+import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tests share two cores
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    sys.dont_write_bytecode = False  # else each of a thousand processes compiles the package anew
 
 from pathlib import Path
 
