@@ -91,7 +91,7 @@ class AsyncSubscription:
 
     async def open(self) -> None:
         """Wait until everything arrives. Raises DaemonError, WireError."""
-        frames = await self._received(PATIENCE, "no welcome")
+        frames = await self._received(SILENCE, "no welcome")
         if frames != [WELCOME]:
             raise WireError(f"endpoint {self.endpoint}: it begins with {frames[0][:40]!r}; a pzctl daemon says welcome")
         self._seq = (await self._asker.ask(Hello(id=uuid7()), HelloAnswer)).seq

@@ -147,8 +147,8 @@ class Subscription:
         self._socket.close()
 
     def _welcome(self) -> None:
-        if not self._socket.poll(int(1000 * PATIENCE)):
-            raise DaemonError(f"daemon at {self.endpoint}: no welcome within {PATIENCE:g} s; is it running?")
+        if not self._socket.poll(int(1000 * SILENCE)):
+            raise DaemonError(f"daemon at {self.endpoint}: no welcome within {SILENCE:g} s; is it running?")
         self._take_welcome(self._socket.recv_multipart())
 
     def _take_welcome(self, frames: list[bytes]) -> None:

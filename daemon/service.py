@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import asdict, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -52,19 +53,24 @@ log = logging.getLogger(__name__)
 BEAT = 1.0
 """Seconds between two life signs."""
 
+SIMULATED_SECONDS = 30.0
+"""How long an answer of the daemon's own simulated instrument may take: it is there, but the machine may be busy."""
+
 DEATHS = 2
 """How often a fitter may die over a measurement before its answer is that it cannot."""
 
 
-def run(options: Options, open_analyzer: Callable[[str], Analyzer] = open_visa) -> None:
+def run(options: Options) -> None:
     """Run a daemon on the user's data folder until it is told to end (SIGTERM, SIGINT, or a request).
 
     Raises FolderError, EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the
     disk fails.
     """
     folder = writable_home()
+    open_analyzer: Callable[[str], Analyzer] = open_visa
     with ExitStack() as stack, asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         if options.resource is None:
+            open_analyzer = partial(open_visa, timeout_seconds=SIMULATED_SECONDS)
             simulated = stack.enter_context(simulated_instrument(log_file(folder, "sim"), options.simulator))
             options = replace(options, resource=simulated.instrument, bench=simulated.bench)
         runner.run(_serve(folder, options, open_analyzer))

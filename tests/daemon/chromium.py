@@ -64,7 +64,7 @@ class Browser:
 
     def close(self) -> None:
         self._process.terminate()
-        self._process.wait(20)
+        self._process.wait(60)
         os.close(self._out)
         os.close(self._in)
 
@@ -148,7 +148,7 @@ def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
             yield f"http://127.0.0.1:{port}/"
         finally:
             server.terminate()
-            server.wait(20)
+            server.wait(60)
             server.stdout.close()
             with connect() as lab:
                 lab.shutdown()

@@ -11,7 +11,7 @@ MORE, LARGE = b"\x01", b"\x03"
 def greeted(endpoint: str, kind: bytes) -> socket.socket:
     """Return a connection to a socket of the daemon, the handshake done, as a socket of this kind would."""
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
-    link = socket.create_connection((host, int(port)), timeout=20)
+    link = socket.create_connection((host, int(port)), timeout=60)
     body = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
     link.sendall(GREETING + b"\x04" + bytes([len(body)]) + body)
     answer = b""

@@ -113,7 +113,7 @@ def diagnosed(lab: Client, measurement: str, k: int) -> object:
     wish = ask.Diagnose(
         id=uuid7(), measurement=measurement, effects=effects, also=(measurement,) * (k // 6), propose=bool(k // 3 % 2)
     )
-    return lab._asker.ask(wish, Answer, patience=20.0)
+    return lab._asker.ask(wish, Answer, patience=60.0)
 
 
 def test_a_daemon_that_hangs_and_one_that_is_not_there(

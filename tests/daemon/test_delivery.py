@@ -56,7 +56,7 @@ def seqs_of(lab: Client) -> list[int]:
 def test_a_lossy_wire_loses_nothing(start_daemon, build: Build, lossy) -> None:
     where: Location = start_daemon()
     with connect(lossy(where.events), where.requests) as lab:
-        events = lab.listen(patience=3)
+        events = lab.listen(patience=60)
         with connect() as other:
             for _ in range(10):
                 other.measure(build, "disk")
@@ -99,7 +99,7 @@ def test_a_reader_that_never_reads_holds_nobody_up(start_daemon, build: Build) -
 def test_a_listener_outlives_the_daemon(start_daemon, build: Build, end) -> None:
     where = start_daemon(time_scale=1.0)
     with connect() as lab:
-        events = lab.listen(patience=10)
+        events = lab.listen(patience=60)
         measurement = lab.begin(build, "disk")
         said = [next(events).event]
         while not (isinstance(said[-1], StateEvent) and said[-1].state == "measuring"):

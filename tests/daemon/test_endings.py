@@ -91,7 +91,7 @@ def test_asked_to_end_it_leaves_the_instrument_as_it_should_be(
     with simulator(SimOptions(port=0, bench_port=0, time_scale=1.0)) as sim:
         where = start_daemon("Echo", resource=sim.resource, bench=f"127.0.0.1:{sim.bench_port}")
         with connect() as lab:
-            events = lab.listen(patience=10)
+            events = lab.listen(patience=60)
             lab.begin(build, "disk", SweepPlan((Segment(1e6, 6e6),), bias_V=1.0))
             lab.begin(build, "ml1")
             while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
@@ -142,7 +142,7 @@ def test_ctrl_c_of_who_waits_cancels_the_measurement(start_daemon, build: Build)
         raise KeyboardInterrupt
 
     with connect() as lab:
-        events = lab.listen(patience=10)
+        events = lab.listen(patience=60)
         with pytest.raises(KeyboardInterrupt):
             lab.measure(build, "disk", progress=interrupt)
         while not (isinstance(event := next(events).event, StateEvent) and event.state == "cancelled"):

@@ -45,10 +45,11 @@ def visitor(tmp_path: Path) -> "Iterator[Callable[[Location, str], subprocess.Po
 def test_it_comes_fits_and_comes_back(start_daemon, end, build: Build, tmp_path: Path, visitor, wait_until) -> None:
     make_server(keys_folder(tmp_path))
     make_client(keys_folder(tmp_path), "anybody", "watch")
-    ports = {"events": "tcp://0.0.0.0:5570", "requests": "tcp://0.0.0.0:5571"}
+    first = 10_000 + 2 * (os.getpid() % 10_000)  # below those that the system gives away, and no other test run's
+    ports = {"events": f"tcp://0.0.0.0:{first}", "requests": f"tcp://0.0.0.0:{first + 1}"}
     where = start_daemon(**ports)
     watcher = visitor(where, "watch")
-    assert watcher.wait(20) == 2
+    assert watcher.wait(60) == 2
     assert "'watch' has the right to watch; 'hello' needs 'measure'" in watcher.stderr.read()
 
     guest = visitor(where, "measure")

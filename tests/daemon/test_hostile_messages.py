@@ -127,7 +127,7 @@ def test_who_sends_without_end_is_cut_off_before_memory_runs_out(start_daemon, b
     where = start_daemon()
     memory = Path(f"/proc/{where.pid}/statm")
     with connect() as lab, connect() as listener:
-        events = listener.listen(patience=20)
+        events = listener.listen(patience=60)
         before = int(memory.read_text().split()[1])
         for what, (kind, sent) in ENDLESS.items():
             with raw_peer.greeted(where.requests if kind == b"DEALER" else where.events, kind) as link:

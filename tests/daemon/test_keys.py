@@ -64,7 +64,7 @@ def test_every_client_does_what_it_may(start_daemon, build: Build, key_of, tmp_p
     assert stat.S_IMODE((tmp_path / "daemon.json").stat().st_mode) == 0o600
     with connect(where.events, where.requests, watcher) as lab:
         assert lab.status().measuring is None
-        events = lab.listen(patience=10)
+        events = lab.listen(patience=60)
         for ask, needs in (
             (lambda: lab.measure(build, "disk"), "'measure' needs 'measure'"),
             (lambda: lab.bench({"command": "truth"}), "'bench' needs 'bench'"),

@@ -40,7 +40,7 @@ def test_who_has_a_lease_has_the_instrument(start_daemon, build: Build) -> None:
 def test_higher_priorities_go_first(start_daemon, build: Build) -> None:
     start_daemon(time_scale=0.01)
     with connect() as lab:
-        events = lab.listen(patience=20)
+        events = lab.listen(patience=60)
         asked = [lab.begin(build, "disk", priority=priority) for priority in (0, -1, 0, 5, 5)]
         with pytest.raises(DaemonError, match="measurements wait for it") as refusal, lab.lease("me"):
             pass

@@ -137,13 +137,13 @@ def test_a_page_beside_the_daemon_ends_with_it_even_when_that_is_killed() -> Non
     try:
         address = daemon.stderr.readline().split()[-1]
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", address)
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 60
         while not reached(f"{address}api/now"):
             assert time.monotonic() < deadline
             time.sleep(0.1)
     finally:
         daemon.kill()
-        daemon.wait(20)
+        daemon.wait(60)
         daemon.stderr.close()
     while reached(address):
         assert time.monotonic() < deadline, "the page outlived its daemon"

@@ -105,7 +105,7 @@ def test_killed_at_any_moment_nothing_announced_is_lost(
 ) -> None:
     where = start_daemon(journal=url, station="a")
     with connect() as lab:
-        events = lab.listen(patience=5)
+        events = lab.listen(patience=60)
         for _ in range(20):
             lab.begin(build, "disk")
         heard = [next(events) for _ in range(30)]

@@ -31,7 +31,7 @@ def test_every_event_is_one_line(start_daemon, build: Build, tmp_path: Path, as_
                 assert watching.poll() is None
                 lab.measure(build, "disk")
         watching.send_signal(signal.SIGINT)
-        assert watching.wait(20) == 130
+        assert watching.wait(60) == 130
     finally:
         watching.kill()
         watching.wait()

@@ -13,7 +13,7 @@ from pzctl.sim.server import SimOptions, Simulator, running
 class Wire:
     """One client of a raw socket."""
 
-    def __init__(self, port: int, timeout: float = 10.0) -> None:
+    def __init__(self, port: int, timeout: float = 60.0) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout)
         self.stream = self.socket.makefile("rb")
 
