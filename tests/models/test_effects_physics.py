@@ -88,8 +88,8 @@ def test_a_dead_layer_solves_the_wave_equation(front: float, where: str) -> None
     low, high = (1 - front) * depth, t - front * depth
     cuts = tuple(cut for cut in (low, high) if 0 < cut < t)
     stack = Stack((DISK,), VACUUM, VACUUM, AREA)
-    Z = added("surface-layer", "layer:disk", stack, back=low, front=front * depth).impedance(F)
-    expected = [shooting(lambda z: DISK.h33 if low <= z <= high else 0.0, f, cuts=cuts) for f in F]
+    Z = added("surface-layer", "layer:disk", stack, back=low, front=front * depth).impedance(F[::4])
+    expected = [shooting(lambda z: DISK.h33 if low <= z <= high else 0.0, f, cuts=cuts) for f in F[::4]]
     close(Z, np.array(expected), 2e-7)
 
 
