@@ -1,7 +1,8 @@
 """What is minimised: noise-weighted complex residuals of ln Z over all steps at once, and what was known before."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -34,10 +35,19 @@ class _Shared:
 
 
 class Objective:
-    """Residuals and exact Jacobian over the moving coordinates of a fit."""
+    """Residuals and exact Jacobian over the moving coordinates of a fit.
+
+    `slopes_later`: derivatives cost many times what a curve costs; they are taken where they are asked for, and a step
+    that is not kept does without.
+    """
 
     def __init__(
-        self, recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior]
+        self,
+        recordings: Sequence[Recording],
+        coordinates: Coordinates,
+        priors: Sequence[Prior | Posterior],
+        *,
+        slopes_later: bool = False,
     ) -> None:
         self.recordings = tuple(recordings)
         self.coordinates = coordinates
@@ -56,6 +66,7 @@ class Objective:
         self._tether = np.zeros((len(self.coordinates.free), len(self._losses)))
         self._tether[self._losses, range(len(self._losses))] = 1 / _LOSS_WIDTH
         self._rows = 2 * self.points + len(self.priors) + len(self._losses) + sum(len(root) for root, _ in self._told)
+        self._slopes_later = slopes_later
         self._cache: _Evaluation | None = None
 
     def _shared_by(self, alike: tuple[Recording, ...]) -> _Shared:
@@ -107,26 +118,48 @@ class Objective:
     def _evaluated(self, x: Reals) -> "_Evaluation":
         if self._cache is None or not np.array_equal(x, self._cache.x):
             self.evaluations += 1
-            try:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    self._cache = self._evaluate(x)
-            except (PzctlError, ArithmeticError):
-                self._cache = None
-            if self._cache is None or not np.all(np.isfinite(self._cache.residual)):
-                # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
-                nowhere, flat = np.full(self._rows, _NOWHERE), np.zeros((x.size, self._rows))
-                self._cache = _Evaluation(x.copy(), nowhere, flat, ())
+            self._cache = self._guarded(x, self._residual if self._slopes_later else self._evaluate)
         return self._cache
+
+    def _guarded(self, x: Reals, evaluate: "Callable[[Reals], _Evaluation]") -> "_Evaluation":
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                found = evaluate(x)
+            if np.all(np.isfinite(found.residual)):
+                return found
+        except (PzctlError, ArithmeticError):
+            pass
+        # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
+        return _Evaluation(x.copy(), np.full(self._rows, _NOWHERE), np.zeros((x.size, self._rows)), ())
+
+    def _residual(self, x: Reals) -> "_Evaluation":
+        """Return what the models say, derivatives apart."""
+        values, _ = self.coordinates.forward(x)
+        models = tuple(self._with(shared, values) for shared in self._shared)
+        r = np.empty(self._rows)
+        curves: list[Complexes] = []
+        row = 0
+        for shared, model in zip(self._shared, models, strict=True):
+            whole = model.impedance(shared.frequency)
+            for recording, part in zip(shared.recordings, shared.parts, strict=True):
+                residual, _ = recording.weighted(whole[part])
+                size = residual.size
+                r[row : row + size], r[row + size : row + 2 * size] = residual.real, residual.imag
+                curves.append(whole[part])
+                row += 2 * size
+        r[row:] = np.concatenate(self._beforehand(x, values))
+        return _Evaluation(x.copy(), r, None, tuple(curves), models)
 
     def _evaluate(self, x: Reals) -> "_Evaluation":
         values, chain = self.coordinates.forward(x)
+        known = self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
+        models = known or [self._with(shared, values) for shared in self._shared]
         moves: list[bool] = np.any(chain, axis=1).tolist()
         J, r = np.empty((x.size, self._rows)), np.empty(self._rows)
         curves: list[Complexes] = []
         row = 0
-        for shared in self._shared:
+        for shared, model in zip(self._shared, models, strict=True):
             moved = [i for i in shared.owned if moves[i]]
-            model = self._with(shared, values)
             whole, slopes = model.jacobian(shared.frequency, [shared.owned[i] for i in moved])
             down = chain[moved].T
             for recording, part in zip(shared.recordings, shared.parts, strict=True):
@@ -177,7 +210,10 @@ class Objective:
 
     def jacobian(self, x: Reals) -> Reals:
         """Return d residual / d moving coordinate, shape (R, M)."""
-        return self._evaluated(x).slopes.T
+        found = self._evaluated(x)
+        if found.slopes is None:
+            found = self._cache = self._guarded(x, self._evaluate)
+        return cast(Reals, found.slopes).T
 
     @property
     def spread(self) -> Reals:
@@ -204,10 +240,12 @@ class _Evaluation:
 
     x: Reals
     residual: Reals
-    slopes: Reals
-    """d residual / d moving coordinate, shape (M, R): as MINPACK wants it, column by column."""
+    slopes: Reals | None
+    """d residual / d moving coordinate, shape (M, R): as MINPACK wants it, column by column. None: not asked yet."""
     curves: tuple[Complexes, ...]
     """Model impedance of each recording, ohm; empty where there is no model."""
+    models: tuple[Model, ...] = ()
+    """Those that have said all this and remember some of it, until they are asked for the slopes."""
 
 
 def _alike(recordings: Sequence[Recording]) -> list[tuple[Recording, ...]]:

@@ -105,7 +105,8 @@ class Problem:
 
     def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
         """Return the objective of a fit with these effects, weighted as the recordings are now."""
-        return Objective(self.with_effects(effects), self.coordinates(effects, values), self.priors)
+        coordinates = self.coordinates(effects, values)
+        return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":
         """Return the problem in which the `held` points, one mask for each recording, take no part.

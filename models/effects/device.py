@@ -1,6 +1,6 @@
 """A stack with effects added: a `Model` whose further parameters are the effects' knobs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -38,13 +38,18 @@ class Added:
     def moved(self, parameters: Mapping[str, float]) -> Self:
         """Return it with those of the parameters that are its own."""
         own = {name.removeprefix(self.prefix): v for name, v in parameters.items() if name.startswith(self.prefix)}
-        return replace(self, values={**self.values, **own})
+        return type(self)(self.effect, self.where, {**self.values, **own}) if own else self
 
 
 def small_step(knob: Knob, value: float) -> float:
     """Return the step of a derivative by a knob, into the side that is physical."""
     step = _STEP * knob.typical
     return step if value + step <= knob.upper else -step
+
+
+def _from_within(added: Sequence[Added]) -> list[Added]:
+    """Return effects in the order in which they act."""
+    return sorted(added, key=lambda one: (one.effect.stage, one.effect.name, one.where))
 
 
 @dataclass(frozen=True)
@@ -72,10 +77,10 @@ class Device:
         if moved:
             require(moved, self.parameters(), "the device")
         added = tuple(one.moved(values) for one in self.added)
-        made = replace(self, bare=self.bare.replace(moved) if moved else self.bare, added=added)
-        within = {one.prefix for one in self.added if one.effect.stage < Stage.TERMINALS}
-        if not moved and not any(name.startswith(tuple(within)) for name in values):
-            made.__dict__["_within"] = self._within  # what it is within is as it was, and knows its admittance
+        made = type(self)(self.bare.replace(moved) if moved else self.bare, added, self.conditions, self.nominal)
+        made.__dict__["_knobs"] = self._knobs
+        if not moved:
+            made.__dict__["_kept"] = self._as_far_as(added)
         return made
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
@@ -110,30 +115,48 @@ class Device:
         made = [mirror(next(rows)) if name in own else self._by_knob(name, frequency, at_rest, Z) for name in names]
         return Z, np.array(made, np.complex128).reshape(len(names), frequency.size)
 
-    @cached_property
+    @property
     def _assembly(self) -> Assembly:
-        return self._extended(self._within, (one for one in self.added if one.effect.stage >= Stage.TERMINALS))
+        return self._assemblies[-1]
 
     @cached_property
-    def _within(self) -> Assembly:
-        """The device behind its terminals."""
-        alone = Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)
-        return self._extended(alone, (one for one in self.added if one.effect.stage < Stage.TERMINALS))
+    def _assemblies(self) -> tuple[Assembly, ...]:
+        """The bare device and, with one effect more each, from within outwards, the device.
 
-    def _extended(self, assembly: Assembly, added: Iterable[Added]) -> Assembly:
-        for one in sorted(added, key=lambda one: (one.effect.stage, one.effect.name, one.where)):
-            assembly = one.effect.extend(assembly, one.where, self._within_limits(one))
-        return assembly
+        Those that a device was made with are kept: they know what they answered.
+        """
+        made: list[Assembly] = list(self.__dict__.get("_kept", ()))
+        if not made:
+            made = [Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)]
+        for one in _from_within(self.added)[len(made) - 1 :]:
+            made.append(one.effect.extend(made[-1], one.where, self._within_limits(one)))
+        return tuple(made)
+
+    def _as_far_as(self, added: Sequence[Added]) -> tuple[Assembly, ...]:
+        """Return the assemblies up to the first effect that is another one in `added`."""
+        pairs = enumerate(zip(_from_within(self.added), _from_within(added), strict=True), 1)
+        same = next((k for k, (mine, its) in pairs if mine is not its), len(added) + 1)
+        return self._assemblies[:same]
+
+    @cached_property
+    def _knobs(self) -> dict[str, dict[str, Knob]]:
+        """The knobs of the effects, by the prefix of the effect and their name."""
+        nominal = self.nominal or self.bare
+        return {one.prefix: {knob.name: knob for knob in one.effect.knobs(nominal, one.where)} for one in self.added}
 
     def _within_limits(self, one: Added) -> dict[str, float]:
         """Return the values of an effect: beyond a limit it is as it is at the limit."""
-        knobs = {knob.name: knob for knob in one.effect.knobs(self.nominal or self.bare, one.where)}
-        limits = {name: (knobs[name].lower, knobs[name].upper) for name in one.values if name in knobs}
-        return {name: float(np.clip(v, *limits[name])) if name in limits else v for name, v in one.values.items()}
+        knobs = self._knobs[one.prefix]
+        return {
+            name: min(max(value, knobs[name].lower), knobs[name].upper) if name in knobs else value
+            for name, value in one.values.items()
+        }
 
     def _by_knob(self, name: str, frequency: Frequencies, at_rest: Impedances, Z: Impedances) -> Complexes:
         """Return d ln Z / d knob, into the side that is physical; 0 for a flag. `at_rest` is the steady impedance."""
-        (one, knob), value = self._knob(name), self.parameters()[name]
+        one = next(one for one in self.added if name.startswith(one.prefix))
+        own = name.removeprefix(one.prefix)
+        knob, value = self._knobs[one.prefix].get(own), one.values[own]
         if knob is None:
             return np.zeros_like(Z)
         step = small_step(knob, value)
@@ -141,9 +164,3 @@ class Device:
         if one.effect.stage is Stage.RECORD:
             return (moved.impedance(frequency) / Z - 1) / complex(step)
         return (moved.steady_impedance(frequency) / at_rest - 1) / complex(step)
-
-    def _knob(self, name: str) -> tuple[Added, Knob | None]:
-        """Return the effect that a parameter belongs to, and the knob that it is, or None where it is a flag."""
-        one = next(one for one in self.added if name.startswith(one.prefix))
-        knobs = one.effect.knobs(self.nominal or self.bare, one.where)
-        return one, next((knob for knob in knobs if one.prefix + knob.name == name), None)
