@@ -11,6 +11,7 @@ from ..fitters.noise import noise_from_smoothness
 from ..models.arrays import Reals
 from ..models.build import Build
 from ..models.sweep import Sweep
+from .picturefile import save_picture
 from .sketch_picture import draw_sketch
 
 BEFORE, AFTER, GUILTY, MARK, FAINT = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98"
@@ -22,10 +23,8 @@ _MOST_PANELS, _MOST_BARS = 6, 9
 
 
 def diagnosis_picture(found: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
-    """Draw a diagnosis (the object of `diagnosis_json`, and its curves) into a PNG, SVG or PDF; return the path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    diagnosis_figure(found, curves, build).savefig(path, dpi=160)
-    return path
+    """Draw a diagnosis (the object of `diagnosis_json`, and its curves); return the path. Raises PictureError."""
+    return save_picture(diagnosis_figure(found, curves, build), path, dpi=160)
 
 
 def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:

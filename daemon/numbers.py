@@ -16,10 +16,11 @@ def with_uncertainty(value: float, u: float | None) -> str:
         return "-"
     if u is None or u == 0 or not math.isfinite(u):
         return _EXPONENT.sub(r"e\1\2", f"{value:.6g}")
-    exponent = math.floor(math.log10(abs(value))) if value else 0
-    exponent = max(exponent, math.floor(math.log10(u)))
     digits = _digits(u)
-    last = math.floor(math.log10(u)) - digits + 1
+    size = int(f"{u:.{digits - 1}e}".partition("e")[2])  # after rounding: 0.0998 is 0.10
+    exponent = math.floor(math.log10(abs(value))) if value else 0
+    exponent = max(exponent, size)
+    last = size - digits + 1
     shown = 0 if -3 <= exponent <= 4 else exponent
     decimals = max(0, shown - last)
     mantissa = f"{value / 10.0**shown:.{decimals}f}"

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..fitters.interface import Curve, FitResult
 from ..models.arrays import Complexes, Impedances
+from .picturefile import save_picture
 
 _HEIGHT = 12.0
 """Of the picture, inches."""
@@ -17,7 +18,7 @@ _FITTED: dict[str, Any] = {"color": "tab:red", "linewidth": 0.9, "label": "fitte
 
 
 def fit_picture(result: FitResult, path: Path) -> Path:
-    """Draw |Z|, phase, G, B and the residual of every sweep, one column each; return the path of the PNG or SVG."""
+    """Draw |Z|, phase, G, B and the residual of every sweep, one column each; return the path. Raises PictureError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -40,9 +41,7 @@ def fit_picture(result: FitResult, path: Path) -> Path:
         f"{result.build} by {result.fitter}: chi2/dof {result.chi2_per_dof:.3g}, "
         f"RMS log error {result.rms_log_error:.2g}"
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    return path
+    return save_picture(figure, path, dpi=110)
 
 
 def _column(axes: Any, curve: Curve, noise: float) -> None:

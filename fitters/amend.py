@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from ..models.build import Build, LayerSpec, Load, Quantity
 from .assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, ground_name
-from .interface import FitError
+from .interface import TaskError
 
 _GIVEN = "build.toml"
 _LOSS_SIGN = {"c33D": 1, "eps33S": -1}
@@ -28,7 +28,7 @@ class Amendments:
 
 
 def amended(build: Build, wanted: Amendments) -> Build:
-    """Return the build with these changes. Raises FitError for a name it does not have, or a value that cannot be."""
+    """Return the build with these changes. Raises TaskError for a name it does not have, or a value that cannot be."""
     for name, value, u in wanted.prior:
         build = _with_prior(build, name, value, u)
     for name, low, high in wanted.bound:
@@ -58,28 +58,28 @@ def _held(quantity: Quantity) -> Quantity:
 
 def _bounded(quantity: Quantity, name: str, low: float, high: float) -> Quantity:
     if not low < quantity.re < high:
-        raise FitError(
+        raise TaskError(
             f"cannot bound {name!r}: {quantity.re:g}, which it begins with, is not between {low:g} and {high:g}"
         )
     if low <= 0 and not name.endswith(_EITHER_SIGN):
-        raise FitError(f"cannot bound {name!r} by {low:g}: its lowest value is positive")
+        raise TaskError(f"cannot bound {name!r} by {low:g}: its lowest value is positive")
     return replace(quantity, bounds=(low, high))
 
 
 def _with_prior(build: Build, name: str, value: float, u: float) -> Build:
     if not u > 0:
-        raise FitError(f"prior of {name!r}: its uncertainty is {u:g}; a positive one is needed, or hold the constant")
+        raise TaskError(f"prior of {name!r}: its uncertainty is {u:g}; a positive one is needed, or hold the constant")
     bare = name.removesuffix(".loss")
     constant = bare.rpartition(".")[2]
     if value <= 0 and constant not in _EITHER_SIGN:
-        raise FitError(f"prior of {name!r}: {value:g} is given; a positive number is needed")
+        raise TaskError(f"prior of {name!r}: {value:g} is given; a positive number is needed")
     if name == bare:
         return _edited(
             build, name, f"set a prior on {name!r}", lambda q: replace(q, re=value, u=u, source=_GIVEN, same_as=None)
         )
     sign = _LOSS_SIGN.get(constant)
     if sign is None:
-        raise FitError(f"cannot set a prior on {name!r}: only {' and '.join(_LOSS_SIGN)} have one loss of their own")
+        raise TaskError(f"cannot set a prior on {name!r}: only {' and '.join(_LOSS_SIGN)} have one loss of their own")
     return _edited(
         build,
         bare,
@@ -93,14 +93,14 @@ def _tied(build: Build, name: str, leader: str) -> Build:
     there, what = known(build), f"tie {name!r} to {leader!r}"
     for one in (name, leader):
         if one not in there:
-            raise FitError(f"cannot {what}: {_these(build)}")
+            raise TaskError(f"cannot {what}: {_these(build)}")
     kinds = name.rpartition(".")[2], leader.rpartition(".")[2]
     if kinds[0] != kinds[1] or kinds[0] not in _TIED or name == leader or "area" in kinds:
-        raise FitError(f"cannot {what}: two of one kind are needed, of {', '.join(_TIED)}, in different layers")
+        raise TaskError(f"cannot {what}: two of one kind are needed, of {', '.join(_TIED)}, in different layers")
     if any(one.startswith(("back.", "front.")) for one in (name, leader)):
-        raise FitError(f"cannot {what}: loads are tied to nothing")
+        raise TaskError(f"cannot {what}: loads are tied to nothing")
     if there[leader].same_as is not None or any(quantity.same_as == name for quantity in there.values()):
-        raise FitError(f"cannot {what}: one of them is tied already; tie all to one that stands alone")
+        raise TaskError(f"cannot {what}: one of them is tied already; tie all to one that stands alone")
     return _edited(build, name, what, lambda _: replace(there[leader], same_as=leader))
 
 
@@ -109,10 +109,10 @@ def _these(build: Build) -> str:
 
 
 def _edited(build: Build, name: str, what: str, edit: Callable[[Quantity], Quantity]) -> Build:
-    """Return the build with one of its constants edited, and all that are tied to it. Raises FitError."""
+    """Return the build with one of its constants edited, and all that are tied to it. Raises TaskError."""
     there = known(build)
     if name not in there:
-        raise FitError(f"cannot {what}: {_these(build)}")
+        raise TaskError(f"cannot {what}: {_these(build)}")
     new = edit(there[name])
     changed = {name: new} | {
         follower: replace(new, same_as=name) for follower, quantity in there.items() if quantity.same_as == name

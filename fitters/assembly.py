@@ -11,7 +11,7 @@ from ..models.stack import Elastic, HalfSpace, Piezo, Stack
 from ..models.sweep import Sweep
 from .constraints import bounded, shared
 from .coordinates import Block, Coordinates, hardly_negative, positive, thickness_constants, to_h33
-from .interface import FitError
+from .interface import TaskError
 from .recording import Prior, Recording
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
@@ -197,9 +197,9 @@ def _free_by_name(names: Iterable[str], blocks: tuple[Block, ...]) -> set[str]:
     }
     for name in names:
         if name in tied:
-            raise FitError(f"cannot free {name!r}: it is tied to {tied[name]}; free that")
+            raise TaskError(f"cannot free {name!r}: it is tied to {tied[name]}; free that")
         if name not in known:
-            raise FitError(f"cannot free {name!r}: this build has {', '.join(sorted(known))}")
+            raise TaskError(f"cannot free {name!r}: this build has {', '.join(sorted(known))}")
     return {variant for name in names for variant in (name, f"{name}.loss")}
 
 

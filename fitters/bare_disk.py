@@ -10,7 +10,7 @@ from ..models.arrays import Reals
 from ..models.build import Build, LayerSpec, Quantity
 from ..models.model import Model
 from ..models.sweep import Sweep
-from .interface import Curve, FitError, FitTask, Noise
+from .interface import Curve, FitError, FitTask, Noise, TaskError
 from .joint import check_task
 from .noise import noise_of
 from .recognise import refuse_another_device
@@ -121,7 +121,9 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
     `round_one`: the fitter needs a disk known to be round; `frees`: it can hold some constants and free others.
     """
     if task.free is not None and not frees:
-        raise FitError(f"`{fitter}` reads all constants off the recording: it cannot free {', '.join(task.free)} alone")
+        raise TaskError(
+            f"`{fitter}` reads all constants off the recording: it cannot free {', '.join(task.free)} alone"
+        )
     build, sweeps = check_task(replace(task, free=None))
     for step in sweeps:
         layers = [build.layer(name) for name in build.step(step).layers]

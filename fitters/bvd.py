@@ -15,7 +15,7 @@ from .answer import curves_of
 from .coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from .covariance import estimate
 from .descent import Descent, settle, softened
-from .interface import Constant, FitError, FitResult, FitTask
+from .interface import Constant, FitError, FitResult, FitTask, TaskError
 from .noise import noise_of
 from .recording import Recording, log_ratio
 from .start import resonance_pairs
@@ -66,7 +66,7 @@ class ButterworthVanDyke:
         began = time.perf_counter()
         sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
         if len(sweeps) != 1:
-            raise FitError(f"`bvd` fits one recording; {len(sweeps)} were given")
+            raise TaskError(f"`bvd` fits one recording; {len(sweeps)} were given")
         step, sweep = sweeps[0]
         noise, (sigma,) = noise_of([sweep])
         progress(f"fitting {step}")

@@ -31,7 +31,7 @@ from .disk2d_known import undetermined
 from .disk2d_predict import predictions, sentence
 from .disk2d_search import searched
 from .disk2d_start import starts, tensor_priors, unusual
-from .interface import FitError, FitResult, FitTask
+from .interface import FitError, FitResult, FitTask, TaskError
 from .objective import Objective
 from .planar_answer import Named, planar_answer, radial_named
 from .recording import Posterior, Prior, Recording
@@ -179,9 +179,10 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
     moving = whole | uncertain if free is None else set(free)
     if not moving <= whole | set(sizes):
         unknown = min(moving - whole - set(sizes))
-        raise FitError(f"cannot free {unknown!r}: `disk2d` has {', '.join(sorted(whole | set(sizes)))}")
+        raise TaskError(f"cannot free {unknown!r}: `disk2d` has {', '.join(sorted(whole | set(sizes)))}")
     if not whole <= moving:
-        raise FitError(f"`disk2d` frees all ten constants together; {min(whole - moving)!r} is not among those to free")
+        left = min(whole - moving)
+        raise TaskError(f"`disk2d` frees all ten constants together; {left!r} is not among those to free")
     blocks = (tensor_block(at), *(positive(name) for name in sizes))
     names = (*(f"{at}.{name}" for name in COORDINATES), *moving)
     recordings = [

@@ -14,6 +14,12 @@ class FitError(CannotError):
     """This recording does not determine what was asked of it; the sentence says why."""
 
 
+class TaskError(FitError):
+    """What was asked does not go with the build or the fitter: a name that is not there, a number that cannot be."""
+
+    exit_status = 2
+
+
 @dataclass(frozen=True)
 class Options:
     """How a fitter is to work; one that knows them says so by `takes_options = True`."""

@@ -12,7 +12,7 @@ from .assembly import coordinates_of, layers_of, nominal_parameters, priors_of, 
 from .coordinates import Coordinates
 from .covariance import posterior
 from .descent import Descent, approach, chi2_per_point, settle, softened, thinned
-from .interface import FitError, FitTask, Noise
+from .interface import FitError, FitTask, Noise, TaskError
 from .noise import noise_of
 from .objective import Objective
 from .recording import Posterior, Prior, Recording, rms
@@ -54,11 +54,11 @@ class Solution:
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     """Return the build and its sweeps in gluing order. Raises FitError where task, build and sweeps do not fit."""
     if task.build is None:
-        raise FitError("a stack can only be fitted with a build file; only `bvd` needs none")
+        raise TaskError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
     for step in task.sweeps:
         if step not in known:
-            raise FitError(f"step {step!r} is not in build {task.build.name!r}, which has {', '.join(known)}")
+            raise TaskError(f"step {step!r} is not in build {task.build.name!r}, which has {', '.join(known)}")
     there = {step: task.sweeps[step] for step in known if task.sweeps.get(step)}
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")

@@ -20,7 +20,7 @@ from ..models.sweep import Sweep
 from .answer import fitted_constants
 from .assembly import ground_name, layers_of, nominal_parameters, renamed, stack_of
 from .derived import derived_constants
-from .interface import Curve, FitError, FitResult, FitTask
+from .interface import Curve, FitError, FitResult, FitTask, TaskError
 from .joint import check_task
 from .noise import noise_of
 from .recognise import doubts, refuse_degenerate
@@ -88,7 +88,7 @@ class MasonNelderMead:
         """Fit one step after another, earlier constants frozen. Raises FitError where a step cannot be fitted so."""
         began = time.perf_counter()
         if task.free is not None:
-            raise FitError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
+            raise TaskError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
         build, sweeps = check_task(task)
         refuse_degenerate(build, sweeps)
         first = next(iter(sweeps))

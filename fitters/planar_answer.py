@@ -17,7 +17,7 @@ from .coordinates import Block, Coordinates, positive
 from .covariance import Estimate, estimate
 from .derived import DERIVED_UNITS
 from .descent import Descent
-from .interface import Constant, FitError, FitResult
+from .interface import Constant, FitResult, TaskError
 from .recognise import strange
 from .recording import Prior
 
@@ -95,12 +95,12 @@ def planar_coordinates(
     held |= {name for name, quantity in sizes.items() if quantity.u == 0}
     moving = known - held if free is None else set(free)
     if not moving <= known:
-        raise FitError(f"cannot free {min(moving - known)!r}: `{fitter}` has {', '.join(sorted(known))}")
+        raise TaskError(f"cannot free {min(moving - known)!r}: `{fitter}` has {', '.join(sorted(known))}")
     bounds = {name: q.bounds for name, q in (quantities | sizes).items() if q.bounds is not None and name in moving}
     blocks = (*blocks, *(positive(name) for name in sizes))
     for name in bounds:
         if name.removeprefix(f"{at}.") in together:
-            raise FitError(f"cannot bound {name!r}: `{fitter}` moves it together with others; give it a prior instead")
+            raise TaskError(f"cannot bound {name!r}: `{fitter}` moves it together with others; give it a prior instead")
     blocks = tuple(
         between_bounds(block, {name: ends for name, ends in bounds.items() if name in block.coordinates})
         for block in blocks

@@ -98,9 +98,9 @@ def _refuse_size(name: str, sweep: Sweep, capacitance: float) -> None:
     level, wanted = float(np.median(np.abs(sweep.impedance))), float(np.median(expected))
     found = f"{name}: |Z| is {level:.3g} ohm in the middle, where the capacitance of this build has {wanted:.3g} ohm"
     if ratio < 1 / _FAR:
-        raise FitError(f"{found}; this is a short circuit, or another device")
+        raise FitError(f"{found}; this is a short circuit, another device, or another size than the build file's")
     if ratio > _FAR:
-        raise FitError(f"{found}; this is an open circuit, or another device")
+        raise FitError(f"{found}; this is an open circuit, another device, or another size than the build file's")
     if not 1 / _OFF < ratio < _OFF:
         raise FitError(
             f"{found}; a permittivity is never off by a factor of {max(ratio, 1 / ratio):.1f}: diameter or thickness "

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .fit import read_steps
+from .wishes import comma_names
 
 
 def diagnose(
@@ -30,9 +31,16 @@ def diagnose(
     from ..buildfile import read_build
     from ..diagnoses import diagnosis_curves, diagnosis_json, print_constants, print_diagnosis
     from ..diagnosis_picture import diagnosis_picture
+    from ..picturefile import check_picture
     from ..terminal import console
 
-    chosen = tuple(find_effect(name.strip()).name for name in effects.split(",")) if effects else None
+    chosen = (
+        None
+        if effects is None
+        else tuple(find_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
+    )
+    if picture is not None:
+        check_picture(picture)
     known = read_build(build)
     screen = console(stderr=True)
     task = FitTask(known, read_steps(recordings))

@@ -25,6 +25,8 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
         step, equals, file = word.partition("=")
         if not (step and equals and file):
             raise UsageError(f"{word!r} is not STEP=FILE, for example disk=disk.csv")
+        if Path(file) in files.get(step, ()):
+            raise UsageError(f"{word} is given twice; a repeat is another sweep of the same step, in a file of its own")
         files.setdefault(step, []).append(Path(file))
     return files
 
@@ -71,7 +73,7 @@ def fit(
     sequential: Annotated[bool, typer.Option(help="Step by step, each with all the one before has told.")] = False,
     freeze: Annotated[bool, typer.Option(help="Step by step, earlier constants frozen (the thesis's way).")] = False,
     budget: Annotated[bool, typer.Option(help="Show what the uncertainties are made of.")] = False,
-    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png or .svg.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     every: Annotated[
         bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
     ] = False,
@@ -91,6 +93,10 @@ def fit(
 
         fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json)
         return
+    if picture is not None:
+        from ..picturefile import check_picture
+
+        check_picture(picture)
     results, known = _fitted(recordings, build, fitter or [], wanted)
     if as_json:
         from ..answers import fit_json
@@ -120,7 +126,7 @@ def _fitted(
     from ...fitters.plugins import DEFAULT, load_fitter
     from ..buildfile import read_build
 
-    fitters = [load_fitter(name) for name in names or [DEFAULT]]
+    fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
     for one in fitters:
         check_options(one, wanted.options)
     known = read_build(build) if build is not None else None

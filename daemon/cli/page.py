@@ -17,7 +17,7 @@ def page(
 ) -> None:
     """Serve the live page: sweeps as they arrive, fits, the stack, and the buttons beside the press. Until Ctrl-C.
 
-    Uses the daemon that runs, or starts one and says so; that one stays. Needs `pip install 'pzctl[web]'`.
+    Uses the daemon that runs, or starts one and says so; that one stays. Needs the extra `web` of the package.
 
     Example: pzctl page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
     """

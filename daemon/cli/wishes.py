@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from ...fitters.interface import Fitter, Options
 
 
+_CONSTANTS = "disk.c33D,ml1.z"
+
+
 class UsageError(PzctlError):
     """A command line that does not say what is wanted."""
 
@@ -33,7 +36,7 @@ class Words:
         """Return what is to be different from the build file. Raises UsageError."""
         from ...fitters.amend import Amendments
 
-        hold = _names("--hold", self.hold) if self.hold is not None else ()
+        hold = comma_names("--hold", self.hold, _CONSTANTS) if self.hold is not None else ()
         both = sorted(set(hold) & set(free or ()))
         if both:
             raise UsageError(f"{both[0]} is given to --free and to --hold; give it to one of the two")
@@ -67,9 +70,17 @@ class Wanted:
     options: "Options"
 
 
+def comma_names(option: str, text: str, example: str) -> tuple[str, ...]:
+    """Return the names of an option that has commas between them. Raises UsageError."""
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        raise UsageError(f"{option} is {text!r}; names with commas between are needed, for example {example}")
+    return names
+
+
 def free_names(text: str | None) -> tuple[str, ...] | None:
     """Return the names of --free; None where it was not given. Raises UsageError."""
-    return None if text is None else _names("--free", text)
+    return None if text is None else comma_names("--free", text, _CONSTANTS)
 
 
 def check_options(fitter: "Fitter", options: "Options") -> None:
@@ -89,13 +100,6 @@ def _choice(name: str, word: str) -> str:
     if word not in allowed:
         raise UsageError(f"--{name} is {word!r}; {', '.join(allowed[:-1])} or {allowed[-1]} is needed")
     return word
-
-
-def _names(option: str, text: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(","))
-    if not all(names):
-        raise UsageError(f"{option} is {text!r}; names with commas between are needed, for example disk.c33D,ml1.z")
-    return names
 
 
 def _tie(word: str) -> tuple[str, str]:

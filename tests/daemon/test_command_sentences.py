@@ -22,6 +22,7 @@ from pzctl.daemon.keys import read_client_key, write_secret
 from pzctl.daemon.notebook import sliders
 from pzctl.daemon.page.serve import serve, served_beside
 from pzctl.daemon.reports import curves_of
+from pzctl.daemon.picturefile import save_picture
 from pzctl.daemon.samples import journal_samples
 from pzctl.daemon.simulated import simulated_instrument
 from pzctl.daemon.sockets import _bind
@@ -60,6 +61,22 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (["fit", "--fitter", "bvd", "d=disk.csv@memory"], "disk.csv carries no memory trace"),
         (
+            ["fit", "--fitter", "bvd", "d=disk.csv", "d=disk.csv"],
+            "d=disk.csv is given twice; a repeat is another sweep of the same step, in a file of its own",
+        ),
+        (
+            ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "x.bmp"],
+            "x.bmp: no picture has a name that ends so; allowed are .png, .svg, .pdf",
+        ),
+        (
+            ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "proof"],
+            "proof: this is a folder; the name of a file is needed, as proof/fit.png",
+        ),
+        (
+            ["diagnose", "--build", "no.toml", "disk=disk.csv", "--effects", "cable,"],
+            "--effects is 'cable,'; names with commas between are needed, for example cable,bond-layer",
+        ),
+        (
             ["fit", "--all", "samples"],
             "samples: no subfolder holds a build.toml; each sample needs build.toml and STEP.csv files",
         ),
@@ -79,6 +96,13 @@ def test_a_command_that_cannot_be_done(here: Path, words: list[str], says: str) 
     done = CliRunner().invoke(app, words)
     assert isinstance(done.exception, PzctlError)
     assert str(done.exception) == says
+
+
+def test_a_misspelt_name_is_wrong_usage_not_an_answer(here: Path) -> None:
+    done = CliRunner().invoke(app, ["fit", "disc=disk.csv", "--build", str(BUILD)])
+    assert isinstance(done.exception, PzctlError)
+    assert str(done.exception) == "step 'disc' is not in build 'thesis', which has disk, ml1, ml2"
+    assert done.exception.exit_status == 2
 
 
 @pytest.mark.parametrize("words", [["page", "--port"], ["daemon", "--page-port"], ["sim", "--port"]], ids=" ".join)
@@ -103,6 +127,12 @@ def huge_file() -> object:
     with Path("huge.toml").open("wb") as file:
         file.truncate(1_000_001)
     return read_build(Path("huge.toml"))
+
+
+def picture_below_a_file() -> object:
+    from matplotlib.figure import Figure
+
+    return save_picture(Figure(), Path("disk.csv/fit.png"), dpi=50)
 
 
 def bad_key() -> object:
@@ -165,6 +195,7 @@ def simulator_that_does_not_start() -> object:
         (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its time are needed"),
         (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
         (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
+        (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
         (bad_key, "ana.key is no key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
