@@ -21,8 +21,8 @@ from pzctl.daemon.journal import Journal
 from pzctl.daemon.keys import read_client_key, write_secret
 from pzctl.daemon.notebook import sliders
 from pzctl.daemon.page.serve import serve, served_beside
-from pzctl.daemon.reports import curves_of
 from pzctl.daemon.picturefile import save_picture
+from pzctl.daemon.reports import curves_of
 from pzctl.daemon.samples import journal_samples
 from pzctl.daemon.simulated import simulated_instrument
 from pzctl.daemon.sockets import _bind
