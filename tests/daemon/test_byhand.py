@@ -1,5 +1,6 @@
 """A sample of the journal taken in hand, as a script and a notebook have it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from pzctl.daemon.notebook import Board
 from pzctl.daemon.report import report_html
 from pzctl.daemon.reported import UnknownSampleError, sample_record
 from pzctl.daemon.samples import open_journal
+from pzctl.models.plan import Segment, SweepPlan
 
 BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
 
@@ -18,7 +20,8 @@ BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
 def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_it(start_daemon) -> None:
     start_daemon(names=("mason",))
     with connect() as lab:
-        build = read_build(BUILD)
+        plan = SweepPlan((Segment(1e6, 6e6, 201), Segment(5e5, 15.5e6, 201)))
+        build = replace(read_build(BUILD), plan=plan)
         first = lab.measure(build, "disk")
         lab.wait_fit("mason", first.id)
         lab.bench({"command": "step", "name": "ml1"})

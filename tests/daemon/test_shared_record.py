@@ -20,6 +20,7 @@ from pzctl.daemon.retention import Keeper, copy_journal
 from pzctl.daemon.store import JournalAway, JournalError
 from pzctl.daemon.wire import Sample, StateEvent
 from pzctl.models.build import Build
+from pzctl.models.plan import Segment, SweepPlan
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -31,6 +32,8 @@ psycopg = pytest.importorskip("psycopg")
 
 
 ECHO = "guest_examples:Echo"
+SOON = SweepPlan((Segment(1e6, 6e6, 5), Segment(5e5, 15.5e6, 5)))
+"""Done in a moment where the build's own plan takes seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +132,9 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
     stop_server, start_server = restartable
     start_daemon("Echo", journal=url, station="a", time_scale=0.3)
     with connect() as lab:
-        lab.wait_fit(ECHO, lab.measure(build, "disk").id, patience=60)
+        lab.wait_fit(ECHO, lab.measure(build, "disk", SOON).id, patience=60)
         events = lab.listen(patience=60)
-        running, waiting = lab.begin(build, "disk"), lab.begin(build, "ml1")
+        running, waiting = lab.begin(build, "disk"), lab.begin(build, "ml1", SOON)
         while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
             pass
         stop_server()
@@ -147,7 +150,7 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
             if isinstance(event := next(events).event, StateEvent) and event.state == "measured":
                 ended.append(event.measurement)
         assert ended == [running, waiting]
-        again = lab.measure(build, "disk")
+        again = lab.measure(build, "disk", SOON)
         assert len(again.sweeps) == 2
         seqs = [one.event.seq for one in lab.replay(1)]
         assert seqs == list(range(1, len(seqs) + 1)), "none lost, none twice"
