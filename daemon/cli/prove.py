@@ -5,9 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -77,6 +75,9 @@ def _child(module: str, *words: object) -> str:
 
 def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
     """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from multiprocessing import get_context
+
     from ..terminal import console
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
