@@ -96,7 +96,10 @@ def read_client_key(path: Path) -> ClientKey:
 
 def write_secret(path: Path, text: bytes) -> None:
     """Write a new file that its owner alone can read. Raises KeyFileError where it is there already."""
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise KeyFileError(f"{path.parent}: this folder cannot be made: {error.strerror}") from None
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:

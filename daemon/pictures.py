@@ -45,6 +45,8 @@ def fit_picture(result: FitResult, path: Path) -> Path:
 
 
 def _column(axes: Any, curve: Curve, noise: float) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     f = curve.frequency / 1e6
     for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
         axes[0].semilogy(f, np.abs(values), **style)
@@ -52,8 +54,9 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
         admittance: Impedances = 1 / values
         axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
         axes[3].plot(f, admittance.imag, **style)
+    axes[1].yaxis.set_major_locator(MultipleLocator(45))
     ratio: Complexes = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
     axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
     axes[4].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
-    axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
+    axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0, label="twice the noise")

@@ -97,9 +97,13 @@ def _sheet(sheet: Sheet | None) -> str:
     if sheet is None or sheet.percent is None:
         return ""
     if sheet.limit is None:
-        return f"{sheet.percent:+.1f} %"
+        return f"{_signed(sheet.percent)} %"
     limit = 100 * sheet.limit / abs(sheet.nominal)
-    return f"{sheet.percent:+.1f} % of ±{limit:.{0 if limit >= 10 else 1}f} %"
+    return f"{_signed(sheet.percent)} % of ±{limit:.{0 if limit >= 10 else 1}f} %"
+
+
+def _signed(percent: float) -> str:
+    return f"{round(percent, 1) + 0.0:+.1f}"  # + 0.0: never -0.0
 
 
 def _strange(found: Population) -> Iterator[str]:

@@ -18,7 +18,8 @@ h1 { margin-bottom: 0; } h2 { margin-top: 2.4rem; border-bottom: 2px solid var(-
 .faint { color: var(--faint); }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
-th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
+th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid var(--line); }
+section:last-child td { overflow-wrap: anywhere; }
 td:first-child, td:nth-child(3), td:nth-child(5) { white-space: nowrap; }
 th { color: var(--faint); font-weight: 600; }
 tr.held td { color: var(--faint); } tr.near td:nth-child(5) { background: #e3f3e6; }
@@ -27,6 +28,9 @@ svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
 .verdict { font-weight: 700; }
 @media print { body { max-width: none; padding: 0; } h2 { break-after: avoid; } svg, tr { break-inside: avoid; } }
 """
+
+
+_SCALE = "<p class='faint'>Thickness to scale; a layer too thin to be seen is drawn wider.</p>"
 
 
 class NothingToReport(CannotError):
@@ -40,13 +44,14 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     """
     chosen = _fits(record, fitter)
     if not chosen:
-        by = f" by {fitter!r}" if fitter else ""
-        raise NothingToReport(f"sample {record.name!r}: the journal holds no fit{by}; `pzctl fit --all` makes them")
+        named = f" by {fitter!r}" if fitter else ""
+        makes = f"`pzctl fit --all{f' --fitter {fitter}' if fitter else ''}` makes them"
+        raise NothingToReport(f"sample {record.name!r}: the journal holds no fit{named}; {makes}")
     one, fit = chosen[-1]
     fits = [result for _, result in chosen]
     parts = [
         ("What was measured", sections.measured(record)),
-        ("The transducer", draw.stack_svg(record.build, _present(record, one), guilty(one))),
+        ("The transducer", draw.stack_svg(record.build, _present(record, one), guilty(one)) + _SCALE),
         ("Constants", sections.constants(fit, record.build)),
         ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
         ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),
@@ -58,7 +63,8 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     ]
     title = f"Transducer {record.name}: {' + '.join(fit.steps)}"
     body = "".join(f"<section><h2>{escape(head)}</h2>{html}</section>" for head, html in parts if html)
-    made = f"fitted by {escape(fit.fitter)} {escape(fit.version)}; report made {now_utc()[:16].replace('T', ' ')} UTC"
+    when = now_utc()[:16].replace("T", " ")
+    made = f"fitted by {escape(fit.fitter)}, version {escape(fit.version)}; report made {when} UTC"
     return (
         f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
         f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>"

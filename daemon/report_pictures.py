@@ -20,6 +20,10 @@ _SMALLEST_SHARE = 0.06
 """Of the width: a glue line of 10 um beside a disk of 0.5 mm must stay visible."""
 
 
+_OVER_NOISE: dict[str, Any] = {"fontsize": "x-small", "framealpha": 0.9, "edgecolor": "none", "loc": "upper right"}
+"""Of a legend that lies on a noisy curve."""
+
+
 def curves_svg(curves: Sequence[Curve], noise: float) -> str:
     """Return |Z|, phase, conductance and residual of each sweep, a picture for each step; `noise` is per point."""
     steps = dict.fromkeys(curve.step for curve in curves)
@@ -39,18 +43,22 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
     for row, label in enumerate(("|Z| (Ω)", "phase (°)", "conductance G (S)", "ln(model/measured)")):
         axes[row, 0].set_ylabel(label)
     axes[0, 0].legend(frameon=False, fontsize="small")
-    axes[3, 0].legend(frameon=False, fontsize="small", ncols=2)
+    axes[3, 0].legend(**_OVER_NOISE, ncols=3)
     return svg_of(figure, f"curves-{curves[0].step}")
 
 
 def _curve(axes: Any, curve: Curve, noise: float) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     f = curve.frequency / 1e6
     for z, colour, width, label in ((curve.measured, MEASURED, 2.6, "measured"), (curve.fitted, FITTED, 0.9, "fitted")):
         axes[0].semilogy(f, np.abs(z), color=colour, linewidth=width, label=label)
         axes[1].plot(f, np.angle(z, deg=True), color=colour, linewidth=width)
         axes[2].semilogy(f, np.maximum(np.real(1 / z), 1e-12), color=colour, linewidth=width)
     ratio: Impedances = np.log(curve.fitted / curve.measured)
-    axes[3].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
+    axes[3].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0, label="twice the noise")
+    axes[3].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    axes[1].yaxis.set_major_locator(MultipleLocator(45))
     axes[3].plot(f, ratio.real, color=FITTED, linewidth=0.7, label="magnitude")
     axes[3].plot(f, ratio.imag, color=INK, linewidth=0.7, label="phase (rad)")
 
@@ -86,6 +94,9 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
     axes = figure.add_subplot()
     # Vectors alone, few colours: fpdf2 sets an image inside an SVG in the wrong place.
     mesh = axes.pcolormesh(matrix, cmap=mpl.colormaps["RdBu_r"].resampled(_COLOURS), vmin=-1, vmax=1)
+    for i, j in np.argwhere(np.isfinite(matrix)):  # by sign as well: not everybody tells the colours apart
+        shown = {"ha": "center", "va": "center", "color": "white" if abs(matrix[i, j]) > 0.6 else "black"}
+        axes.text(j + 0.5, i + 0.5, "+" if matrix[i, j] > 0 else "\N{MINUS SIGN}", **shown)
     axes.set(aspect="equal", ylim=(len(names), 0))
     middles = np.arange(len(names)) + 0.5
     axes.set_xticks(middles, names, rotation=90, fontsize="small")
@@ -107,7 +118,10 @@ def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
         axes.errorbar(range(len(steps)), re, yerr=u, fmt="o", color=INK, capsize=3)
         axes.set_xticks(range(len(steps)), steps)
         axes.set_xlim(-0.5, len(steps) - 0.5)
-        axes.set_title(f"{name} ({values[0][1].unit})", fontsize="small")
+        unit = values[0][1].unit
+        axes.set_title(name if unit == "1" else f"{name} ({unit})", fontsize="small", loc="right")
+        axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useOffset=False)
+        axes.yaxis.get_offset_text().set_size("small")
         axes.tick_params(labelsize="small")
     return svg_of(figure, "history")
 

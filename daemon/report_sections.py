@@ -10,7 +10,7 @@ from ..fitters.interface import FitResult
 from ..models.build import Build
 from . import report_pictures as draw
 from .frames import to_json
-from .numbers import complex_with_uncertainty
+from .numbers import complex_with_uncertainty, with_uncertainty
 from .report_diagnosis import diagnosed
 from .report_table import table
 from .reported import SampleRecord, StepRecord
@@ -61,17 +61,22 @@ def constants(fit: FitResult, build: Build) -> str:
     classes: list[str] = []
     for name, c in fit.constants.items():
         nominal = sheet.get(name)
-        value = complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im)
-        said = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
+        value = _number(c.re, c.im, c.u_re, c.u_im)
+        said = _number(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
         percent, classed = deviation(c.re, c.u_re, nominal, c.free)
         rows.append((name, value, c.unit, said, percent, nominal.source if nominal else ""))
         classes.append(classed)
     for name, c in fit.derived.items():
         if name.split(".")[-1] not in DERIVED_SHOWN:
             continue
-        rows.append((name, complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
+        rows.append((name, _number(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
         classes.append("held")
     return table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
+
+
+def _number(re: float, im: float, u_re: float | None, u_im: float | None) -> str:
+    """Return a complex number whose j stays on the line of its digits."""
+    return complex_with_uncertainty(re, im, u_re, u_im).replace(" j", "\N{NO-BREAK SPACE}j")
 
 
 def budget(fit: FitResult) -> str:
@@ -79,19 +84,38 @@ def budget(fit: FitResult) -> str:
     if fit.budget is None:
         return f"<p>The fit that is kept of {escape(fit.fitter)} holds no budget of its uncertainties.</p>"
     rows = [
-        (f"{name}{suffix}", *(f"{part:.2g}" for part in (s.noise, s.dimensions, s.knowledge, s.assumptions)), _most(s))
+        (
+            f"{name}{suffix}",
+            fit.constants[name].unit,
+            *(_two_digits(part) for part in (s.noise, s.dimensions, s.knowledge, s.assumptions)),
+            _most(s),
+        )
         for suffix, shares in (("", fit.budget.re), (" (imaginary)", fit.budget.im))
         for name, s in shares.items()
+        if name in fit.constants
     ]
-    heads = ("constant", "noise", "dimensions", "data sheets", "held values, if off by their tolerance", "largest")
+    heads = (
+        "constant",
+        "unit",
+        "noise",
+        "dimensions",
+        "data sheets",
+        "held values, if off by their tolerance",
+        "largest",
+    )
     note = (
-        "<p>Standard uncertainties in the constant's own unit. The first three, squared, make up the square of u.</p>"
+        "<p>Standard uncertainties, in the constant's unit. Squared, those of noise, dimensions and data sheets make "
+        "up the square of u; what held values may do is not in it.</p>"
     )
     return note + table(heads, rows)
 
 
+def _two_digits(value: float) -> str:
+    return with_uncertainty(float(f"{value:.2g}"), None)
+
+
 def _most(share: Any) -> str:
-    return f"{share.largest[0]}: {share.largest[1]:.2g}"
+    return f"{share.largest[0]}: {_two_digits(share.largest[1])}"
 
 
 def correlations(fit: FitResult) -> str:

@@ -70,6 +70,8 @@ def copy_journal(source: Archive, target: Place, station: str = "") -> int:
     copied. Raises JournalError where the folder is not empty, where the database knows such a station already, or
     where the copy is not whole.
     """
+    if isinstance(target, Path) and target.exists() and not target.is_dir():
+        raise JournalError(f"{target}: this is a file; a journal is copied to a new folder")
     if isinstance(target, Path) and target.exists() and any(target.iterdir()):
         raise JournalError(f"{target}: this folder is not empty; a journal is copied to a new one")
     copy = Archive(target, write=True)

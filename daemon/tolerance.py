@@ -14,7 +14,7 @@ def deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) 
         return "held", "held"
     if nominal is None or not nominal.re:
         return "", ""
-    percent = f"{100 * (re / nominal.re - 1):+.1f} %"
+    percent = f"{round(100 * (re / nominal.re - 1), 1) + 0.0:+.1f} %"  # + 0.0: never -0.0
     both = ((u or 0.0) ** 2 + nominal.u**2) ** 0.5
     if not both:
         return percent, ""

@@ -42,7 +42,9 @@ def export(
         journal.close()
     measured = [one.measurement.sample.step for one in record.steps]
     if step is not None and step not in measured:
-        raise UnknownSampleError(f"sample {record.name!r}: step {step!r} was not measured; {', '.join(measured)} was")
+        raise UnknownSampleError(
+            f"sample {record.name!r}: step {step!r} was not measured; measured: {', '.join(measured)}"
+        )
     written = _write(record, step, form, to)
     if as_json:
         print(json.dumps({"sample": record.name, "files": [str(path) for path in written]}))

@@ -35,8 +35,10 @@ def client(
 
     Example: pzctl keys client ana --right measure, and then in her script connect(..., key="ana.key")
     """
+    from ...models.errors import PzctlError
     from ..frames import to_json
     from ..keys import RIGHTS, Right, make_client, write_secret
+    from ..keys import revoke as bar
     from ..paths import home, keys_folder
     from .fit import UsageError
 
@@ -47,8 +49,13 @@ def client(
     path = out or Path(f"{name}.key")
     if path.exists():
         raise UsageError(f"--out {path}: this file is there already")
-    key = make_client(keys_folder(home()), name, found)
-    write_secret(path, to_json(key))
+    folder = keys_folder(home())
+    key = make_client(folder, name, found)
+    try:
+        write_secret(path, to_json(key))
+    except PzctlError:
+        bar(folder, name)  # nobody has the key of this client: it must be possible to make it again
+        raise
     if as_json:
         print(json.dumps({"name": name, "right": right, "file": str(path)}))
     else:

@@ -37,7 +37,12 @@ def show(
     steps = [one for one in record.steps if step in (None, one.measurement.sample.step)]
     if not steps:
         measured = ", ".join(one.measurement.sample.step for one in record.steps)
-        raise UnknownSampleError(f"sample {record.name!r}: step {step!r} was not measured; {measured} was")
+        raise UnknownSampleError(f"sample {record.name!r}: step {step!r} was not measured; measured: {measured}")
+    fitters = dict.fromkeys(fit.fitter for one in steps for fit in one.fits)
+    if fitter is not None and fitters and fitter not in fitters:
+        raise UnknownSampleError(
+            f"sample {record.name!r}: there is no fit by {fitter!r}; fitted by {', '.join(fitters)}"
+        )
     screen = console(stderr=as_json)
     plain: list[dict[str, Any]] = []
     for one in steps:

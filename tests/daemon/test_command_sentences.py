@@ -23,6 +23,7 @@ from pzctl.daemon.notebook import sliders
 from pzctl.daemon.page.serve import serve, served_beside
 from pzctl.daemon.picturefile import save_picture
 from pzctl.daemon.reports import curves_of
+from pzctl.daemon.retention import copy_journal
 from pzctl.daemon.samples import journal_samples
 from pzctl.daemon.simulated import simulated_instrument
 from pzctl.daemon.sockets import _bind
@@ -196,6 +197,11 @@ def simulator_that_does_not_start() -> object:
         (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
         (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
         (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
+        (
+            lambda: copy_journal(no_record, Path("disk.csv")),
+            "disk.csv: this is a file; a journal is copied to a new folder",
+        ),
+        (lambda: write_secret(Path("disk.csv/ana.key"), b""), "disk.csv: this folder cannot be made: "),
         (bad_key, "ana.key is no key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),

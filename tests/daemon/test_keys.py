@@ -18,6 +18,7 @@ from pzctl.daemon.frames import to_json
 from pzctl.daemon.keys import (
     ClientKey,
     KeyFileError,
+    clients,
     make_client,
     make_server,
     read_client_key,
@@ -110,6 +111,17 @@ def test_a_listener_whose_key_is_revoked_hears_no_more(start_daemon, key_of, tmp
             of_bob.recv_multipart()
         assert of_bob.poll(3000), "nobody else is cut off"
     context.term()
+
+
+def test_a_client_whose_key_could_not_be_written_does_not_come_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    make_server(keys_folder(tmp_path))
+    (tmp_path / "file").touch()
+    done = CliRunner().invoke(app, ["keys", "client", "ana", "--out", str(tmp_path / "file" / "ana.key")])
+    assert isinstance(done.exception, KeyFileError)
+    assert clients(keys_folder(tmp_path)) == ()
 
 
 def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:

@@ -54,8 +54,9 @@ def test_show_gives_the_constants_and_the_picture(measured: Path, tmp_path: Path
     ("words", "sentence"),
     [
         (["show", "tesis"], "did you mean 'thesis'"),
-        (["show", "thesis", "--step", "ml9"], "step 'ml9' was not measured; disk was"),
-        (["export", "thesis", "--step", "ml9"], "step 'ml9' was not measured; disk was"),
+        (["show", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
+        (["show", "thesis", "--fitter", "masson"], "there is no fit by 'masson'; fitted by "),
+        (["export", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
         (["export", "thesis", "--format", "xls"], "there are csv, touchstone, netcdf, hdf5"),
     ],
 )
