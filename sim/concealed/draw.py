@@ -15,8 +15,10 @@ from .visible import Imitation, imitate, sized
 KINDS = {"none": 0.25, "one": 0.45, "two": 0.15, "outside": 0.10, "absorbed": 0.05}
 _UNSEEN = 6.0
 """Gain in chi2 that no test can tell from noise."""
-_SHRINKS = 0.8
-"""What an effect that is to be unseen is made smaller by until it is."""
+_SHRINKS, _SHRINKINGS = 0.8, 12
+"""What an effect that is to be unseen is made smaller by until it is, and how often at most."""
+_SMALL = 0.1
+"""Part of its base size down to which an effect must go to be unseen: a face in water is wet or is not."""
 _POINTS = 801
 _CONCEALING = (0.117, 1.46), (0.6, 1.4)
 """Bands, in resonance frequencies, whose one resonance leaves the constants free to absorb what is hidden."""
@@ -51,7 +53,9 @@ def draw_case(seed: int, index: int) -> Case:
     for k in range(len(plants)):
         hideout, _ = sized(hideout, k, takes, _wanted(rng, kind))
     seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
-    while kind == "absorbed" and any(one.gain > _UNSEEN for one in seen):
+    for _ in range(_SHRINKINGS):
+        if kind != "absorbed" or all(one.gain < _UNSEEN for one in seen):
+            break
         hideout = replace(hideout, plants=tuple(plant.at(plant.scale * _SHRINKS) for plant in hideout.plants))
         seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
     hideout = replace(hideout, plants=tuple(by_other_names(hideout, k, takes) for k in range(len(plants))))
@@ -134,7 +138,8 @@ def _absorbed(rng: np.random.Generator, specimen: Specimen) -> tuple[Plant, ...]
     u = rng.random()
     if u < 0.5:
         return (layered.mass(rng, specimen),)
-    return (layered.face(rng, specimen),) if u < 0.7 else ()
+    face = layered.face(rng, specimen)
+    return (face,) if u < 0.7 and face.least < _SMALL else ()
 
 
 def _mistold(rng: np.random.Generator, specimen: Specimen) -> tuple[float, Specimen]:
