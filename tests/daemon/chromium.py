@@ -7,13 +7,14 @@ import base64
 import itertools
 import json
 import os
+import random
 import shutil
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None or sys.platform == "win32", reason="no chromium is installed (Debian: apt-get install chromium)"
 )
-PATIENCE = 90.0
+PATIENCE = 150.0
 
 
 class Browser:
@@ -123,9 +124,11 @@ class Browser:
 
 
 def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    """Return a port that is free, of those that the system gives to nobody unasked: it is free a second later, too."""
+    while True:
+        with socket.socket() as one, suppress(OSError):
+            one.bind(("127.0.0.1", random.randrange(10_000, 32_768)))  # noqa: S311
+            return int(one.getsockname()[1])
 
 
 @contextmanager

@@ -65,7 +65,7 @@ def wait_until() -> Callable[[Callable[[], object]], None]:
     """Return a function that waits until something is true, and fails after a time long enough for any machine."""
 
     def wait(true: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not true():
             assert time.monotonic() < deadline, "it did not become true"
             time.sleep(0.02)

@@ -44,7 +44,7 @@ def start(home: Path, *words: object) -> "subprocess.Popen[bytes]":
 
 
 def end(process: "subprocess.Popen[bytes]", status: int = 0) -> str:
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=120)
     text = err.decode()
     assert process.returncode == status, text
     assert not out.strip()
@@ -53,7 +53,7 @@ def end(process: "subprocess.Popen[bytes]", status: int = 0) -> str:
 
 def told(process: "subprocess.Popen[bytes]") -> dict[str, Any]:
     """What a command with --json says, where nothing else is said."""
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, b"")
     return json.loads(out)
 

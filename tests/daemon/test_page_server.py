@@ -137,7 +137,7 @@ def test_a_page_beside_the_daemon_ends_with_it_even_when_that_is_killed() -> Non
     try:
         address = daemon.stderr.readline().split()[-1]
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", address)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not reached(f"{address}api/now"):
             assert time.monotonic() < deadline
             time.sleep(0.1)

@@ -321,7 +321,7 @@ def test_ctrl_c_ends_a_batch_cleanly(tmp_path: Path, wait_until: Callable[[Calla
     )
     wait_until(lambda: list(tmp_path.glob("*.begun")))
     os.killpg(process.pid, signal.SIGINT)
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=120)
     assert (process.returncode, output) == (130, "")
     assert errors in ("", "pzctl: stopped\n")
     for begun in tmp_path.glob("*.begun"):

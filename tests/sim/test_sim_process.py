@@ -26,7 +26,7 @@ def test_says_its_addresses_and_dies_cleanly(number, tmp_path):
         assert addresses["instrument"].startswith("TCPIP0::127.0.0.1::")
         assert addresses["prologix"].startswith("PRLGX-TCPIP0::127.0.0.1::")
         process.send_signal(number)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=120)
     assert process.returncode == 0
     assert out == ""
     (line,) = err.splitlines()
