@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks, peak_widths
 
 from ..models.arrays import Reals
 from ..models.sweep import Sweep
@@ -57,6 +56,8 @@ def _peaks(look: Sweep) -> list[Resonance]:
 
 def _maxima(look: Sweep, trace: Reals, scale: Reals) -> list[Resonance]:
     """Return the maxima of `trace` that rise by `LEAST_STRENGTH` of `scale` and out of noise; both of shape (N,)."""
+    from scipy.signal import find_peaks, peak_widths  # half a second, which who only plans a sweep need not wait
+
     noise = np.array(look.settings.get("noise_relative", 0.0))
     at, properties = find_peaks(trace, prominence=np.maximum(LEAST_STRENGTH, ABOVE_NOISE * noise) * scale)
     _, _, left, right = peak_widths(trace, at, rel_height=0.5)

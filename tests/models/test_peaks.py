@@ -24,6 +24,7 @@ def test_peaks_are_those_of_scipy(steps: int | None, least: float | np.ndarray) 
         assert steps == 0 or found.size
 
 
-def test_a_fitter_starts_without_the_slow_parts_of_scipy() -> None:
-    slow = "import sys, pzctl.fitters.mason; print(*{'scipy.signal', 'scipy.stats', 'matplotlib'} & {*sys.modules})"
+@pytest.mark.parametrize("module", ["fitters.mason", "daemon.deciding"])
+def test_fits_and_diagnoses_start_without_the_slow_parts_of_scipy(module: str) -> None:
+    slow = f"import sys, pzctl.{module}; print(*{{'scipy.signal', 'scipy.stats', 'matplotlib'}} & {{*sys.modules}})"
     assert subprocess.run([sys.executable, "-c", slow], capture_output=True, text=True, check=True).stdout == "\n"
