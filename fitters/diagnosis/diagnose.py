@@ -261,9 +261,10 @@ def _nearest(null: Refit, found: Refit) -> tuple[str, ...]:
     names = [f"{one.effect.name} at {one.where}" for one in found.effects]
     if not names or share < _MOST_OF_IT or any(one.effect.name == UNKNOWN for one in found.effects):
         return ()
-    takes = "it takes" if len(names) == 1 else "they take"
-    of_it = f"{100 * share:.3g} % of the misfit"
-    return (f"Nearest comes {' and '.join(names)}: {takes} away {of_it}, not enough to be named.",)
+    takes, leaves = ("it takes", "leaves") if len(names) == 1 else ("they take", "leave")
+    of_it = f"{np.floor(1000 * share) / 10:g} % of the misfit"  # what is not all of it is not told as all of it
+    left = f"{leaves} {found.chi2_per_dof:.3g} times what noise makes"
+    return (f"Nearest comes {' and '.join(names)}: {takes} away {of_it} and {left}, too much for it to be named.",)
 
 
 def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:
