@@ -26,10 +26,10 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             f"{len(cases)} cases; SHA-256 of their truth, printed before the first was diagnosed: `{published}`.",
             "Recordings come from `sim/concealed`, a world that shares no formula with the models of the fitters. "
             "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
-            "free, is above twice the threshold of the diagnosis; it is computed by that world alone. What it finds that "
-            "no recording of the case can tell apart counts as either: a cable too short to have a capacitance is a "
-            "lead. An absorbed effect gains nothing in chi2, and where it moves a constant by a part in 1000 it is to "
-            "be listed.",
+            "free, is above twice the threshold of the diagnosis; it is computed by that world alone. What by its "
+            "finding no recording of the case can tell apart counts as either: a cable too short to have a capacitance "
+            "is a lead. An absorbed effect gains nothing in chi2; where it moves a constant by a part in 1000 or more, "
+            "it is to be listed.",
             _figures_table(figures(cases)),
             "A faint effect can bias no constant by much. Cases with one effect or two, by the chi2 per degree of "
             "freedom that a fit without them leaves:",
