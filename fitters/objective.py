@@ -136,40 +136,33 @@ class Objective:
         """Return what the models say, derivatives apart."""
         values, _ = self.coordinates.forward(x)
         models = tuple(self._with(shared, values) for shared in self._shared)
-        r = np.empty(self._rows)
-        curves: list[Complexes] = []
-        row = 0
-        for shared, model in zip(self._shared, models, strict=True):
-            whole = model.impedance(shared.frequency)
-            for recording, part in zip(shared.recordings, shared.parts, strict=True):
-                residual, _ = recording.weighted(whole[part])
-                size = residual.size
-                r[row : row + size], r[row + size : row + 2 * size] = residual.real, residual.imag
-                curves.append(whole[part])
-                row += 2 * size
-        r[row:] = np.concatenate(self._beforehand(x, values))
-        return _Evaluation(x.copy(), r, None, tuple(curves), models)
+        wholes = [model.impedance(shared.frequency) for shared, model in zip(self._shared, models, strict=True)]
+        curves = self._parted(wholes)
+        r, _ = self._weighed(x, values, curves)
+        return _Evaluation(x.copy(), r, None, curves, models)
 
     def _evaluate(self, x: Reals) -> "_Evaluation":
+        """Return what the models say, and its derivatives."""
         values, chain = self.coordinates.forward(x)
         known = self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
         models = known or [self._with(shared, values) for shared in self._shared]
         moves: list[bool] = np.any(chain, axis=1).tolist()
-        J, r = np.empty((x.size, self._rows)), np.empty(self._rows)
-        curves: list[Complexes] = []
-        row = 0
-        for shared, model in zip(self._shared, models, strict=True):
-            moved = [i for i in shared.owned if moves[i]]
-            whole, slopes = model.jacobian(shared.frequency, [shared.owned[i] for i in moved])
-            down = chain[moved].T
-            for recording, part in zip(shared.recordings, shared.parts, strict=True):
-                residual, weight = recording.weighted(whole[part])
-                size = residual.size
-                r[row : row + size], r[row + size : row + 2 * size] = residual.real, residual.imag
+        moved = [[i for i in shared.owned if moves[i]] for shared in self._shared]
+        answers = [
+            model.jacobian(shared.frequency, [shared.owned[i] for i in own])
+            for shared, model, own in zip(self._shared, models, moved, strict=True)
+        ]
+        curves = self._parted([whole for whole, _ in answers])
+        r, weights = self._weighed(x, values, curves)
+        weight = iter(weights)
+        J, row = np.empty((x.size, self._rows)), 0
+        for shared, (_, slopes), own in zip(self._shared, answers, moved, strict=True):
+            down = chain[own].T
+            for part in shared.parts:
                 # as real numbers, Re and Im in turn: chain is real, and a complex product would be four of these
-                rows = down @ np.multiply(slopes[:, part], weight, dtype=np.complex128).view(np.float64)
+                rows = down @ np.multiply(slopes[:, part], next(weight), dtype=np.complex128).view(np.float64)
+                size = part.stop - part.start
                 J[:, row : row + size], J[:, row + size : row + 2 * size] = rows[:, 0::2], rows[:, 1::2]
-                curves.append(whole[part])
                 row += 2 * size
         near = row + len(self._known)
         J[:, row:near] = (chain[self._known] / self._u[:, None]).T
@@ -177,8 +170,26 @@ class Objective:
         if self._told:
             _, slope = self.straight(x)
             J[:, near + len(self._losses) :] = np.concatenate([root * slope for root, _ in self._told]).T
+        return _Evaluation(x.copy(), r, J, curves)
+
+    def _parted(self, wholes: Sequence[Complexes]) -> tuple[Complexes, ...]:
+        """Return the curve of each recording, of the curves over all that share a model."""
+        return tuple(Z[part] for Z, shared in zip(wholes, self._shared, strict=True) for part in shared.parts)
+
+    def _weighed(
+        self, x: Reals, values: Mapping[str, float], curves: Sequence[Complexes]
+    ) -> tuple[Reals, list[Reals | Complexes]]:
+        """Return the residuals, and what makes d residual of each recording's d ln Z."""
+        r, row = np.empty(self._rows), 0
+        weights: list[Reals | Complexes] = []
+        for recording, Z in zip(self.recordings, curves, strict=True):
+            residual, weight = recording.weighted(Z)
+            size = residual.size
+            r[row : row + size], r[row + size : row + 2 * size] = residual.real, residual.imag
+            weights.append(weight)
+            row += 2 * size
         r[row:] = np.concatenate(self._beforehand(x, values))
-        return _Evaluation(x.copy(), r, J, tuple(curves))
+        return r, weights
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of what was known before: priors, losses, earlier steps."""
@@ -225,8 +236,7 @@ class Objective:
         if self._cache is not None and self._cache.curves and np.array_equal(x, self._cache.x):
             return self._cache.curves
         values, _ = self.coordinates.forward(x)
-        whole = ((self._with(shared, values).impedance(shared.frequency), shared) for shared in self._shared)
-        return tuple(Z[part] for Z, shared in whole for part in shared.parts)
+        return self._parted([self._with(shared, values).impedance(shared.frequency) for shared in self._shared])
 
     def log_ratios(self, x: Reals) -> tuple[Complexes, ...]:
         """Return ln(Z_model/Z_measured) of each recording."""
