@@ -1,6 +1,7 @@
 """build.toml: one transducer, its layers and gluing steps, read into a `Build`; and a `Build` as plain JSON."""
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,6 +33,7 @@ LAYER_KEYS = ("name", "kind", "material")
 SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3), "area_mm2": Key("area", 1e-6)}
 FREQUENCY_UNITS = {"MHz": 1e6, "kHz": 1e3, "Hz": 1.0}
 NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
+_DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:#|$)", re.MULTILINE)
 _LARGEST = 1_000_000
 """Bytes. A description of a transducer has some kilobytes; more is another file given by mistake."""
 
@@ -63,7 +65,9 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     try:
         data = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
-        raise BuildError(f"{source}: this is not TOML: {error}") from None
+        comma = _DECIMAL_COMMA.search(text)
+        hint = f"; numbers are written with a point, and here is {comma[1]!r}" if comma else ""
+        raise BuildError(f"{source}: this is not TOML: {error}{hint}") from None
     except (RecursionError, ValueError):  # brackets in brackets; a whole number of thousands of digits
         raise BuildError(f"{source}: this is not a description of a transducer: nested or long beyond reason") from None
     top = Table(data, source)

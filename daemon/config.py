@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import platformdirs
 
 from ..models.errors import PzctlError
+from ..models.named import among
 from .limits import Limits
 from .mismatch import ASKED, AUTO
 
@@ -165,7 +166,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _checked(name: str, value: Any, where: str) -> Any:
     if name not in SETTINGS:
-        raise ConfigError(f"{where}: there is no such setting; there are {', '.join(SETTINGS)}")
+        raise ConfigError(f"{where}: there is no such setting; {among(name, SETTINGS)}")
     try:
         return SETTINGS[name].read(value)
     except (ValueError, TypeError):

@@ -9,6 +9,7 @@ from functools import cache, singledispatchmethod
 from importlib.metadata import entry_points, version
 from typing import Any
 
+from ..models.named import among
 from . import replies as reply
 from . import requests as ask
 from .acquisition import Acquisition, Job
@@ -197,7 +198,7 @@ class Desk:
         installed = sorted({*_installed(), *self.supervisor.states})
         if request.fitter not in installed:  # a name from a message is never imported as it is
             raise RequestError(
-                "no-such-fitter", f"fitter {request.fitter!r} is not installed here; there are {', '.join(installed)}"
+                "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
             )
         return self._errand(request.id, Errand(request.measurement, request.fitter), None), []
 

@@ -12,6 +12,7 @@ import msgspec
 import zmq.asyncio
 
 from ..models.errors import PzctlError
+from ..models.named import among
 from ..sim.control import bench_command
 from . import replies as reply
 from . import requests as ask
@@ -226,9 +227,7 @@ def _check_effects(asked: Sequence[str], known: frozenset[str]) -> None:
     """Raise RequestError where the catalogue has no such effect."""
     unknown = sorted({*asked} - known)
     if unknown:
-        raise RequestError(
-            "no-such-effect", f"effect {unknown[0]!r} is not known; there are {', '.join(sorted(known))}"
-        )
+        raise RequestError("no-such-effect", f"effect {unknown[0]!r} is not known; {among(unknown[0], sorted(known))}")
 
 
 def _property(frame: zmq.Frame, name: str) -> str | None:

@@ -27,6 +27,10 @@ class NoSamplesError(CannotError):
     """Nothing is there that could be listed or fitted."""
 
 
+class FolderMissing(PzctlError):
+    """There is no folder of this name."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sample:
     """One sample, ready to be fitted, or the sentence that says why it is not."""
@@ -99,10 +103,10 @@ def _journal_sample(
 def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sample]:
     """Return the sample of every subfolder that holds a build.toml, called as the subfolder.
 
-    Raises NoSamplesError where there is none.
+    Raises NoSamplesError where there is none, FolderMissing.
     """
     if not folder.is_dir():
-        raise NoSamplesError(f"{folder}: no such folder; one with a subfolder for each sample is needed")
+        raise FolderMissing(f"{folder}: no such folder; one with a subfolder for each sample is needed")
     found = sorted(path.parent for path in folder.glob(f"*/{BUILD}"))
     if not found:
         raise NoSamplesError(f"{folder}: no subfolder holds a {BUILD}; each sample needs {BUILD} and STEP.csv files")

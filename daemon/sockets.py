@@ -55,8 +55,11 @@ def is_loopback(endpoint: str) -> bool:
 def gate_for(endpoints: Sequence[str], keys: Path) -> Gate | None:
     """Return what guards these endpoints; None where they can be reached from this machine only.
 
-    Raises EndpointError where a guard is needed and there are no keys.
+    Raises EndpointError for what is no endpoint, and where a guard is needed and there are no keys.
     """
+    for endpoint in endpoints:
+        if not endpoint.startswith(("tcp://", "ipc://", "inproc://")):
+            raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for a port that is free")
     outside = [endpoint for endpoint in endpoints if not is_loopback(endpoint)]
     if not outside:
         return None

@@ -1,10 +1,10 @@
 """Finding the fitters that are installed: the entry point group `pzctl.fitters`."""
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 
 from ..models.errors import PzctlError
+from ..models.named import among
 from .interface import Fitter
 
 GROUP = "pzctl.fitters"
@@ -31,17 +31,21 @@ def _points() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
-def load_fitter(name: str) -> Fitter:
-    """Return a new fitter. Raises PluginError where none of this name is installed or it does not load."""
+def installed(name: str) -> EntryPoint:
+    """Return where a fitter is. Raises PluginError where none of this name is installed."""
     points = _points()
     if name not in points:
-        near = get_close_matches(name, points, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise PluginError(f"no fitter {name!r} is installed; there are {', '.join(sorted(points))}{hint}")
+        raise PluginError(f"no fitter {name!r} is installed; {among(name, sorted(points))}")
+    return points[name]
+
+
+def load_fitter(name: str) -> Fitter:
+    """Return a new fitter. Raises PluginError where none of this name is installed or it does not load."""
+    point = installed(name)
     try:
-        return points[name].load()()
+        return point.load()()
     except Exception as error:
-        raise PluginError(f"fitter {name!r} of {_package(points[name])} does not load: {error}") from error
+        raise PluginError(f"fitter {name!r} of {_package(point)} does not load: {error}") from error
 
 
 def list_fitters() -> list[Listed]:

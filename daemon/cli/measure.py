@@ -63,6 +63,7 @@ def measure(
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
+    from ..awaiting import require
     from ..buildfile import read_build
     from ..terminal import console
 
@@ -74,6 +75,8 @@ def measure(
     screen = console(stderr=as_json)
     report = Report(known.name)
     with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
+        for name in wanted:
+            require(name, lab.status().fitters)  # before anything is swept
         diagnoser = _diagnoser(lab, known, screen, yes) if diagnose else None
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)
@@ -98,6 +101,7 @@ def _daemon(
 
     A daemon started for a simulated bench ends with the story; one for a real instrument stays.
     """
+    from ...fitters.plugins import installed
     from ..client import connect
     from ..config import options, settings
     from ..connection import DaemonError
@@ -106,6 +110,8 @@ def _daemon(
 
     place = running()
     started = place is None
+    for name in fitters if started else ():
+        installed(name)
     simulated = False
     if place is None:
         found = settings({"resource": resource, "time_scale": time_scale})

@@ -11,7 +11,7 @@ import typer
 from ...models.errors import PzctlError
 
 if TYPE_CHECKING:
-    from ..newbuild import NewLayer
+    from ..newbuild import NewBuild, NewLayer
 
 
 _NAME = re.compile(r"\w(?:[\w +.-]{0,62}[\w+-])?")
@@ -34,16 +34,18 @@ def new(
     Example: pzctl new S4.toml
     """
     from ..buildfile import parse_build
-    from ..newbuild import NewBuild, build_text
+    from ..newbuild import build_text
     from ..terminal import console
 
     if out.exists():
         raise NotWritten(f"{out}: this file is there already; name another one")
-    name = _ask_name()
-    diameter = _ask_number("Diameter (mm)", 16.0)
-    layers = _layers()
-    back, front = (_ask_material(f"What the {face} face rests on", "air", ("z",)) for face in ("back", "front"))
-    text = build_text(NewBuild(name, diameter, tuple(layers), back, front))
+    try:
+        made = _asked()
+    except typer.Abort as error:
+        if isinstance(error.__context__, EOFError):
+            raise NotWritten(f"{out}: not written: the answers ended before the questions did") from None
+        raise
+    text = build_text(made)
     known = parse_build(text, str(out))  # what is written can be read
     try:
         with out.open("x", encoding="utf-8") as file:
@@ -55,6 +57,16 @@ def new(
     else:
         says = f"written: {out}; measure with: pzctl measure --build {out} --fit"
         console(stderr=True).print(says, highlight=False, soft_wrap=True, markup=False)
+
+
+def _asked() -> "NewBuild":
+    from ..newbuild import NewBuild
+
+    name = _ask_name()
+    diameter = _ask_number("Diameter (mm)", 16.0)
+    layers = _layers()
+    back, front = (_ask_material(f"What the {face} face rests on", "air", ("z",)) for face in ("back", "front"))
+    return NewBuild(name, diameter, tuple(layers), back, front)
 
 
 def _layers() -> "list[NewLayer]":

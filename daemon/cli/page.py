@@ -21,7 +21,7 @@ def page(
 
     Example: pzctl page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from ..page.serve import check_installed, serve
+    from ..page.serve import check_installed, free_port, serve
 
     check_installed()
     from ..buildfile import read_build
@@ -32,6 +32,7 @@ def page(
 
     known = read_build(build or Path(__file__).parents[1] / "thesis.toml")
     screen = console(stderr=True)
+    port = free_port(host, port, "--host and --port take another")  # before a daemon is started that stays
     if running() is None:
         screen.print(f"no daemon runs: starting one for {resource or 'a simulated 4294A'}; it stays", style="dim")
         start(options({"time_scale": 0.02} | settings({"resource": resource})))

@@ -48,6 +48,19 @@ def serve(build: Build, host: str, port: int, token: str | None) -> None:
         raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None
 
 
+def free_port(host: str, port: int, hint: str) -> int:
+    """Return the port, for 0 one that is free. Raises PageError, with the hint, where nobody can listen there."""
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family) as trial:
+            if os.name == "posix":  # as uvicorn does: a port that was just given back is free
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            trial.bind(address)
+            return int(trial.getsockname()[1])
+    except OSError as error:
+        raise PageError(f"{host}:{port}: nobody can listen there: {error.strerror or error}; {hint}") from None
+
+
 @contextmanager
 def served_beside(build: Path, port: int) -> Generator[str]:
     """Serve the page from a process of its own on this machine's loopback, and give its address.
@@ -57,14 +70,7 @@ def served_beside(build: Path, port: int) -> Generator[str]:
     """
     check_installed()
     read_build(build)
-    with socket.socket() as trial:
-        if os.name == "posix":  # as uvicorn does: a port that was just given back is free
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((_LOOPBACK, port))
-        except OSError:
-            raise PageError(f"{_LOOPBACK}:{port}: the port is taken; --page-port takes another") from None
-        port = trial.getsockname()[1]
+    port = free_port(_LOOPBACK, port, "--page-port takes another")
     process = start_child(
         "pzctl.daemon.page.serve", [str(build), str(port)], sys.stderr.buffer, stdout=sys.stderr.buffer, environment={}
     )

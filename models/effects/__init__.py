@@ -8,6 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from ..errors import PzctlError
+from ..named import among
 from .assembly import Assembly, Conditions
 from .device import Added, Device
 from .effect import Effect, Knob, Stage
@@ -43,4 +44,4 @@ def find_effect(name: str) -> Effect:
     for effect in catalogue():
         if effect.name == name:
             return effect
-    raise EffectError(f"effect {name!r} is not known; there are {', '.join(effect.name for effect in catalogue())}")
+    raise EffectError(f"effect {name!r} is not known; {among(name, [effect.name for effect in catalogue()])}")

@@ -26,7 +26,7 @@ from pzctl.daemon.reports import curves_of
 from pzctl.daemon.retention import copy_journal
 from pzctl.daemon.samples import journal_samples
 from pzctl.daemon.simulated import simulated_instrument
-from pzctl.daemon.sockets import _bind
+from pzctl.daemon.sockets import _bind, gate_for
 from pzctl.daemon.store import open_store
 from pzctl.daemon.unsaved import Unsaved
 from pzctl.daemon.wire import BeatEvent, Heard, decode
@@ -86,6 +86,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "--resource recording:disk.csv: a recording has no fixture and no screen; name an instrument",
         ),
         (["new", "disk.csv"], "disk.csv: this file is there already; name another one"),
+        (["new", "x.toml"], "x.toml: not written: the answers ended before the questions did"),
+        (
+            ["measure", "--fitter", "masson"],
+            "no fitter 'masson' is installed; there are bvd, disk, disk2d, mason, mason-nelder-mead, nlopt-global, "
+            "radial, sherrit-radial, sherrit-thickness; did you mean 'mason'?",
+        ),
         (["prove", "--out", "proof"], "proof: there is a proof already; --out names another folder"),
         (["page", "--build", "no.toml"], "no.toml: cannot be read: No such file or directory"),
     ],
@@ -237,6 +243,10 @@ def simulator_that_does_not_start() -> object:
             "fitter 'no_such_module:Fitter' cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'",
         ),
         (
+            lambda: gate_for(["foo"], Path()),
+            "endpoint 'foo': tcp://HOST:PORT is needed, with * for a port that is free",
+        ),
+        (
             lambda: bound("tcp://0.0.0.0:*"),
             "endpoint 'tcp://0.0.0.0:*' can be reached from other machines; that needs keys",
         ),
@@ -258,7 +268,7 @@ def test_a_port_that_is_taken(here: Path) -> None:
         with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: nobody can listen there; is the port taken"):
             serve(read_build(BUILD), "127.0.0.1", port, None)
         with (
-            pytest.raises(PzctlError, match="the port is taken; --page-port takes another"),
+            pytest.raises(PzctlError, match="nobody can listen there: Address already in use; --page-port takes another"),
             served_beside(BUILD, port),
         ):
             pass
