@@ -93,7 +93,9 @@ def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *
     axes.tick_params(labelsize=8.5)
     axes.spines[["top", "right"]].set_visible(False)
     if legend:
-        axes.legend(fontsize=8.5, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+        if any(finding["bands_Hz"] for finding in findings):
+            axes.fill_between([], [], color=GUILTY, linewidth=0, label="where it shows")
+        axes.legend(fontsize=8.5, frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
 
 
 def _running(size: Reals) -> Reals:
