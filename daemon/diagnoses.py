@@ -99,11 +99,13 @@ def print_constants(console: Console, diagnosis: Diagnosis) -> None:
 
 def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(header_style="bold")
-    for column in ("effect", "where", "step", "probability", "size", "chi2/dof", "bands (MHz)", "or else"):
-        table.add_column(column)
+    rivalled = any(_rivals(finding) for finding in findings)
+    for column in ("effect", "where"):
+        table.add_column(column, no_wrap=True, overflow="fold")  # a name that ends in dots is none
+    for column in ("step", "probability", "size", "chi2/dof", "bands (MHz)", *(["or else"] if rivalled else [])):
+        table.add_column(column, overflow="fold")
     for finding in findings:
         bands = ", ".join(f"{low / 1e6:.3g}-{high / 1e6:.3g}" for low, high in finding["bands_Hz"][:3])
-        rivals = [one for one in finding["alternatives"] if one["probability"] > 0.005]
         before, after = ({"chi2": finding[f"chi2_per_dof_{side}"]} for side in ("before", "after"))
         table.add_row(
             finding["effect"],
@@ -113,9 +115,15 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
             "\n".join(f"{name} {_size(size)}" for name, size in finding["parameters"].items()),
             _fall(before, after, "chi2"),
             bands,
-            "\n".join(f"{one['effect']} at {one['where']} ({one['probability']:.2f})" for one in rivals),
+            *(["\n".join(_rivals(finding))] if rivalled else []),
         )
     return table
+
+
+def _rivals(finding: Mapping[str, Any]) -> list[str]:
+    """Return what else it may be."""
+    rivals = [one for one in finding["alternatives"] if one["probability"] > 0.005]
+    return [f"{one['effect']} at {one['where']} ({one['probability']:.2f})" for one in rivals]
 
 
 def _fall(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> str:
