@@ -3,6 +3,7 @@
 Axis 3 is the poling direction; Voigt order 11 22 33 23 13 12.
 """
 
+import sys
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,6 +15,7 @@ from .constitutive import Law, convert
 from .errors import PzctlError
 
 _SYMMETRY_TOLERANCE = 1e-9
+"""Of the largest element of a matrix; below the least normal number there are no digits left to compare."""
 
 
 class TensorError(PzctlError):
@@ -78,7 +80,7 @@ class Tensor6mm:
         ):
             size = float(np.abs(given).max())
             worst = float(np.abs(given - own).max())
-            if worst > _SYMMETRY_TOLERANCE * size:
+            if worst > _SYMMETRY_TOLERANCE * max(size, sys.float_info.min):
                 raise TensorError(
                     f"full tensor: the {name} matrix departs from the symmetry 6mm by {worst / size:.2g} of its "
                     f"largest element; at most {_SYMMETRY_TOLERANCE:g} is allowed"
