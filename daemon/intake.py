@@ -112,11 +112,11 @@ class Intake:
 
     def _line(self, handle: int, link: str, now: float, memory: int) -> _Line | None:
         """Return a connection; None where it is none to these ports."""
-        with _borrowed(handle) as one:
-            try:
+        try:
+            with _borrowed(handle) as one:
                 port, peer = one.getsockname()[1], one.getpeername()
-            except (OSError, IndexError):
-                return None
+        except (OSError, IndexError):  # no connection, or one that has gone since it was listed
+            return None
         came = _came(handle)
         return _Line(handle, link, port, str(peer), now, came, now, came, memory) if port in self._most else None
 
@@ -148,7 +148,7 @@ class Intake:
 
 
 class _borrowed:  # noqa: N801
-    """A socket of libzmq's, looked at and left alone."""
+    """A socket of libzmq's, looked at and left alone. Raises OSError where it has gone: libzmq closes when it likes."""
 
     def __init__(self, handle: int) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, fileno=handle)
@@ -179,12 +179,12 @@ def _link(handle: int) -> str:
 
 def _came(handle: int) -> int:
     """Return the bytes that have come over a connection; 0 where it has gone."""
-    with _borrowed(handle) as one:
-        try:
+    try:
+        with _borrowed(handle) as one:
             info = one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
             return struct.unpack_from("Q", info, _BYTES_RECEIVED)[0]
-        except (OSError, struct.error):
-            return 0
+    except (OSError, struct.error):
+        return 0
 
 
 def _memory() -> int:

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from pzctl import connect
 from pzctl.daemon.frames import MOST_FRAMES, WireError
-from pzctl.daemon.intake import MOST_CONNECTIONS, Intake
+from pzctl.daemon.intake import MOST_CONNECTIONS, Intake, _sockets
 from pzctl.daemon.paths import home, log_file
 from pzctl.daemon.reception import NAMES, _read
 from pzctl.daemon.wire import decode
@@ -149,6 +149,22 @@ def test_where_the_kernel_tells_nothing_that_is_said_once(
     intake.look(0.0)
     assert [one.levelname for one in caplog.records] == ["WARNING"]
     assert "who sends without end is not cut off here" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what comes over a connection")
+@pytest.mark.parametrize("known", [True, False])
+def test_a_connection_that_goes_between_being_listed_and_looked_at(
+    known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)), server.accept()[0] as ours:
+            intake, listed = Intake({port: 1}, Counter()), list(_sockets())
+            if known:
+                intake.look(0.0)
+            assert ours.fileno() in dict(listed)
+    monkeypatch.setattr("pzctl.daemon.intake._sockets", lambda: iter(listed))
+    intake.look(1.0)
 
 
 def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:
