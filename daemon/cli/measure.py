@@ -75,8 +75,9 @@ def measure(
     screen = console(stderr=as_json)
     report = Report(known.name)
     with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
+        kept = lab.status().fitters if wanted else ()
         for name in wanted:
-            require(name, lab.status().fitters)  # before anything is swept
+            require(name, kept)  # before anything is swept
         diagnoser = _diagnoser(lab, known, screen, yes) if diagnose else None
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)

@@ -58,25 +58,23 @@ def draw_case(seed: int, index: int) -> Case:
             break
         hideout = replace(hideout, plants=tuple(plant.at(plant.scale * _SHRINKS) for plant in hideout.plants))
         seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
-    hideout = replace(hideout, plants=tuple(by_other_names(hideout, k, takes) for k in range(len(plants))))
+    hideout = replace(hideout, plants=by_other_names(hideout, takes))
     return Case(name, kind, hideout, takes, seen, told, int(rng.integers(2**31)))
 
 
-def by_other_names(hideout: Hideout, index: int, takes: Sequence[Take]) -> Plant:
-    """Return a plant with the names that are as right: a cable whose capacitance nobody can see is a lead."""
-    plants, plant = hideout.plants, hideout.plants[index]
+def by_other_names(hideout: Hideout, takes: Sequence[Take]) -> tuple[Plant, ...]:
+    """Return the plants with the names that are as right: a cable whose capacitance nobody can see is a lead."""
+    plants = hideout.plants
     cables = [k for k, one in enumerate(plants) if one.effect == "cable"]
-    if not cables:
-        return plant
+    if not cables or {one.effect for one in plants} & {"lead-inductance", "stray-capacitance"}:
+        return plants  # the latter as `_as_one` has it
     cable = plants[cables[0]]
-    if {one.effect for one in plants} & {"lead-inductance", "stray-capacitance"}:
-        return plant  # as `_as_one` has it
     inductance = OHM_OF_CABLE * cable.scale * float(cable.sizes["delay"])
     lead = path_plant("lead-inductance", cable.steps, 30.0, inductance=inductance)
     if imitate(Hideout(hideout.specimen, (*plants, lead)), cables[0], takes).gain > _UNSEEN:
-        return plant
-    names = {lead.effect if one is cable else one.effect for one in plants}
-    return replace(plant, accept=_as_one(names) or ((lead.effect,) if plant is cable else ()))
+        return plants
+    together = _as_one({lead.effect if one is cable else one.effect for one in plants})
+    return tuple(replace(one, accept=together or ((lead.effect,) if one is cable else ())) for one in plants)
 
 
 def _wanted(rng: np.random.Generator, kind: str) -> float:
