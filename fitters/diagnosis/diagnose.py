@@ -19,6 +19,7 @@ from .bands import excess_of, guilty_bands
 from .candidates import candidates, flaws
 from .decide import Search, believed, pursue, weightiest, without_idle
 from .disturbed import of_the_data, verdict_with
+from .evidence import gain
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated, gate
@@ -28,7 +29,7 @@ from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
 from .structure import period, uneven
-from .tries import DESCRIBED, null_refit, polish
+from .tries import DESCRIBED, SIGNIFICANT, null_refit, polish
 from .weigh import Weighed, better_instead, weigh
 
 _FINE = 1e-8
@@ -67,21 +68,20 @@ def diagnose(
     search = Search(problem, choice, flaws(problem), progress)
     found = better_instead(search, without_idle(search, pursue(search, null)))
     found = believed(search, found)
-    fewest = weightiest(search, found, _MOST_NAMED)
-    final = null
-    if fewest.effects:
-        final = polish(problem, fewest, _FINE)
-        again = better_instead(search, final)  # a fit that fine may be no better than its look-alikes
-        final = polish(problem, again, _FINE) if again is not final else final
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
-    held_after = held_out_chi2(problem, final) if final.effects else held_before
-    named, verdict = _named(search, null, final, held_after, crowded=found is not fewest)
-    nearest = () if named else _nearest(null, final)
+    nearest: tuple[str, ...] = ()
+    for most in range(_MOST_NAMED, 0, -1):
+        final = _final(search, null, found, most)
+        held_after = held_out_chi2(problem, final) if final.effects else held_before
+        named, verdict = _named(search, null, final, held_after, crowded=gain(final, found) > SIGNIFICANT)
+        nearest = () if named else nearest or _nearest(null, final, held_after)
+        if named or len(final.effects) < most:
+            break
     if not named:
         final, held_after = null, held_before
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
-        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, progress)
+        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
             return _in_two_dimensions(wide, problem, null, held_before, gated, began)
     weighed = weigh(search, final)
@@ -109,6 +109,16 @@ def diagnose(
         data=gated.checks,
         seconds=time.perf_counter() - began,
     )
+
+
+def _final(search: Search, null: Refit, found: Refit, most: int) -> Refit:
+    """Return the fine fit with at most so many of the effects that were found, or with look-alikes that are better."""
+    fewest = weightiest(search, found, most)
+    if not fewest.effects:
+        return null
+    final = polish(search.problem, fewest, _FINE)
+    again = better_instead(search, final)  # a fit that fine may be no better than its look-alikes
+    return polish(search.problem, again, _FINE) if again is not final else final
 
 
 def _in_two_dimensions(
@@ -255,16 +265,20 @@ def _constants(problem: Problem, found: Refit) -> dict[str, Constant]:
     return fitted_constants(layers, found.values, found.objective.coordinates.parameters, result.covariance)
 
 
-def _nearest(null: Refit, found: Refit) -> tuple[str, ...]:
+def _nearest(null: Refit, found: Refit, held_out: float) -> tuple[str, ...]:
     """Return a sentence on what takes away most of a misfit, but not enough to be named; none where nothing does."""
     share = _taken_away(null, found)
     names = [f"{one.effect.name} at {one.where}" for one in found.effects]
     if not names or share < _MOST_OF_IT or any(one.effect.name == UNKNOWN for one in found.effects):
         return ()
-    takes, leaves = ("it takes", "leaves") if len(names) == 1 else ("they take", "leave")
     of_it = f"{np.floor(1000 * share) / 10:g} % of the misfit"  # what is not all of it is not told as all of it
-    left = f"{leaves} {found.chi2_per_dof:.3g} times what noise makes"
-    return (f"Nearest comes {' and '.join(names)}: {takes} away {of_it} and {left}, too much for it to be named.",)
+    left = f"{found.chi2_per_dof:.3g} times what noise makes"
+    if max(found.chi2) < _EXPLAINED and held_out >= _HELD_OUT:
+        left += f", but {held_out:.3g} times on bands that were held out of the fit"
+    one = len(names) == 1
+    takes, leaves, them = ("it takes", "leaves", "it") if one else ("they take", "leave", "them")
+    said = f"Nearest comes {' and '.join(names)}: {takes} away {of_it} and {leaves} {left}"
+    return (f"{said}, too much for {them} to be named.",)
 
 
 def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:

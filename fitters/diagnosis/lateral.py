@@ -43,13 +43,14 @@ class FiniteDisk:
         return self.result.rms_log_error < _DESCRIBED
 
 
-def finite(task: FitTask, null: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
+def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
     """Return the disk in two dimensions where it explains the bare disk's recordings, else None.
 
-    None too where there is no recording of a round bare disk, or one so wide that its rim does not matter.
+    None too where there is no recording of a round bare disk, or one so wide that its rim does not matter, and where
+    the `best` explanation in one dimension leaves so little that no lateral modes can be in it.
     """
     recordings = null.objective.recordings
-    left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in null.objective.log_ratios(null.descent.x))
+    left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
     if left < _SHOWS:
         return None
     progress("fitting the disk in two dimensions")

@@ -85,8 +85,10 @@ class Problem:
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
         return cls(solution.build, recordings, priors_of(solution.build, steps), values, free)
 
-    def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
-        """Return the coordinates of a fit with these effects, starting at `values`.
+    def coordinates(
+        self, effects: Sequence[Candidate], values: Mapping[str, float], held: Sequence[Candidate] = ()
+    ) -> Coordinates:
+        """Return the coordinates of a fit with these effects, starting at `values`, where those `held` stay.
 
         A layer that a wrong model has made vanish starts again from next to nothing: from 1e-100 m no fit comes back.
         """
@@ -95,7 +97,7 @@ class Problem:
         values = {**values, **{name: max(values[name], least) for name, least in thin.items()}}
         base = coordinates_of(self.build, self.steps, values, self.free)
         blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
-        names = [name for effect in effects for name in effect.parameters]
+        names = [name for effect in effects if effect not in held for name in effect.parameters]
         null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.knobs}
         return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
 
@@ -103,9 +105,11 @@ class Problem:
         """Return the recordings, their devices extended by these effects."""
         return tuple(_extended(recording, effects) for recording in self.recordings)
 
-    def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
-        """Return the objective of a fit with these effects, weighted as the recordings are now."""
-        coordinates = self.coordinates(effects, values)
+    def objective(
+        self, effects: Sequence[Candidate], values: Mapping[str, float], held: Sequence[Candidate] = ()
+    ) -> Objective:
+        """Return the objective of a fit with these effects, weighted as the recordings are now; those `held` stay."""
+        coordinates = self.coordinates(effects, values, held)
         return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":

@@ -13,7 +13,7 @@ from .problem import Candidate, Problem
 
 ROUGH = 1e-3
 _SIZED = 3.0
-_AGAIN = 60
+AGAIN = 60
 """Evaluations of a fit that begins near its minimum."""
 _ROUGHLY = 25
 """Evaluations that a candidate gets to show what it can do."""
@@ -72,7 +72,7 @@ def refit(
     new = effects[-1] if effects else None
     if guess is None or new is None:
         objective = problem.objective(effects, values)
-        return finished(effects, descend(objective, objective.coordinates.x, tolerance, _AGAIN))
+        return finished(effects, descend(objective, objective.coordinates.x, tolerance, AGAIN))
     elsewhere = any(values.get(name, knob.null) != knob.null for name, knob in new.sizes[1:])
     sizes = _sizes(guess, new.knobs[0])
     starts = [{**values, new.parameters[0]: size} for size in ([*sizes, guess] if elsewhere else sizes)]
