@@ -4,7 +4,7 @@ For each effect the upper limit is what the recording still allows (95 %), cappe
 where an effect of that size would have shifted a constant by more than its stated uncertainty.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -43,15 +43,24 @@ def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[
     limit = min(max(score.value, 0.0) + _ONE_SIDED_95 * sigma, _PLAUSIBLE * knob.typical, knob.upper)
     moved = shift_of(found.objective, found.descent.x, score.shifts * limit)
     worst, shifts = 0.0, dict[str, float]()
-    for name, constant in constants.items():
-        key = f"{name}.re" if name.split(".")[1] in PIEZO_CONSTANTS else name
-        if constant.free and constant.u_re and key in moved:
-            worst = max(worst, abs(moved[key]) / constant.u_re)
-            if abs(moved[key]) > 0.1 * constant.u_re:
-                shifts[name] = moved[key] / constant.re
+    for name, key, value, u in _parts(constants):
+        if key in moved:
+            worst = max(worst, abs(moved[key]) / u)
+            if abs(moved[key]) > 0.1 * u:
+                shifts[name] = moved[key] / value
     if worst < 1:
         return None
     shown = candidate.effect.shown({k.name: limit if k is knob else k.null for k in candidate.knobs})
     sizes = {name: Size(value, 0.0, unit) for name, (value, unit) in shown.items()}
     upper = sizes or {knob.name: Size(limit, 0.0, knob.unit)}
     return worst, NotDecidable(candidate.effect.name, candidate.where, upper, shifts, candidate.effect.separates)
+
+
+def _parts(constants: dict[str, Constant]) -> Iterator[tuple[str, str, float, float]]:
+    """Yield name, model parameter, value and uncertainty of every real and imaginary part that is free."""
+    for name, constant in constants.items():
+        piezo = name.split(".")[1] in PIEZO_CONSTANTS
+        if constant.free and constant.u_re:
+            yield name, f"{name}.re" if piezo else name, constant.re, constant.u_re
+        if constant.free and constant.u_im and piezo:
+            yield f"{name}.im", f"{name}.im", constant.im, constant.u_im

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from .evidence import evidence_lost, gain, price
 from .problem import Candidate, Problem
-from .search import Refit, is_there, refit
-from .tries import DESCRIBED, FINER, SIGNIFICANT, polish, resoftened, tried_beside
+from .search import Refit, all_there, refit
+from .tries import DESCRIBED, FINER, SIGNIFICANT, polish, resoftened, tried_beside, tried_in_pairs
 
 _EVIDENT = 18.0
 """What of this gain must remain when the freedom of its knobs is paid for: a line may be anywhere in the band."""
@@ -77,7 +77,10 @@ def pursue(search: Search, null: Refit) -> Refit:
     best, beam = null, [null]
     for n, kept in enumerate(_BEAM):
         search.progress(f"looking for effect {n + 1}")
-        beam = _next(search, beam)[:kept]
+        pairs = tried_in_pairs(search.problem, search.candidates, null) if n == 1 and max(best.chi2) > DESCRIBED else ()
+        if any(all_there(pair) and max(pair.chi2) < DESCRIBED for pair in pairs):
+            beam = []  # what else could stand in the place of each is asked for when they are weighed
+        beam = _next(search, beam, null, pairs)[:kept]
         if not beam:
             break
         if gain(best, beam[0]) > SIGNIFICANT:
@@ -89,13 +92,13 @@ def pursue(search: Search, null: Refit) -> Refit:
     return best
 
 
-def _next(search: Search, beam: Sequence[Refit]) -> list[Refit]:
-    """Return the best explanations with one effect more than those of the beam."""
+def _next(search: Search, beam: Sequence[Refit], null: Refit, pairs: Sequence[Refit]) -> list[Refit]:
+    """Return the best explanations with one effect more than those of the beam, and of the `pairs` beside `null`."""
+    onward = [(current, one) for current in beam for one in search.onward(current)]
     found: dict[frozenset[Candidate], Refit] = {}
-    for current in beam:
-        for one in search.onward(current):
-            if is_there(one) and gain(current, one) > SIGNIFICANT and evidence_lost(current, one) > _EVIDENT:
-                found.setdefault(frozenset(one.effects), one)
+    for current, one in (*onward, *((null, pair) for pair in pairs)):
+        if all_there(one) and gain(current, one) > SIGNIFICANT and evidence_lost(current, one) > _EVIDENT:
+            found.setdefault(frozenset(one.effects), one)
     ordered = sorted(found.values(), key=price)
     return [one for one in ordered if one.chi2_per_dof < _AS_GOOD * ordered[0].chi2_per_dof]
 

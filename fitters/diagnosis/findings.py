@@ -56,7 +56,7 @@ class NotDecidable:
     where: str
     upper_limit: Mapping[str, Size]
     shifts: Mapping[str, float]
-    """Relative change of each constant that an effect of that size would have caused."""
+    """Relative change of each constant that an effect of that size would cause; `NAME.im`: of its imaginary part."""
     would_decide: str
 
 

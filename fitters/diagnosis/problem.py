@@ -51,6 +51,12 @@ class Candidate:
         """Names of its sizes among the parameters, and their knobs."""
         return tuple(zip(self.parameters, self.knobs, strict=True))[: self.effect.sizes]
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Names of those parameters that say at which frequency something of its own is."""
+        others = zip(self.parameters[1:], self.knobs[1:], strict=True)
+        return tuple(name for name, knob in others if knob.unit == "Hz")
+
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
         """Return the coordinates of its knobs, within what physics allows, for a fit that starts at `values`."""
         return tuple(

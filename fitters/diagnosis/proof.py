@@ -39,7 +39,7 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
 
 def _lies_in(problem: Problem, masks: Sequence[NDArray[np.bool_]], effect: Candidate, found: Refit) -> bool:
     """Return whether an effect has a frequency of its own that was held out of every recording that shows it."""
-    own = [found.values[name] for name, knob in zip(effect.parameters, effect.knobs, strict=True) if knob.unit == "Hz"]
+    own = [found.values[name] for name in effect.lines]
     shown = [
         (recording.sweep.frequency, mask)
         for recording, mask in zip(problem.recordings, masks, strict=True)

@@ -40,6 +40,10 @@ class Score:
     """First-order estimate of the first knob."""
     start: dict[str, float]
     """Values of the other knobs at which the score was taken, by parameter."""
+    columns: Reals
+    """d residual / d knob of the knobs that are felt, less what the free constants can imitate; of norm 1 each."""
+    felt: tuple[tuple[str, Knob, float], ...]
+    """Parameter, knob, and its change per unit of its column."""
     shifts: Reals
     """What the free coordinates do, per unit of the first knob, where the effect is there and ignored."""
 
@@ -67,13 +71,18 @@ def _score(
     if first.from_nothing:
         step = max(step, 0.0)
     gain = step**2 * norm**2
+    norms = np.linalg.norm(outside, axis=0)
+    felt = np.flatnonzero(norms > _FELT * max(float(np.max(norms)), 1e-300))
+    columns, own = outside[:, felt] / norms[felt], [candidate.knobs[k] for k in felt]
     if G.shape[1] > 1:
-        together, fall = _together(outside, r, candidate.knobs)
+        steps, fall = together(columns, r, own)
         gain = max(gain, fall)
+        all_steps = np.zeros(len(candidate.knobs))  # what is not felt stays at rest
+        all_steps[felt] = steps / norms[felt]
         others = list(enumerate(candidate.knobs))[1:]
-        step = float(together[0])
+        step = float(all_steps[0])
         start |= {
-            candidate.parameters[k]: float(np.clip(together[k] * knob.typical, knob.lower, knob.upper))
+            candidate.parameters[k]: float(np.clip(all_steps[k] * knob.typical, knob.lower, knob.upper))
             for k, knob in others
             if knob.from_nothing
         }
@@ -84,6 +93,8 @@ def _score(
         size=size,
         value=step * first.typical,
         start=start,
+        columns=columns,
+        felt=tuple((candidate.parameters[k], knob, knob.typical / norms[k]) for k, knob in zip(felt, own, strict=True)),
         shifts=np.asarray(np.linalg.lstsq(R, held[:, 0], rcond=None)[0], np.float64) / -first.typical,
     )
 
@@ -173,16 +184,15 @@ def _moved(model: Model, values: dict[str, float]) -> Model:
     return model.replace({name: value for name, value in values.items() if name in own})
 
 
-def _together(outside: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, float]:
-    """Return the steps of all knobs together, sizes not negative, and their gain. Columns that vanish stay at rest."""
-    norms = np.linalg.norm(outside, axis=0)
-    felt = norms > _FELT * max(float(np.max(norms)), 1e-300)
-    Q, R = np.linalg.qr(outside[:, felt] / norms[felt])
-    lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in knobs])[felt]
-    found = lsq_linear(R, -(Q.T @ r), (lower, np.inf), method="bvls")
-    step = np.zeros(len(knobs))
-    step[felt] = found.x / norms[felt]
-    return step, float(np.sum(r**2) - np.sum((r + outside @ step) ** 2))
+def together(columns: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, float]:
+    """Return the steps along `columns`, those of sizes not negative, by which chi2 falls most, and how far it falls."""
+    if not columns.shape[1]:
+        return np.zeros(0), 0.0
+    Q, R = np.linalg.qr(columns)
+    b = -(Q.T @ r)
+    lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in knobs])
+    step = np.asarray(lsq_linear(R, b, (lower, np.inf), method="bvls").x, np.float64)
+    return step, float(b @ b - np.sum((R @ step - b) ** 2))
 
 
 def _knob_columns(problem: Problem, candidate: Candidate, values: dict[str, float], rows: int) -> Reals:

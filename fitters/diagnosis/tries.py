@@ -7,6 +7,7 @@ import numpy as np
 
 from ..descent import descend, softened
 from .evidence import price
+from .pairs import promising
 from .problem import Candidate, Problem
 from .score import Score, scores
 from .search import ROUGH, Refit, finished, is_there, refit
@@ -74,6 +75,21 @@ def tried_beside(
     ]
     polished += [_elsewhere(problem, one, twin) for one in polished for twin in twins.get(one.effects[-1], ())]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
+
+
+def tried_in_pairs(problem: Problem, candidates: Sequence[Candidate], null: Refit) -> list[Refit]:
+    """Return refits with two candidates that promise most together; the best first."""
+    softer = resoftened(problem, null)
+    base = refit(softer, (), null.values, None)
+    found = scores(softer, candidates, base.objective, base.descent.x)
+    pairs = promising(found, base.objective.residual(base.descent.x))
+    rough = [
+        refit(softer, tuple(score.candidate for score in pair.scores), {**base.values, **pair.start}, None)
+        for pair in pairs
+    ]
+    rough.sort(key=price)
+    polished = [polish(problem, one) for one in rough if _within_reach(one, rough[0])]
+    return sorted(polished, key=price)
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:

@@ -14,8 +14,7 @@ def widened(diagnosis: Diagnosis) -> Diagnosis:
     """Return the diagnosis with the standard uncertainties of its final constants widened, and a sentence that says so.
 
     Each effect that cannot be decided may have any size up to its upper limit; what it would have shifted a constant
-    by is taken as a further uncertainty of that constant. Imaginary parts stay as they are: no shifts of theirs are
-    known.
+    by, its real and its imaginary part, is taken as a further uncertainty of that constant.
     """
     constants = {name: _wider(name, own, diagnosis) for name, own in diagnosis.final.constants.items()}
     final = replace(diagnosis.final, constants=constants)
@@ -23,10 +22,12 @@ def widened(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def _wider(name: str, own: Constant, diagnosis: Diagnosis) -> Constant:
-    if own.u_re is None:
-        return own
-    parts = [_UNIFORM * abs(entry.shifts.get(name, 0.0) * own.re) for entry in diagnosis.not_decidable]
-    return replace(own, u_re=hypot(own.u_re, *parts)) if any(parts) else own
+    def hidden(key: str, value: float) -> list[float]:
+        return [_UNIFORM * abs(entry.shifts.get(key, 0.0) * value) for entry in diagnosis.not_decidable]
+
+    re, im = hidden(name, own.re), hidden(f"{name}.im", own.im)
+    wider = own if own.u_re is None or not any(re) else replace(own, u_re=hypot(own.u_re, *re))
+    return wider if own.u_im is None or not any(im) else replace(wider, u_im=hypot(own.u_im, *im))
 
 
 def _says(diagnosis: Diagnosis) -> str:
