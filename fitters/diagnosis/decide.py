@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from .evidence import evidence_lost, gain, price
 from .problem import Candidate, Problem
 from .search import Refit, all_there, refit
+from .structure import structured
 from .tries import DESCRIBED, FINER, SIGNIFICANT, polish, resoftened, tried_beside, tried_in_pairs
 
 _EVIDENT = 18.0
@@ -78,7 +79,7 @@ def pursue(search: Search, null: Refit) -> Refit:
     for n, kept in enumerate(_BEAM):
         search.progress(f"looking for effect {n + 1}")
         pairs = tried_in_pairs(search.problem, search.candidates, null) if n == 1 and max(best.chi2) > DESCRIBED else ()
-        if any(all_there(pair) and max(pair.chi2) < DESCRIBED for pair in pairs):
+        if any(all_there(pair) and max(pair.chi2) < DESCRIBED and not structured(pair.in_noise) for pair in pairs):
             beam = []  # what else could stand in the place of each is asked for when they are weighed
         beam = _next(search, beam, null, pairs)[:kept]
         if not beam:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...models.arrays import Complexes
 from ..answer import curves_of, fitted_constants
 from ..assembly import layers_of
 from ..covariance import estimate
@@ -28,7 +27,7 @@ from .proof import held_out_chi2
 from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
-from .structure import period, uneven
+from .structure import structured
 from .tries import DESCRIBED, SIGNIFICANT, null_refit, polish
 from .weigh import Weighed, better_instead, weigh
 
@@ -155,7 +154,7 @@ def _named(search: Search, null: Refit, final: Refit, held_after: float, crowded
         return False, "unexplained" if _something_left(null) else "no-mismatch"
     left = max(final.chi2_per_dof - 1, _SCATTER)
     nearly_all = _taken_away(null, final) > _MOST[len(final.effects) - 1]
-    if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not _structured(final)):
+    if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not structured(final.in_noise)):
         return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
     if max(final.chi2) > _EXPLAINED:
         others = [search.without(final, one).chi2_per_dof for one in final.effects]
@@ -178,23 +177,12 @@ def _unnamed(final: Refit, verdict: Verdict) -> Verdict:
 
 def _something_left(found: Refit) -> bool:
     ripple = max(lag_one(ratio) for ratio in found.objective.log_ratios(found.descent.x))
-    return max(found.chi2) > DESCRIBED or ripple > _RIPPLE or _structured(found)
-
-
-def _structured(found: Refit) -> bool:
-    """Return whether what is left of a recording is no noise, small as it may be."""
-    return any(uneven(ratio, 1) or period(ratio) for ratio in _ratios(found))
-
-
-def _ratios(found: Refit) -> tuple[Complexes, ...]:
-    """Return the residuals of every recording in units of its noise."""
-    ratios = found.objective.log_ratios(found.descent.x)
-    return tuple(ratio / recording.noise for recording, ratio in zip(found.objective.recordings, ratios, strict=True))
+    return max(found.chi2) > DESCRIBED or ripple > _RIPPLE or structured(found.in_noise)
 
 
 def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: float, held_after: float) -> Finding:
     candidate, without = weighed.candidate, weighed.without
-    fall = excess_of(_ratios(without), _ratios(final))
+    fall = excess_of(without.in_noise, final.in_noise)
     bands = [
         band
         for recording, excess in zip(problem.recordings, fall, strict=True)

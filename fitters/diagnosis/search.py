@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.arrays import Reals
+from ...models.arrays import Complexes, Reals
 from ...models.effects import Knob
 from ..descent import Descent, chi2_per_point, descend
 from ..objective import Objective
@@ -48,6 +48,12 @@ class Refit:
         sizes = np.array([recording.sweep.frequency.size for recording in self.objective.recordings])
         total = float(np.sum(2 * sizes * np.array(self.chi2)))
         return total / max(1.0, 2.0 * float(sizes.sum()) - self.descent.x.size)
+
+    @property
+    def in_noise(self) -> tuple[Complexes, ...]:
+        """ln(Z_model/Z) of every recording in units of its noise, each of shape (N,)."""
+        ratios = self.objective.log_ratios(self.descent.x)
+        return tuple(ratio / one.noise for one, ratio in zip(self.objective.recordings, ratios, strict=True))
 
 
 def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:

@@ -4,6 +4,8 @@ Neither asks for physics. Both find what chi2 does not show: a few points out of
 estimate of the noise from the recording itself takes for noise.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ...models.arrays import Complexes
@@ -14,6 +16,11 @@ _SURE = 15.0
 """Logarithm of the likelihood ratio of a stretch: of recordings of 801 points of noise, one in 1000 reaches it."""
 _PERIODIC = 24.0
 """Power of a line, in half of what noise has on average: one of a million recordings of 801 points of noise has it."""
+
+
+def structured(residuals: Iterable[Complexes]) -> bool:
+    """Return whether what is left of a recording is no noise, small as it may be."""
+    return any(uneven(residual, 1) or period(residual) for residual in residuals)
 
 
 def uneven(residual: Complexes, most: int) -> list[tuple[float, int, int]]:
