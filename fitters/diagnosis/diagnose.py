@@ -69,16 +69,7 @@ def diagnose(
     found = believed(search, found)
     progress("proving on bands that took no part")
     held_before = held_out_chi2(problem, null)
-    nearest: tuple[str, ...] = ()
-    for most in range(_MOST_NAMED, 0, -1):
-        final = _final(search, null, found, most)
-        held_after = held_out_chi2(problem, final) if final.effects else held_before
-        named, verdict = _named(search, null, final, held_after, crowded=gain(final, found) > SIGNIFICANT)
-        nearest = () if named else nearest or _nearest(null, final, held_after)
-        if named or len(final.effects) < most:
-            break
-    if not named:
-        final, held_after = null, held_before
+    final, held_after, verdict, nearest = _explained(search, null, found, held_before)
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
@@ -110,12 +101,27 @@ def diagnose(
     )
 
 
-def _final(search: Search, null: Refit, found: Refit, most: int) -> Refit:
-    """Return the fine fit with at most so many of the effects that were found, or with look-alikes that are better."""
-    fewest = weightiest(search, found, most)
-    if not fewest.effects:
-        return null
-    final = polish(search.problem, fewest, _FINE)
+def _explained(
+    search: Search, null: Refit, found: Refit, held_before: float
+) -> tuple[Refit, float, Verdict, tuple[str, ...]]:
+    """Return the fit with what may be named of what was found, its misfit on held-out bands, and the verdict.
+
+    Last, in words, what comes nearest where less than was found may be named. `held_before` is the null fit's.
+    """
+    nearest: tuple[str, ...] = ()
+    for most in range(min(_MOST_NAMED, len(found.effects)), 0, -1):
+        final = _finest(search, weightiest(search, found, most))
+        held_out = held_out_chi2(search.problem, final)
+        verdict = _verdict(search, null, final, held_out, crowded=gain(final, found) > SIGNIFICANT)
+        if verdict is not None:
+            return final, held_out, verdict, ()
+        nearest = nearest or _nearest(null, final, held_out)
+    return null, held_before, "unexplained" if found.effects or _something_left(null) else "no-mismatch", nearest
+
+
+def _finest(search: Search, found: Refit) -> Refit:
+    """Return a fit made fine, with look-alikes in the place of effects where they are better then."""
+    final = polish(search.problem, found, _FINE)
     again = better_instead(search, final)  # a fit that fine may be no better than its look-alikes
     return polish(search.problem, again, _FINE) if again is not final else final
 
@@ -143,23 +149,21 @@ def _in_two_dimensions(
     )
 
 
-def _named(search: Search, null: Refit, final: Refit, held_after: float, crowded: bool) -> tuple[bool, Verdict]:
-    """Return whether the effects found may be named, and the verdict.
+def _verdict(search: Search, null: Refit, final: Refit, held_after: float, crowded: bool) -> Verdict | None:
+    """Return the verdict if the effects of the final fit may be named, else None.
 
     An effect in the wrong family is often flexible enough to take away much of a misfit. So effects are named only
     where they take away nearly all of it, and on bands that took no part too; where much is left over, each must take
     away nearly all of what the other one leaves. `crowded`: a further one was needed.
     """
-    if not final.effects:
-        return False, "unexplained" if _something_left(null) else "no-mismatch"
     left = max(final.chi2_per_dof - 1, _SCATTER)
     nearly_all = _taken_away(null, final) > _MOST[len(final.effects) - 1]
     if max(final.chi2) < _EXPLAINED and not crowded and (nearly_all or not structured(final.in_noise)):
-        return (True, "explained") if held_after < _HELD_OUT else (False, "unexplained")
+        return "explained" if held_after < _HELD_OUT else None
     if max(final.chi2) > _EXPLAINED:
         others = [search.without(final, one).chi2_per_dof for one in final.effects]
         nearly_all = nearly_all and all(left < (1 - _MOST[0]) * (chi2 - 1) for chi2 in others)
-    return (True, "partly-explained") if nearly_all else (False, "unexplained")
+    return "partly-explained" if nearly_all else None
 
 
 def _taken_away(null: Refit, found: Refit) -> float:

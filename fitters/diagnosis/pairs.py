@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.arrays import Reals
 from .score import Score, together
@@ -42,11 +43,10 @@ def promising(found: Sequence[Score], residual: Reals) -> list[Pair]:
         return []
     all_columns = np.hstack([score.columns for score in felt])
     gram, along = all_columns.T @ all_columns, -(all_columns.T @ residual)
-    ends = np.cumsum([score.columns.shape[1] for score in felt])
-    own = [np.arange(end - score.columns.shape[1], end) for score, end in zip(felt, ends, strict=True)]
+    owner = np.repeat(np.arange(len(felt)), [score.columns.shape[1] for score in felt])
     ranked = sorted(
         (
-            (_most(gram, along, np.concatenate([own[i], own[j]])), i, j)
+            (_most(gram, along, np.isin(owner, (i, j))), i, j)
             for i, j in combinations(range(len(felt)), 2)
             if felt[i].candidate.effect is not felt[j].candidate.effect
         ),
@@ -59,10 +59,10 @@ def promising(found: Sequence[Score], residual: Reals) -> list[Pair]:
     return list(best.values())[:_PAIRS]
 
 
-def _most(gram: Reals, along: Reals, columns: np.ndarray[tuple[int], np.dtype[np.intp]]) -> float:
+def _most(gram: Reals, along: Reals, columns: NDArray[np.bool_]) -> float:
     """Return by how much chi2 would fall whatever the signs."""
     b = along[columns]
-    return float(b @ np.linalg.lstsq(gram[np.ix_(columns, columns)], b, rcond=1e-10)[0])
+    return float(b @ np.linalg.lstsq(gram[columns][:, columns], b, rcond=1e-10)[0])
 
 
 def _pair(one: Score, other: Score, residual: Reals) -> Pair:
