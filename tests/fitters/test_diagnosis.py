@@ -11,9 +11,12 @@ import pytest
 
 from pzctl.daemon.buildfile import read_build
 from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.diagnosis.bands import held_out
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
 from pzctl.fitters.interface import FitTask
+from pzctl.models.arrays import Complexes, Reals
+from pzctl.models.sweep import Sweep
 
 CASES = (
     "null",
@@ -112,3 +115,32 @@ def test_what_explains_most_but_not_all_is_told_and_not_named(cases: Path) -> No
     diagnosis = diagnose(given(cases, "void")[0], effects=("local-mass",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert "Nearest comes local-mass at face:front: it takes away 89" in diagnosis.says[-1]
+
+
+def bare_disk(cases: Path) -> tuple[Sweep, Reals, Complexes]:
+    """Return the recording of a disk that hides nothing, its frequencies, and its admittance."""
+    sweep = read_recording(cases / "null" / "disk.csv")
+    return sweep, sweep.frequency, 1 / sweep.impedance
+
+
+def with_admittance(cases: Path, sweep: Sweep, admittance: Complexes, *effects: str) -> Diagnosis:
+    changed = replace(sweep, impedance=1 / admittance)
+    return diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (changed,)}), effects=effects)
+
+
+def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    x = f / 3.6e6
+    assert held_out(sweep)[np.argmin(np.abs(x - 1))]
+    line = 2j * np.pi * f * 1e-13 / (1 - x**2 + 1j * x / 90)
+    diagnosis = with_admittance(cases, sweep, admittance + line, "spurious-resonance")
+    assert [finding.effect for finding in diagnosis.findings] == ["spurious-resonance"]
+    without, _ = diagnosed(cases, "null")
+    assert diagnosis.final.held_out == pytest.approx(without.baseline.held_out, rel=0.05)
+
+
+def test_what_rises_towards_the_end_of_a_band_is_no_line(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    leaking = 1e-3 * float(np.median(np.abs(admittance))) * f[0] / f
+    diagnosis = with_admittance(cases, sweep, admittance + leaking, "spurious-resonance", "dielectric-dispersion")
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
