@@ -23,7 +23,7 @@ from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated, gate
 from .problem import Candidate, Problem
-from .proof import held_out_chi2
+from .proof import held_out_chi2, unforeseen
 from .remainder import in_words, remainder
 from .score import scores
 from .search import Refit
@@ -194,6 +194,10 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
         for band in guilty_bands(recording.sweep.frequency, 1 + excess)
     ]
     before = held_out_chi2(problem, without) if len(final.effects) > 1 else held_before
+    says = candidate.effect.says.format(where=candidate.where)
+    says += "".join(f" At {place} it would look the same." for place in weighed.same_at)
+    if candidate in unforeseen(problem, final):
+        says += " It lies within a held-out band, which therefore proves the rest of the fit but not this."
     return Finding(
         effect=candidate.effect.name,
         where=candidate.where,
@@ -206,8 +210,7 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
         held_out_before=before,
         held_out_after=held_after,
         alternatives=weighed.alternatives,
-        says=candidate.effect.says.format(where=candidate.where)
-        + "".join(f" At {place} it would look the same." for place in weighed.same_at),
+        says=says,
     )
 
 

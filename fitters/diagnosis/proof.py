@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.arrays import Reals
 from ..descent import descend
@@ -24,11 +23,11 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
     foretold at all: it stays as the whole recording has it, and only what else the fit says is put to the proof.
     """
     masks = [held_out(recording.sweep) for recording in problem.recordings]
-    unforeseen = [one for one in found.effects if _lies_in(problem, masks, one, found)]
-    objective = resoftened(problem, found).without(masks).objective(found.effects, found.values, unforeseen)
+    stay = unforeseen(problem, found)
+    objective = resoftened(problem, found).without(masks).objective(found.effects, found.values, stay)
     again = finished(found.effects, descend(objective, objective.coordinates.x, 1e-8, AGAIN))
     ratios = again.objective.log_ratios(again.descent.x)
-    predicted = _predicted_variance(problem, again, unforeseen)
+    predicted = _predicted_variance(problem, again, stay)
     total = points = 0.0
     for recording, ratio, mask, variance in zip(problem.recordings, ratios, masks, predicted, strict=True):
         re, im = (recording.noise**2 + part for part in variance)
@@ -37,15 +36,15 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
     return total / max(points, 1.0)
 
 
-def _lies_in(problem: Problem, masks: Sequence[NDArray[np.bool_]], effect: Candidate, found: Refit) -> bool:
-    """Return whether an effect has a frequency of its own that was held out of every recording that shows it."""
-    own = [found.values[name] for name in effect.lines]
-    shown = [
-        (recording.sweep.frequency, mask)
-        for recording, mask in zip(problem.recordings, masks, strict=True)
-        if recording.step in effect.steps
-    ]
-    return bool(own) and all(mask[np.argmin(np.abs(f - place))] for f, mask in shown for place in own)
+def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
+    """Return the effects with a frequency of their own that was held out of every recording that shows them."""
+    return tuple(one for one in found.effects if one.lines and _lies_in(problem, one, found))
+
+
+def _lies_in(problem: Problem, effect: Candidate, found: Refit) -> bool:
+    sweeps = [recording.sweep for recording in problem.recordings if recording.step in effect.steps]
+    places = [found.values[name] for name in effect.lines]
+    return all(held_out(one)[np.argmin(np.abs(one.frequency - place))] for one in sweeps for place in places)
 
 
 def _predicted_variance(problem: Problem, again: Refit, held: Sequence[Candidate]) -> list[tuple[Reals, Reals]]:

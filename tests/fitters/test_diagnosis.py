@@ -135,6 +135,7 @@ def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
     line = 2j * np.pi * f * 1e-13 / (1 - x**2 + 1j * x / 90)
     diagnosis = with_admittance(cases, sweep, admittance + line, "spurious-resonance")
     assert [finding.effect for finding in diagnosis.findings] == ["spurious-resonance"]
+    assert "but not this" in diagnosis.findings[0].says
     without, _ = diagnosed(cases, "null")
     assert diagnosis.final.held_out == pytest.approx(without.baseline.held_out, rel=0.05)
 
