@@ -23,6 +23,9 @@ _WITHIN = 30.0
 """How much less likely (-2 ln) than the best an explanation may be to be pursued, once the best describes all."""
 _HOPELESS = 0.05
 """Part of the misfit left by two effects from which a third one is not looked for: none of them would be named."""
+_NO_ACCIDENT = 3.0
+"""chi2 from which one flaw of the instrument, which no effect alone describes, explains a recording for good: what two
+effects do, no flaw describes to the noise unless it is faint."""
 _MORE_THAN_A_FLAW = 3.0
 """How much more than a flaw of the instrument an effect beside it must bring."""
 
@@ -78,9 +81,14 @@ def pursue(search: Search, null: Refit) -> Refit:
     best, beam = null, [null]
     for n, kept in enumerate(_BEAM):
         search.progress(f"looking for effect {n + 1}")
-        pairs = tried_in_pairs(search.problem, search.candidates, null) if n == 1 and max(best.chi2) > DESCRIBED else ()
-        if any(all_there(pair) and max(pair.chi2) < DESCRIBED and not structured(pair.in_noise) for pair in pairs):
-            beam = []  # what else could stand in the place of each is asked for when they are weighed
+        pairs: Sequence[Refit] = ()
+        if n == 1 and max(best.chi2) > DESCRIBED:
+            flawed = [one for one in search.flawed(null) if _describes(one)] if max(null.chi2) > _NO_ACCIDENT else []
+            if flawed:
+                return flawed[0]
+            pairs = tried_in_pairs(search.problem, search.candidates, null)
+            if any(map(_describes, pairs)):
+                beam = []  # what else could stand in the place of each is asked for when they are weighed
         beam = _next(search, beam, null, pairs)[:kept]
         if not beam:
             break
@@ -91,6 +99,11 @@ def pursue(search: Search, null: Refit) -> Refit:
         elif n and best.chi2_per_dof - 1 > _HOPELESS * (null.chi2_per_dof - 1):
             break
     return best
+
+
+def _describes(found: Refit) -> bool:
+    """Return whether an explanation leaves nothing but noise."""
+    return all_there(found) and max(found.chi2) < DESCRIBED and not structured(found.in_noise)
 
 
 def _next(search: Search, beam: Sequence[Refit], null: Refit, pairs: Sequence[Refit]) -> list[Refit]:

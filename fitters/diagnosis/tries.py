@@ -37,6 +37,9 @@ _ALIKE = 1e-6
 _OUT_OF_REACH = 8.0, 2.0
 """chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
 
+_AS_A_PAIR = 3.0
+"""chi2 after a rough fit up to which a pair may be all there is; others the search one by one finds as well."""
+
 
 def null_refit(problem: Problem) -> Refit:
     """Return the fit without effects."""
@@ -88,8 +91,8 @@ def tried_in_pairs(problem: Problem, candidates: Sequence[Candidate], null: Refi
         for pair in pairs
     ]
     rough.sort(key=price)
-    polished = [polish(problem, one) for one in rough if _within_reach(one, rough[0])]
-    return sorted(polished, key=price)
+    likely = [one for one in rough if _within_reach(one, rough[0]) and one.chi2_per_dof < _AS_A_PAIR]
+    return sorted((polish(problem, one) for one in likely), key=price)
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
