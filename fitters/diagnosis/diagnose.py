@@ -17,7 +17,7 @@ from .absorbed import not_decidable
 from .bands import excess_of, guilty_bands
 from .candidates import candidates, flaws
 from .decide import Search, believed, pursue, weightiest, without_idle
-from .disturbed import of_the_data, verdict_with
+from .disturbed import of_the_data, verdict_with, where_disturbed
 from .evidence import gain
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
@@ -74,7 +74,9 @@ def diagnose(
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
             return _in_two_dimensions(wide, problem, null, held_before, gated, began)
-    weighed = weigh(search, final)
+    weighed = [one for one in weigh(search, final) if not where_disturbed(gated, one.candidate, final)]
+    if final.effects and not weighed:
+        verdict = "unexplained"
     left = remainder(final)
     findings = [_finding(problem, one, final, held_before, held_after) for one in weighed]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]

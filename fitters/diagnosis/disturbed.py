@@ -4,9 +4,13 @@ from .findings import Finding, Verdict
 from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated
 from .gates.report import DataCheck
+from .problem import Candidate
+from .search import Refit
 
 _SURE = 0.99
 """Probability that what the gates call disturbed is so."""
+_BESIDE = 2.0
+"""How far beside a disturbance, in its widths, a line is taken for a part of it."""
 _SPELLED = 3
 """How many disturbances are told in words."""
 
@@ -32,6 +36,14 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
         for check in gated.bad
     ]
     return [*turned, *disturbed]
+
+
+def where_disturbed(gated: Gated, effect: Candidate, found: Refit) -> bool:
+    """Return whether an effect is a line where a recording was disturbed: what the points left out leave there."""
+    bands = [one.band_Hz for check in gated.bad if check.step in effect.steps for one in check.abrupt]
+    return any(
+        a - _BESIDE * (b - a) < found.values[line] < b + _BESIDE * (b - a) for a, b in bands for line in effect.lines
+    )
 
 
 def verdict_with(gated: Gated, verdict: Verdict) -> Verdict:

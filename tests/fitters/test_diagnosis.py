@@ -145,3 +145,13 @@ def test_what_rises_towards_the_end_of_a_band_is_no_line(cases: Path) -> None:
     leaking = 1e-3 * float(np.median(np.abs(admittance))) * f[0] / f
     diagnosis = with_admittance(cases, sweep, admittance + leaking, "spurious-resonance", "dielectric-dispersion")
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+
+
+def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    x = np.arange(f.size) / (f.size - 1) - 0.5
+    dip = 1 - 8e-3 / (1 + (x / 0.003) ** 2) - 2e-3 / (1 + (x / 0.015) ** 2)
+    diagnosis = with_admittance(cases, sweep, admittance / dip, "spurious-resonance")
+    assert diagnosis.verdict == "unexplained"
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert "a glitch" in diagnosis.findings[0].says
