@@ -62,5 +62,5 @@ def _parts(constants: dict[str, Constant]) -> Iterator[tuple[str, str, float, fl
         piezo = name.split(".")[1] in PIEZO_CONSTANTS
         if constant.free and constant.u_re:
             yield name, f"{name}.re" if piezo else name, constant.re, constant.u_re
-        if constant.free and constant.u_im and piezo:
+        if constant.free and constant.u_im and constant.im and piezo:
             yield f"{name}.im", f"{name}.im", constant.im, constant.u_im
