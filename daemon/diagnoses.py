@@ -75,7 +75,7 @@ def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
         console.print("May be there unseen, because the constants absorb it:", highlight=False)
         console.print(_open_table(found["not_decidable"]))
     before, after = found["baseline"], found["final"]
-    held = f", on bands that took no part in the fit {_fall(before, after, 'held_out')}" if after["held_out"] else ""
+    held = f", on what took no part in the fit {_fall(before, after, 'held_out')}" if after["held_out"] else ""
     console.print(f"chi2/dof {_fall(before, after, 'chi2_per_dof')}{held}; {found['seconds']:.1f} s", highlight=False)
 
 

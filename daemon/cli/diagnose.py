@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,6 +17,9 @@ def diagnose(
     unseen: Annotated[
         bool, typer.Option("--unseen", help="Let the uncertainties count what may be there unseen.")
     ] = False,
+    hold_out: Annotated[
+        Literal["bands", "repeats", "overtones"], typer.Option(help="What takes no part in the fits that prove it.")
+    ] = "bands",
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -45,7 +48,7 @@ def diagnose(
     screen = console(stderr=True)
     task = FitTask(known, read_steps(recordings))
     with screen.status("diagnosing") as status:
-        diagnosis = find_out(task, chosen, status.update)
+        diagnosis = find_out(task, chosen, status.update, hold_out)
     if unseen:
         diagnosis = widened(diagnosis)
     found = diagnosis_json(diagnosis)

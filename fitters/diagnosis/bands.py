@@ -1,28 +1,16 @@
-"""Contiguous stretches of frequency: those held out from fits, and those where a mismatch sits."""
+"""Contiguous stretches of frequency in which a mismatch sits."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.arrays import Complexes, Frequencies, Reals
-from ...models.sweep import Sweep
 
-_BLOCKS = 11
-_HELD_OUT = (3, 7)
-"""Two of eleven contiguous blocks of every sweep, chosen before any fit; never random points, which their
-neighbours would give away."""
 _SMOOTH = 15
 _GUILTY = 4.0
 _OF_WORST = 0.01
 """A stretch counts as guilty where its mean squared residual over `_SMOOTH` points is above four times the noise, and
 above a hundredth of the worst: a large mismatch reaches far, and people need to know where it sits."""
-
-
-def held_out(sweep: Sweep) -> NDArray[np.bool_]:
-    """Return which points take no part in a fit, shape (N,)."""
-    block = (np.arange(sweep.frequency.size) * _BLOCKS) // sweep.frequency.size
-    return np.isin(block, _HELD_OUT)
 
 
 def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, float], ...]:

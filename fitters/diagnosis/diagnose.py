@@ -22,6 +22,7 @@ from .evidence import gain
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated, gate
+from .heldout import BANDS
 from .problem import Candidate, Problem
 from .proof import held_out_chi2, unforeseen
 from .remainder import in_words, remainder
@@ -50,24 +51,28 @@ _RIPPLE = 0.2
 
 
 def diagnose(
-    task: FitTask, effects: Iterable[str] | None = None, progress: Callable[[str], None] = lambda _: None
+    task: FitTask,
+    effects: Iterable[str] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    hold_out: str = BANDS,
 ) -> Diagnosis:
     """Say where recordings and model differ, which physics was left out, and what cannot be decided.
 
-    `effects` names those of the catalogue to consider; None considers all. Raises FitError where the recordings
-    cannot be fitted at all, EffectError for an effect that is not known.
+    `effects` names those of the catalogue to consider; None considers all. `hold_out` is what is put to the proof:
+    `bands`, `repeats` or `overtones`. Raises FitError where the recordings cannot be fitted at all or have nothing of
+    that kind, EffectError for an effect that is not known.
     """
     began = time.perf_counter()
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
-    problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
+    problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
     null = polish(problem, null_refit(problem), _FINE)
     choice = candidates(problem, effects)
     search = Search(problem, choice, flaws(problem), progress)
     found = better_instead(search, without_idle(search, pursue(search, null)))
     found = believed(search, found)
-    progress("proving on bands that took no part")
+    progress("proving on what took no part")
     held_before = held_out_chi2(problem, null)
     final, held_after, verdict, nearest = _explained(search, null, found, held_before)
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
@@ -199,7 +204,7 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
     says = candidate.effect.says.format(where=candidate.where)
     says += "".join(f" At {place} it would look the same." for place in weighed.same_at)
     if candidate in unforeseen(problem, final):
-        says += " It lies within a held-out band, which therefore proves the rest of the fit but not this."
+        says += " It lies within what was held out, which therefore proves the rest of the fit but not this."
     return Finding(
         effect=candidate.effect.name,
         where=candidate.where,
@@ -271,7 +276,7 @@ def _nearest(null: Refit, found: Refit, held_out: float) -> tuple[str, ...]:
     of_it = f"{np.floor(1000 * share) / 10:g} % of the misfit"  # what is not all of it is not told as all of it
     left = f"{found.chi2_per_dof:.3g} times what noise makes"
     if max(found.chi2) < _EXPLAINED and held_out >= _HELD_OUT:
-        left += f", but {held_out:.3g} times on bands that were held out of the fit"
+        left += f", but {held_out:.3g} times on what was held out of the fit"
     one = len(names) == 1
     takes, leaves, them = ("it takes", "leaves", "it") if one else ("they take", "leave", "them")
     said = f"Nearest comes {' and '.join(names)}: {takes} away {of_it} and {leaves} {left}"

@@ -14,6 +14,7 @@ from ..joint import Solution
 from ..objective import Objective
 from ..recording import Prior, Recording
 from .conditions import as_devices
+from .heldout import BANDS, Masks, held_out
 
 _THIN = 1e-2
 """Part of a layer's nominal thickness from which a fit can still go either way."""
@@ -76,6 +77,8 @@ class Problem:
     values: Mapping[str, float]
     """Where fits start from."""
     free: tuple[str, ...] | None
+    proof: Masks = ()
+    """Which points of every recording take no part in the fits that are put to the proof."""
 
     @property
     def steps(self) -> tuple[str, ...]:
@@ -83,13 +86,18 @@ class Problem:
         return tuple(dict.fromkeys(recording.step for recording in self.recordings))
 
     @classmethod
-    def of(cls, solution: Solution, free: tuple[str, ...] | None) -> "Problem":
-        """Return the problem that a joint fit has solved, its stacks seen as devices under their sweep's conditions."""
+    def of(cls, solution: Solution, free: tuple[str, ...] | None, hold_out: str = BANDS) -> "Problem":
+        """Return the problem that a joint fit has solved, its stacks seen as devices under their sweep's conditions.
+
+        Raises FitError where what is to be held out, `held_out` says what it may be, is not there.
+        """
         objective = solution.descent.objective
         recordings = as_devices(objective.recordings)
         values, _ = objective.coordinates.forward(solution.descent.x)
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
-        return cls(solution.build, recordings, priors_of(solution.build, steps), values, free)
+        return cls(
+            solution.build, recordings, priors_of(solution.build, steps), values, free, held_out(recordings, hold_out)
+        )
 
     def coordinates(
         self, effects: Sequence[Candidate], values: Mapping[str, float], held: Sequence[Candidate] = ()

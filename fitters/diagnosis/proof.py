@@ -1,4 +1,4 @@
-"""The proof: misfit on bands that took no part in the fit, before and after."""
+"""The proof: misfit on what took no part in the fit, before and after."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from ...models.arrays import Reals
 from ..descent import descend
-from .bands import held_out
 from .problem import Candidate, Problem
 from .search import AGAIN, Refit, finished
 from .tries import resoftened
@@ -16,20 +15,19 @@ _FLAT = 1e-3
 
 
 def held_out_chi2(problem: Problem, found: Refit) -> float:
-    """Return the misfit per degree of freedom on the held-out bands, of a fit to everything else.
+    """Return the misfit per degree of freedom on what is held out, of a fit to everything else.
 
     Measured against noise and against what the fit itself says it does not know there: a resonance that was held out
     is predicted less well, and that is no fault of the model. A further resonance that lies there as a whole cannot be
     foretold at all: it stays as the whole recording has it, and only what else the fit says is put to the proof.
     """
-    masks = [held_out(recording.sweep) for recording in problem.recordings]
     stay = unforeseen(problem, found)
-    objective = resoftened(problem, found).without(masks).objective(found.effects, found.values, stay)
+    objective = resoftened(problem, found).without(problem.proof).objective(found.effects, found.values, stay)
     again = finished(found.effects, descend(objective, objective.coordinates.x, 1e-8, AGAIN))
     ratios = again.objective.log_ratios(again.descent.x)
     predicted = _predicted_variance(problem, again, stay)
     total = points = 0.0
-    for recording, ratio, mask, variance in zip(problem.recordings, ratios, masks, predicted, strict=True):
+    for recording, ratio, mask, variance in zip(problem.recordings, ratios, problem.proof, predicted, strict=True):
         re, im = (recording.noise**2 + part for part in variance)
         total += float(np.sum((ratio.real**2 / re + ratio.imag**2 / im)[mask])) / 2
         points += float(mask.sum())
@@ -42,9 +40,13 @@ def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
 
 
 def _lies_in(problem: Problem, effect: Candidate, found: Refit) -> bool:
-    sweeps = [recording.sweep for recording in problem.recordings if recording.step in effect.steps]
     places = [found.values[name] for name in effect.lines]
-    return all(held_out(one)[np.argmin(np.abs(one.frequency - place))] for one in sweeps for place in places)
+    return all(
+        mask[np.argmin(np.abs(recording.sweep.frequency - place))]
+        for recording, mask in zip(problem.recordings, problem.proof, strict=True)
+        if recording.step in effect.steps
+        for place in places
+    )
 
 
 def _predicted_variance(problem: Problem, again: Refit, held: Sequence[Candidate]) -> list[tuple[Reals, Reals]]:

@@ -11,10 +11,10 @@ import pytest
 
 from pzctl.daemon.buildfile import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.diagnosis.bands import held_out
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
-from pzctl.fitters.interface import FitTask
+from pzctl.fitters.diagnosis.heldout import blocks
+from pzctl.fitters.interface import FitError, FitTask
 from pzctl.models.arrays import Complexes, Reals
 from pzctl.models.sweep import Sweep
 
@@ -131,7 +131,7 @@ def with_admittance(cases: Path, sweep: Sweep, admittance: Complexes, *effects: 
 def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     x = f / 3.6e6
-    assert held_out(sweep)[np.argmin(np.abs(x - 1))]
+    assert blocks(sweep)[np.argmin(np.abs(x - 1))]
     line = 2j * np.pi * f * 1e-13 / (1 - x**2 + 1j * x / 90)
     diagnosis = with_admittance(cases, sweep, admittance + line, "spurious-resonance")
     assert [finding.effect for finding in diagnosis.findings] == ["spurious-resonance"]
@@ -155,3 +155,28 @@ def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
     assert diagnosis.verdict == "unexplained"
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert "a glitch" in diagnosis.findings[0].says
+
+
+def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
+    task, truth = given(cases, "lead")
+    (planted,) = truth["findings"]
+    (sweep,) = task.sweeps["disk"]
+    above = diagnose(task, (planted["effect"],), hold_out="overtones")
+    assert [finding.effect for finding in above.findings] == [planted["effect"]]
+    assert above.final.held_out < 0.2 * above.baseline.held_out
+    with pytest.raises(FitError, match="every step has one recording"):
+        diagnose(task, (), hold_out="repeats")
+    with pytest.raises(FitError, match="not points"):
+        diagnose(task, (), hold_out="points")
+    middle = 0.5 * sweep.frequency[-1]
+    for part, refused in (
+        (sweep.frequency < middle, "no recording goes above"),
+        (sweep.frequency > 1.3 * middle, "nothing is left to fit"),
+    ):
+        narrow = {"disk": (replace(sweep, frequency=sweep.frequency[part], impedance=sweep.impedance[part]),)}
+        with pytest.raises(FitError, match=refused):
+            diagnose(replace(task, sweeps=narrow), (), hold_out="overtones")
+    again, _ = given(cases, "drift")
+    repeated = diagnose(again, ("temperature-drift",), hold_out="repeats")
+    assert [finding.effect for finding in repeated.findings] == ["temperature-drift"]
+    assert repeated.final.held_out < 0.1 * repeated.baseline.held_out

@@ -1,0 +1,63 @@
+"""What takes no part in the fits that are put to the proof: chosen before any fit, never by single points."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import Device
+from ...models.effects.scale import resonance
+from ...models.sweep import Sweep
+from ..interface import FitError
+from ..recording import Recording
+
+BANDS, REPEATS, OVERTONES = "bands", "repeats", "overtones"
+_BLOCKS = 11
+_OUT = (3, 7)
+"""Two of eleven contiguous blocks of every sweep; never random points, which their neighbours would give away."""
+_BETWEEN = 2.0
+"""Frequency, in half-wave resonances of the bare disk, from which a recording shows overtones."""
+
+Masks = tuple[NDArray[np.bool_], ...]
+
+
+def held_out(recordings: Sequence[Recording], what: str) -> Masks:
+    """Return which points of every recording take no part, each of shape (N,).
+
+    `what` is `bands` (two contiguous blocks of every sweep), `repeats` (all but the first recording of every step) or
+    `overtones` (everything above twice the half-wave resonance). Raises FitError for another word, and where nothing
+    or all of it would be held out.
+    """
+    if what not in (BANDS, REPEATS, OVERTONES):
+        raise FitError(f"held out can be {BANDS}, {REPEATS} or {OVERTONES}, not {what}")
+    if what == BANDS:
+        return tuple(blocks(recording.sweep) for recording in recordings)
+    if what == REPEATS:
+        first = {recording.step: k for k, recording in reversed(list(enumerate(recordings)))}
+        masks = tuple(np.full(one.sweep.frequency.size, first[one.step] != k) for k, one in enumerate(recordings))
+    else:
+        masks = tuple(_above(recording) for recording in recordings)
+    if not any(mask.any() for mask in masks):
+        raise FitError(f"there are no {what} to hold out: {_NONE[what]}")
+    if all(mask.all() for mask in masks):
+        raise FitError(f"without {what} nothing is left to fit: record the first thickness resonance as well")
+    return masks
+
+
+_NONE = {
+    REPEATS: "every step has one recording; give a step twice, disk=first.csv disk=second.csv",
+    OVERTONES: "no recording goes above twice the first thickness resonance",
+}
+
+
+def blocks(sweep: Sweep) -> NDArray[np.bool_]:
+    """Return which points lie in the two held-out blocks of a sweep, shape (N,)."""
+    block = (np.arange(sweep.frequency.size) * _BLOCKS) // sweep.frequency.size
+    return np.isin(block, _OUT)
+
+
+def _above(recording: Recording) -> NDArray[np.bool_]:
+    model, f = recording.model, recording.sweep.frequency
+    if not isinstance(model, Device):
+        return np.zeros(f.size, np.bool_)
+    return f > _BETWEEN * resonance(model.nominal or model.bare)
