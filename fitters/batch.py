@@ -1,26 +1,24 @@
 """Many fits at once: on all cores of this machine, or on a Dask cluster, with the same results."""
 
-import contextlib
-import multiprocessing
 import os
 import re
-import signal
 import threading
-from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 from ..models.errors import PzctlError
+from .cores import started
 from .interface import FitResult, FitTask
 from .plugins import load_fitter
 
 _PATIENCE = 10.0
 """Seconds within which a Dask scheduler answers, or does not."""
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 _one_at_a_time = threading.Lock()
 """Of one process: a Dask worker may have several threads, a third party's fitter need not be made for that."""
@@ -70,20 +68,8 @@ def fit_on_cores(jobs: Sequence[Job], fitter: str, heard: Heard = lambda _: None
     load_fitter(fitter)
     if not jobs:
         return ()
-    before = multiprocessing.active_children()
-    workers = min(len(jobs), os.cpu_count() or 1)
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_ctrl_c_to_the_parent)
-    try:
-        with _one_thread_each(), _ctrl_c_blocked():
-            futures = {pool.submit(fit_job, job, fitter): job for job in jobs}
+    with started(partial(fit_job, fitter=fitter), jobs, min(len(jobs), os.cpu_count() or 1)) as futures:
         return _gathered(futures, as_completed(futures), heard)
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in set(multiprocessing.active_children()) - set(before):
-            child.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True)
 
 
 def fit_on_dask(jobs: Sequence[Job], fitter: str, address: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
@@ -126,39 +112,3 @@ def _outcome(future: "Future[Outcome]", job: Job) -> Outcome:
         return Outcome(job.sample, None, "a process of the batch died (killed, or out of memory)")
     except Exception as error:
         return Outcome(job.sample, None, f"the worker could not do it: {type(error).__name__}: {error}")
-
-
-def _leave_ctrl_c_to_the_parent() -> None:
-    """Ctrl-C goes to all processes of a terminal; only one of them is to answer it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextlib.contextmanager
-def _one_thread_each() -> Generator[None]:
-    """Let the processes that start here use one thread each for linear algebra: the cores are taken by other fits."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextlib.contextmanager
-def _ctrl_c_blocked() -> Generator[None]:
-    """Let the processes that start here inherit a blocked Ctrl-C, so that none dies of it before it ignores it.
-
-    A Ctrl-C of these milliseconds is answered at their end. Windows has no such thing and does without.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,7 +1,6 @@
 """`pzctl prove`: concealed cases made, diagnosed without knowing their truth, and scored."""
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -15,6 +14,8 @@ from ...models.errors import PzctlError
 
 _SEALED = range(1000, 2000)
 """Seeds of the part that is never used while the diagnosis is developed."""
+_PATIENCE = 10.0
+"""Seconds that a process of ours has to end its own."""
 
 
 class ProveError(PzctlError):
@@ -65,27 +66,34 @@ def _commit() -> str:
 
 def _child(module: str, *words: object) -> str:
     """Run a module of ours in a process of its own and return what it prints. Raises ProveError."""
-    done = subprocess.run(  # noqa: S603 (our own module, no shell)
-        [sys.executable, "-m", module, *map(str, words)], stdout=subprocess.PIPE, text=True, check=False
-    )
-    if done.returncode:
-        raise ProveError(f"{module} ended with status {done.returncode}; what it said stands above")
-    return done.stdout
+    from ...fitters.cores import ctrl_c_blocked
+
+    run = [sys.executable, "-m", module, *map(str, words)]
+    with ctrl_c_blocked():  # we answer it, and end the child
+        process = subprocess.Popen(run, stdout=subprocess.PIPE, text=True)  # noqa: S603 (our own module, no shell)
+    with process:
+        try:
+            printed, _ = process.communicate()
+        except BaseException:
+            process.terminate()
+            process.wait(_PATIENCE)  # it has processes of its own to end
+            raise
+    if process.returncode:
+        raise ProveError(f"{module} ended with status {process.returncode}; what it said stands above")
+    return printed
 
 
 def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
     """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from multiprocessing import get_context
+    from concurrent.futures import as_completed
 
+    from ...fitters.cores import started
     from ..terminal import console
 
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     answers: dict[str, Any] = {}
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(diagnose_case, folder): folder.name for folder in folders}
+    with started(diagnose_case, folders, jobs) as waiting:
         for done in as_completed(waiting):
-            name = waiting[done]
+            name = waiting[done].name
             defect = done.exception()  # a defect of ours is an answer that is wrong; the other cases go on
             answers[name] = {"error": f"a defect: {defect!r}"} if defect else done.result()
             found = [one["effect"] for one in answers[name].get("findings", [])]

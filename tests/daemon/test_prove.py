@@ -2,8 +2,11 @@
 
 import hashlib
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -121,3 +124,31 @@ def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
     assert run.returncode == 2
     assert "there is a proof already" in run.stderr
     assert "Traceback" not in run.stderr
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted in /proc")
+def test_ctrl_c_ends_every_process_of_a_proof(tmp_path: Path) -> None:
+    run = [sys.executable, "-c", "from pzctl.daemon.cli import main; main()", "prove", "--count", "9", "--out", "p"]
+    terminal = subprocess.Popen(
+        run, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 60
+    while members(terminal.pid) < 4 and time.monotonic() < deadline:  # itself, who makes cases, and two of its own
+        time.sleep(0.1)
+    os.killpg(terminal.pid, signal.SIGINT)
+    printed, _ = terminal.communicate(timeout=60)
+    assert terminal.returncode == 130
+    assert "Traceback" not in printed
+    assert members(terminal.pid) == 0
+
+
+def members(group: int) -> int:
+    """Return how many processes a process group has."""
+    count = 0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            after_name = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended meanwhile
+            continue
+        count += int(after_name[2]) == group and after_name[0] != "Z"
+    return count
