@@ -17,6 +17,11 @@ _OUT = (3, 7)
 """Two of eleven contiguous blocks of every sweep; never random points, which their neighbours would give away."""
 _BETWEEN = 2.0
 """Frequency, in half-wave resonances of the bare disk, from which a recording shows overtones."""
+_NONE = {
+    REPEATS: "every step has one recording; give a step twice, disk=first.csv disk=second.csv",
+    OVERTONES: "no recording goes above twice the first thickness resonance",
+}
+"""What to say where there is none of it."""
 
 Masks = tuple[NDArray[np.bool_], ...]
 
@@ -33,8 +38,8 @@ def held_out(recordings: Sequence[Recording], what: str) -> Masks:
     if what == BANDS:
         return tuple(blocks(recording.sweep) for recording in recordings)
     if what == REPEATS:
-        first = {recording.step: k for k, recording in reversed(list(enumerate(recordings)))}
-        masks = tuple(np.full(one.sweep.frequency.size, first[one.step] != k) for k, one in enumerate(recordings))
+        steps = [recording.step for recording in recordings]
+        masks = tuple(np.full(one.sweep.frequency.size, one.step in steps[:k]) for k, one in enumerate(recordings))
     else:
         masks = tuple(_above(recording) for recording in recordings)
     if not any(mask.any() for mask in masks):
@@ -42,12 +47,6 @@ def held_out(recordings: Sequence[Recording], what: str) -> Masks:
     if all(mask.all() for mask in masks):
         raise FitError(f"without {what} nothing is left to fit: record the first thickness resonance as well")
     return masks
-
-
-_NONE = {
-    REPEATS: "every step has one recording; give a step twice, disk=first.csv disk=second.csv",
-    OVERTONES: "no recording goes above twice the first thickness resonance",
-}
 
 
 def blocks(sweep: Sweep) -> NDArray[np.bool_]:
