@@ -110,10 +110,11 @@ def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sa
     found = sorted(path.parent for path in folder.glob(f"*/{BUILD}"))
     if not found:
         raise NoSamplesError(f"{folder}: no subfolder holds a {BUILD}; each sample needs {BUILD} and STEP.csv files")
-    return [_folder_sample(path, free) for path in found]
+    return [folder_sample(path, free) for path in found]
 
 
-def _folder_sample(folder: Path, free: tuple[str, ...] | None) -> Sample:
+def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
+    """Return the sample of a folder with a build.toml and recordings, or what is wrong with it."""
     try:
         build = read_build(folder / BUILD)
         steps = [step.name for step in build.steps]

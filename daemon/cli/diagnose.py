@@ -1,13 +1,17 @@
 """`pzctl diagnose`: where model and recording differ, and which physics was left out."""
 
 import json
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from .fit import read_steps
 from .wishes import comma_names
+
+if TYPE_CHECKING:
+    from ...fitters.interface import FitTask
 
 
 def diagnose(
@@ -18,8 +22,13 @@ def diagnose(
         bool, typer.Option("--unseen", help="Let the uncertainties count what may be there unseen.")
     ] = False,
     hold_out: Annotated[
-        Literal["bands", "repeats", "overtones"], typer.Option(help="What takes no part in the fits that prove it.")
+        Literal["bands", "repeats", "overtones", "steps"],
+        typer.Option(help="What takes no part in the fits that prove it."),
     ] = "bands",
+    other_sample: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to prove the findings on."),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -45,10 +54,11 @@ def diagnose(
     if picture is not None:
         check_picture(picture)
     known = read_build(build)
+    others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
     task = FitTask(known, read_steps(recordings))
     with screen.status("diagnosing") as status:
-        diagnosis = find_out(task, chosen, status.update, hold_out)
+        diagnosis = find_out(task, chosen, status.update, hold_out, others)
     if unseen:
         diagnosis = widened(diagnosis)
     found = diagnosis_json(diagnosis)
@@ -63,3 +73,15 @@ def diagnose(
     target = picture or Path(f"{known.name}-diagnosis.png")
     drawn = diagnosis_picture(found, diagnosis_curves(diagnosis), known, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _sample_in(folder: Path) -> "FitTask":
+    """Return what a sample's folder holds; what is odd about it is said on standard error. Raises NoSamplesError."""
+    from ..samples import NoSamplesError, folder_sample
+
+    sample = folder_sample(folder)
+    for note in sample.notes:
+        print(f"note: {folder}: {note}", file=sys.stderr)
+    if sample.job is None:
+        raise NoSamplesError(sample.error or f"{folder}: nothing to fit")
+    return sample.job.task

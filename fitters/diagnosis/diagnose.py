@@ -1,7 +1,7 @@
 """The whole diagnosis of a build: gates, null fit, search, proof, what stays open, and a verdict."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..interface import Constant, FitTask
 from ..joint import solve
 from . import lateral
 from .absorbed import not_decidable
+from .another import carried_over
 from .bands import excess_of, guilty_bands
 from .candidates import candidates, flaws
 from .decide import Search, believed, pursue, weightiest, without_idle
@@ -46,6 +47,7 @@ _SCATTER = 0.05
 """chi2 per degree of freedom that a recording has more or less by chance, and by how well its noise is known."""
 _MOST_NAMED = len(_MOST)
 """Three effects at once describe nearly anything: where two are not enough, the rest is called unknown."""
+_NOT_CARRIED = "A finite diameter is not carried over to another sample: diagnose that one by itself."
 _RIPPLE = 0.2
 """Correlation of neighbouring residuals from which something is left even where chi2 is small."""
 
@@ -55,12 +57,14 @@ def diagnose(
     effects: Iterable[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
     hold_out: str = BANDS,
+    others: Mapping[str, FitTask] | None = None,
 ) -> Diagnosis:
     """Say where recordings and model differ, which physics was left out, and what cannot be decided.
 
     `effects` names those of the catalogue to consider; None considers all. `hold_out` is what is put to the proof:
-    `bands`, `repeats` or `overtones`. Raises FitError where the recordings cannot be fitted at all or have nothing of
-    that kind, EffectError for an effect that is not known.
+    one of `heldout.KINDS`. `others` are further samples by name, which what was found is carried over to. Raises
+    FitError where the recordings cannot be fitted at all or have nothing of that kind, EffectError for an effect that
+    is not known.
     """
     began = time.perf_counter()
     progress("checking the data")
@@ -78,7 +82,7 @@ def diagnose(
     if verdict in ("unexplained", "partly-explained") and any(one.effect.name == lateral.NAME for one in choice):
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
-            return _in_two_dimensions(wide, problem, null, held_before, gated, began)
+            return _in_two_dimensions(wide, problem, null, held_before, gated, began, bool(others))
     weighed = [one for one in weigh(search, final) if not where_disturbed(gated, one.candidate, final)]
     if final.effects and not weighed:
         verdict = "unexplained"
@@ -89,6 +93,7 @@ def diagnose(
     if verdict in ("unexplained", "partly-explained") and not disturbed:
         findings.append(_unknown(final, held_after, left))
     constants = _constants(problem, final)
+    proofs = tuple(carried_over(problem, final, name, other, progress) for name, other in (others or {}).items())
     progress("asking what stays open")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     taken = {finding.effect for finding in findings}
@@ -104,6 +109,7 @@ def diagnose(
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.start, final.descent.x),
         data=gated.checks,
+        others=proofs,
         seconds=time.perf_counter() - began,
     )
 
@@ -134,7 +140,13 @@ def _finest(search: Search, found: Refit) -> Refit:
 
 
 def _in_two_dimensions(
-    wide: lateral.FiniteDisk, problem: Problem, null: Refit, held_before: float, gated: Gated, began: float
+    wide: lateral.FiniteDisk,
+    problem: Problem,
+    null: Refit,
+    held_before: float,
+    gated: Gated,
+    began: float,
+    others: bool,
 ) -> Diagnosis:
     """Return the diagnosis of a disk whose finite diameter explains what a plate does not."""
     own = [lateral.finding_of(wide, null, held_before)]
@@ -148,7 +160,7 @@ def _in_two_dimensions(
         findings=tuple(findings),
         not_decidable=(),
         leftover=Leftover((), wide.result.chi2_per_dof, own[0].step, (), None),
-        says=_says(verdict, findings),
+        says=(*_says(verdict, findings), *([_NOT_CARRIED] if others else [])),
         before=before,
         after=lateral.curves(wide, before),
         data=gated.checks,

@@ -9,6 +9,8 @@ from .gates.report import DataCheck
 
 Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
 Bands = tuple[tuple[float, float], ...]
+_BORNE_OUT = 1.6
+"""Misfit per degree of freedom up to which another sample shows what was found, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,34 @@ class Leftover:
     """None where there is nothing but noise."""
 
 
+@dataclass(frozen=True)
+class OtherSample:
+    """What another sample says of effects that were found in the first."""
+
+    sample: str
+    steps: tuple[str, ...]
+    effects: tuple[str, ...]
+    """Those of the findings that have a place in its steps."""
+    chi2_per_dof_before: float
+    """Misfit per degree of freedom without effects, its own constants free."""
+    chi2_per_dof_after: float
+    """The same with the effects as large as they were found in the first sample, no more uncertain than there."""
+
+    @property
+    def says(self) -> str:
+        """A sentence for people."""
+        if not self.effects:
+            return f"Sample {self.sample} has no step in which what was found here could be."
+        names = " and ".join(self.effects)
+        fall = f"its own constants free, chi2/dof {self.chi2_per_dof_before:.3g} -> {self.chi2_per_dof_after:.3g}"
+        if max(self.chi2_per_dof_before, self.chi2_per_dof_after) < _BORNE_OUT:
+            return f"Sample {self.sample} cannot tell whether it has {names}: {fall}."
+        if self.chi2_per_dof_after >= self.chi2_per_dof_before:
+            return f"Sample {self.sample} does not have {names} as found here: {fall}."
+        shown = "bears it out" if self.chi2_per_dof_after < _BORNE_OUT else "bears part of it out"
+        return f"Sample {self.sample} {shown}: with {names} as found here, {fall}."
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Where model and recording differ, and why."""
@@ -123,3 +153,4 @@ class Diagnosis:
     data: tuple[DataCheck, ...]
     """What the gates found of each recording."""
     seconds: float
+    others: tuple[OtherSample, ...] = ()

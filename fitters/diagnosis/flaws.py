@@ -4,10 +4,11 @@ They are never named: a recording that one of these describes best has something
 """
 
 from collections.abc import Mapping
+from math import pi
 
 import numpy as np
 
-from ...models.arrays import Frequencies, Impedances
+from ...models.arrays import Complexes, Frequencies, Impedances
 from ...models.effects import Assembly, Effect, Knob
 from ...models.effects.effect import Stage
 from ...models.effects.scale import resonance
@@ -89,4 +90,37 @@ class PhaseError(Effect):
         return assembly.recorded(turned)
 
 
-FLAWS: tuple[Effect, ...] = (RangeStep(), PhaseError())
+class CoupledLoop(Effect):
+    """Z + (w M)^2 over the impedance of a loop beside the lead: a resonance in series, at any loss."""
+
+    name = UNKNOWN
+    stage = Stage.TERMINALS
+    odds = 0.1
+    says = "Something resonates beside the lead, in series with the device, as a loop that the lead's field reaches."
+    separates = "sweep a short circuit in the same clip: what it shows is not the device's; move the leads"
+    references = ("Terman, Radio Engineers' Handbook (1943), section 3 (coupled circuits)",)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return `any`: what is beside a lead is no place of a build."""
+        return (ANY,)
+
+    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+        """Return M^2/L of the loop (H), its frequency (Hz) and its Q."""
+        f0 = resonance(stack)
+        return (
+            Knob("inductance", "H", typical=1e-9),
+            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
+            Knob("q", "1", typical=3.0, lower=1.0, upper=1000.0, null=10.0, scan=(3.0, 10.0, 40.0)),
+        )
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device behind such a lead."""
+        M2_L, w, q = values["inductance"], 2 * pi * values["frequency"], values["q"]
+
+        def lead(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
+            return Z - M2_L * jw * jw / (jw + w / q + w * w / jw), np.ones_like(Z)
+
+        return assembly.behind(lead)
+
+
+FLAWS: tuple[Effect, ...] = (RangeStep(), PhaseError(), CoupledLoop())

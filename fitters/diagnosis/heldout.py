@@ -11,7 +11,8 @@ from ...models.sweep import Sweep
 from ..interface import FitError
 from ..recording import Recording
 
-BANDS, REPEATS, OVERTONES = "bands", "repeats", "overtones"
+BANDS, REPEATS, OVERTONES, STEPS = "bands", "repeats", "overtones", "steps"
+KINDS = BANDS, REPEATS, OVERTONES, STEPS
 _BLOCKS = 11
 _OUT = (3, 7)
 """Two of eleven contiguous blocks of every sweep; never random points, which their neighbours would give away."""
@@ -20,6 +21,7 @@ _BETWEEN = 2.0
 _NONE = {
     REPEATS: "every step has one recording; give a step twice, disk=first.csv disk=second.csv",
     OVERTONES: "no recording goes above twice the first thickness resonance",
+    STEPS: "no step was recorded after another",
 }
 """What to say where there is none of it."""
 
@@ -29,17 +31,20 @@ Masks = tuple[NDArray[np.bool_], ...]
 def held_out(recordings: Sequence[Recording], what: str) -> Masks:
     """Return which points of every recording take no part, each of shape (N,).
 
-    `what` is `bands` (two contiguous blocks of every sweep), `repeats` (all but the first recording of every step) or
-    `overtones` (everything above twice the half-wave resonance). Raises FitError for another word, and where nothing
-    or all of it would be held out.
+    `what` is `bands` (two contiguous blocks of every sweep), `repeats` (all but the first recording of every step),
+    `overtones` (everything above twice the half-wave resonance) or `steps` (the last step but one, all layers of which
+    the last one has as well). Raises FitError for another word, and where nothing or all of it would be held out.
     """
-    if what not in (BANDS, REPEATS, OVERTONES):
-        raise FitError(f"held out can be {BANDS}, {REPEATS} or {OVERTONES}, not {what}")
+    if what not in KINDS:
+        raise FitError(f"held out can be {', '.join(KINDS[:-1])} or {KINDS[-1]}, not {what}")
     if what == BANDS:
         return tuple(blocks(recording.sweep) for recording in recordings)
+    steps = [recording.step for recording in recordings]
     if what == REPEATS:
-        steps = [recording.step for recording in recordings]
         masks = tuple(np.full(one.sweep.frequency.size, one.step in steps[:k]) for k, one in enumerate(recordings))
+    elif what == STEPS:
+        before_the_last = [*dict.fromkeys(steps)][-2:-1]
+        masks = tuple(np.full(one.sweep.frequency.size, one.step in before_the_last) for one in recordings)
     else:
         masks = tuple(_above(recording) for recording in recordings)
     if not any(mask.any() for mask in masks):

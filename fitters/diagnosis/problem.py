@@ -12,7 +12,7 @@ from ..assembly import coordinates_of, nominal_parameters, priors_of
 from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
 from ..objective import Objective
-from ..recording import Prior, Recording
+from ..recording import Posterior, Prior, Recording
 from .conditions import as_devices
 from .heldout import BANDS, Masks, held_out
 
@@ -73,7 +73,7 @@ class Problem:
     build: Build
     recordings: tuple[Recording, ...]
     """Each with a `Device` as its model."""
-    priors: tuple[Prior, ...]
+    priors: tuple[Prior | Posterior, ...]
     values: Mapping[str, float]
     """Where fits start from."""
     free: tuple[str, ...] | None
@@ -99,10 +99,8 @@ class Problem:
             solution.build, recordings, priors_of(solution.build, steps), values, free, held_out(recordings, hold_out)
         )
 
-    def coordinates(
-        self, effects: Sequence[Candidate], values: Mapping[str, float], held: Sequence[Candidate] = ()
-    ) -> Coordinates:
-        """Return the coordinates of a fit with these effects, starting at `values`, where those `held` stay.
+    def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of a fit with these effects, starting at `values`.
 
         A layer that a wrong model has made vanish starts again from next to nothing: from 1e-100 m no fit comes back.
         """
@@ -111,7 +109,7 @@ class Problem:
         values = {**values, **{name: max(values[name], least) for name, least in thin.items()}}
         base = coordinates_of(self.build, self.steps, values, self.free)
         blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
-        names = [name for effect in effects if effect not in held for name in effect.parameters]
+        names = [name for effect in effects for name in effect.parameters]
         null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.knobs}
         return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
 
@@ -119,11 +117,9 @@ class Problem:
         """Return the recordings, their devices extended by these effects."""
         return tuple(_extended(recording, effects) for recording in self.recordings)
 
-    def objective(
-        self, effects: Sequence[Candidate], values: Mapping[str, float], held: Sequence[Candidate] = ()
-    ) -> Objective:
-        """Return the objective of a fit with these effects, weighted as the recordings are now; those `held` stay."""
-        coordinates = self.coordinates(effects, values, held)
+    def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
+        """Return the objective of a fit with these effects, weighted as the recordings are now."""
+        coordinates = self.coordinates(effects, values)
         return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":

@@ -3,35 +3,36 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...models.arrays import Reals
 from ..descent import descend
 from .problem import Candidate, Problem
 from .search import AGAIN, Refit, finished
 from .tries import resoftened
 
-_FLAT = 1e-3
-"""Slope of all residuals by a coordinate below which it is taken as not moving: a knob that rests at its limit."""
-
 
 def held_out_chi2(problem: Problem, found: Refit) -> float:
     """Return the misfit per degree of freedom on what is held out, of a fit to everything else.
 
-    Measured against noise and against what the fit itself says it does not know there: a resonance that was held out
-    is predicted less well, and that is no fault of the model. A further resonance that lies there as a whole cannot be
-    foretold at all: it stays as the whole recording has it, and only what else the fit says is put to the proof.
+    Measured against noise and against what the fit to the rest does not know itself: a resonance that was held out is
+    foretold less well, and that is no fault of the model. So it is what the held-out points add to the least chi2 of
+    the rest, Chow's test of a forecast (Econometrica 28 (1960) 591): 1 where the model is right, whatever the rest
+    determines; nowhere less than what the fit to everything leaves there.
     """
-    stay = unforeseen(problem, found)
-    objective = resoftened(problem, found).without(problem.proof).objective(found.effects, found.values, stay)
+    rest = resoftened(problem, found).without(problem.proof)
+    objective = rest.objective(found.effects, found.values)
     again = finished(found.effects, descend(objective, objective.coordinates.x, 1e-8, AGAIN))
-    ratios = again.objective.log_ratios(again.descent.x)
-    predicted = _predicted_variance(problem, again, stay)
-    total = points = 0.0
-    for recording, ratio, mask, variance in zip(problem.recordings, ratios, problem.proof, predicted, strict=True):
-        re, im = (recording.noise**2 + part for part in variance)
-        total += float(np.sum((ratio.real**2 / re + ratio.imag**2 / im)[mask])) / 2
-        points += float(mask.sum())
-    return total / max(points, 1.0)
+    taking_part = tuple(~mask for mask in problem.proof)
+    everywhere = tuple(np.ones_like(mask) for mask in problem.proof)
+    added = chi2_of(problem, found, everywhere) - chi2_of(problem, again, taking_part)
+    return added / (2.0 * max(1, sum(int(mask.sum()) for mask in problem.proof)))
+
+
+def chi2_of(problem: Problem, found: Refit, points: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the misfit of a fit on some points in units of noise, with what its priors were stretched."""
+    ratios = found.objective.log_ratios(found.descent.x)
+    parts = zip(problem.recordings, ratios, points, strict=True)
+    return found.against + sum(float(np.sum(np.abs(ratio / one.noise)[own] ** 2)) for one, ratio, own in parts)
 
 
 def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
@@ -47,23 +48,3 @@ def _lies_in(problem: Problem, effect: Candidate, found: Refit) -> bool:
         if recording.step in effect.steps
         for place in places
     )
-
-
-def _predicted_variance(problem: Problem, again: Refit, held: Sequence[Candidate]) -> list[tuple[Reals, Reals]]:
-    """Return the variance of Re and Im of ln Z that the fitted coordinates' uncertainty makes, by recording."""
-    determined = again.objective.jacobian(again.descent.x)
-    scale = 1 / np.maximum(np.linalg.norm(determined, axis=0), _FLAT)
-    normal: Reals = (determined * scale).T @ (determined * scale)
-    inverse: Reals = np.asarray(np.linalg.pinv(normal, rcond=1e-12, hermitian=True), np.float64)
-    covariance: Reals = inverse * np.outer(scale, scale)
-    full = problem.objective(again.effects, again.values, held)
-    J = full.jacobian(again.descent.x)
-    found: list[tuple[Reals, Reals]] = []
-    at = 0
-    for recording in problem.recordings:
-        n = recording.sweep.frequency.size
-        rows = J[at : at + 2 * n] * np.tile(recording.sigma, 2)[:, None]
-        variance = np.einsum("ij,jk,ik->i", rows, covariance, rows)
-        found.append((variance[:n], variance[n:]))
-        at += 2 * n
-    return found

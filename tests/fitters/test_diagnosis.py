@@ -157,6 +157,49 @@ def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
     assert "a glitch" in diagnosis.findings[0].says
 
 
+def test_a_loop_beside_the_lead_is_not_called_physics(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    jw, w = 2j * np.pi * f, 2 * np.pi * 3.3e6
+    loop = -jw * jw * 2e-8 / (jw + w / 5 + w * w / jw)  # couples over a band a fifth as wide as its frequency
+    diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance", "temperature-drift")
+    assert [(finding.effect, finding.where) for finding in diagnosis.findings] == [("unknown", "any")]
+    assert "in series" in diagnosis.findings[0].says
+    assert diagnosis.findings[0].parameters["q"].value == pytest.approx(5, rel=0.05)
+
+
+def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> None:
+    task, truth = given(cases, "glue-missing")
+    (planted,) = truth["findings"]
+    diagnosis = diagnose(task, (planted["effect"],), hold_out="steps")
+    assert [finding.effect for finding in diagnosis.findings] == [planted["effect"]]
+    assert diagnosis.final.held_out < 1.2
+    assert diagnosis.final.held_out < 0.01 * diagnosis.baseline.held_out
+    with pytest.raises(FitError, match="no step was recorded after another"):
+        diagnose(given(cases, "lead")[0], (), hold_out="steps")
+
+
+def test_another_sample_bears_a_finding_out_or_does_not_have_it(cases: Path) -> None:
+    task, truth = given(cases, "lead")
+    (planted,) = truth["findings"]
+    build = read_build(cases / "null" / "build.toml")
+    sweep, f, admittance = bare_disk(cases)
+    found, _ = diagnosed(cases, "lead")
+    sizes = {name: size.value for name, size in found.findings[0].parameters.items()}
+    # the jig that both were in, and a better one
+    leads = {"as long": 1.0, "ten times as long": 10.0, "none": 0.0}
+    impedances = {
+        name: 1 / admittance + times * (sizes["resistance"] + 2j * np.pi * f * sizes["inductance"])
+        for name, times in leads.items()
+    }
+    others = {name: FitTask(build, {"disk": (replace(sweep, impedance=Z),)}) for name, Z in impedances.items()}
+    diagnosis = diagnose(task, (planted["effect"],), others=others)
+    said = {other.sample: other for other in diagnosis.others}
+    assert "bears it out" in said["as long"].says
+    assert said["as long"].chi2_per_dof_after < 1.2 < said["as long"].chi2_per_dof_before
+    assert "part of it" in said["ten times as long"].says
+    assert "does not have lead-inductance at terminals" in said["none"].says
+
+
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
     task, truth = given(cases, "lead")
     (planted,) = truth["findings"]
