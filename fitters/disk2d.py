@@ -65,7 +65,10 @@ class Disk2DFitter:
 
 
 def finite_disk(
-    task: FitTask, budget_seconds: float = math.inf, progress: Callable[[str], None] = lambda _: None
+    task: FitTask,
+    budget_seconds: float = math.inf,
+    progress: Callable[[str], None] = lambda _: None,
+    enough: float = 0.0,
 ) -> FitResult:
     """Say how well the disk of finite diameter describes the recordings of the bare disk, and with which constants.
 
@@ -73,7 +76,8 @@ def finite_disk(
     up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
     known of the ceramic but that it is one. `budget_seconds`: when it is over, descents stop where they are and the
     answer says `converged=False`; what must be done before (reduced model where it is not in the cache, 1 s at
-    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case.
+    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case. `enough`: what may be left of ln Z,
+    root mean square, for a valley to be taken without a look at others.
     Raises FitError as the fitter does.
     """
     began = time.perf_counter()
@@ -82,7 +86,7 @@ def finite_disk(
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
-    descent, error = _descend(disk, full, model, task.free, began + budget_seconds)
+    descent, error = _descend(disk, full, model, task.free, began + budget_seconds, enough)
     layer = disk.layer.name
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
@@ -192,12 +196,12 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
 
 
 def _descend(
-    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float
+    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float, enough: float
 ) -> tuple[Descent, float]:
     """Return the deepest minimum found until then, and the estimated error of the reduced model there."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
-    x, evaluations = searched(disk, model, recordings, coordinates, priors)
+    x, evaluations = searched(disk, model, recordings, coordinates, priors, enough)
     error, before, settled = math.inf, math.inf, False
     for _ in range(_ROUNDS):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))

@@ -19,6 +19,7 @@ Known: TypeAlias = Prior | Posterior
 _COARSE = 400
 # Points of each sweep that the search uses.
 _SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
+_HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _SEARCH)
 # Misfits that the search takes for granted one after the other, from how many places, and how many steps from each.
 _FAR, _SAME = 4.0, 0.02
 # Places that cost this many times as much as the best one are not followed further, nor those as near to a better one.
@@ -31,21 +32,41 @@ def searched(
     recordings: Sequence[Recording],
     coordinates: Coordinates,
     priors: Sequence[Known],
+    enough: float = 0.0,
 ) -> tuple[Reals, int]:
     """Return the bottom of the deepest valley found, and after how many evaluations.
 
-    Misfit is taken as noise, less and less of it: the larger, the wider the valleys.
+    Misfit is taken as noise, less and less of it: the larger, the wider the valleys. Where the most promising places
+    alone lead to less than `enough` of ln Z, root mean square, no others are followed.
     """
     model = replace(model, rough=True)
     places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
     coarse = [replace(_thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
-    for misfit, count, most in _SEARCH:
+    if enough > 0:
+        x, more = _followed(coarse, coordinates, priors, places, _HURRIED)
+        ratios = Objective(coarse, coordinates, ()).log_ratios(x)
+        evaluations += more
+        if max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios) < enough:
+            return x, evaluations
+    x, more = _followed(coarse, coordinates, priors, places, _SEARCH)
+    return x, evaluations + more
+
+
+def _followed(
+    coarse: Sequence[Recording],
+    coordinates: Coordinates,
+    priors: Sequence[Known],
+    places: list[Reals],
+    search: Sequence[tuple[float, int, int]],
+) -> tuple[Reals, int]:
+    evaluations = 0
+    for misfit, count, most in search:
         objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)
         tried = [descend(objective, x, _ROUGH, most) for x in places[:count]]
         evaluations += sum(descent.evaluations for descent in tried)
         tried.sort(key=lambda descent: descent.cost)
-        places = list[Reals]()
+        places = []
         for descent in tried:
             near = any(np.abs(descent.x - x).max() < _SAME for x in places)
             if descent.cost < _FAR * tried[0].cost and not near:

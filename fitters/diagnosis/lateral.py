@@ -55,7 +55,7 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
         return None
     progress("fitting the disk in two dimensions")
     try:
-        result = finite_disk(task, _SECONDS)
+        result = finite_disk(task, _SECONDS, enough=_DESCRIBED)
     except FitError:
         return None
     before = max(
