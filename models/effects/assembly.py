@@ -86,6 +86,10 @@ class Assembly:
         default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
     )
     """The last admittance, and of which parts and shunts and where: what changes only further out has the same."""
+    _known_beside: list[tuple[object, Frequencies, Complexes]] = field(
+        default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
+    )
+    """The last admittance of all shunts, and of which and where: a drifting device has the same."""
 
     @property
     def stack(self) -> Stack:
@@ -136,17 +140,27 @@ class Assembly:
         for parts, shunts, where, known in self._known:
             if parts is self.parts and shunts is self.shunts and where is frequency:
                 return known
-        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        admittance = self._beside(frequency, jw).copy()
         for part in self.parts:
             admittance += part.fraction / part.stack.impedance(frequency)
         if not frequency.flags.writeable:  # a recording's: it stays what it is
             self._known[:] = [(self.parts, self.shunts, frequency, admittance)]
         return admittance
 
+    def _beside(self, frequency: Frequencies, jw: Complexes) -> Complexes:
+        """Return the admittance of all shunts, S, shape (N,)."""
+        for shunts, where, known in self._known_beside:
+            if shunts is self.shunts and where is frequency:
+                return known
+        beside = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        if not frequency.flags.writeable:
+            self._known_beside[:] = [(self.shunts, frequency, beside)]
+        return beside
+
     def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name no stack has."""
         jw = j_omega(frequency)
-        admittance = sum((shunt(jw) for shunt in self.shunts), np.zeros_like(jw))
+        admittance = self._beside(frequency, jw).copy()
         slope = np.zeros((len(names), frequency.size), np.complex128)
         for part in self.parts:
             moved = part.moved_by(names)
