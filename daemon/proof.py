@@ -3,12 +3,15 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..fitters.diagnosis.tries import SIGNIFICANT
 from ..models.errors import CannotError
+
+TOLD = "told.json"
+"""What a diagnosis answers that is told which effects are there."""
 
 
 class ProofError(CannotError):
@@ -23,6 +26,8 @@ class Judged:
     truth: Mapping[str, Any]
     answer: Mapping[str, Any]
     """As of `pzctl diagnose --json`, with `seconds`; or with `error` alone."""
+    told: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """The same of a diagnosis that was told which effects are there; empty where none was."""
 
     @property
     def kind(self) -> str:
@@ -112,5 +117,8 @@ def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
     if found != published:
         raise ProofError(f"{folder / 'truth.json'}: its SHA-256 is {found}, published was {published}; it was changed")
     answers = json.loads((folder / "answers.json").read_text())
+    told: dict[str, Any] = json.loads((folder / TOLD).read_text()) if (folder / TOLD).exists() else {}
     missing = {"error": "no answer"}
-    return tuple(Judged(name, truth, answers.get(name, missing)) for name, truth in json.loads(data).items())
+    return tuple(
+        Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in json.loads(data).items()
+    )

@@ -1,12 +1,14 @@
 """The figures of a proof: how often diagnoses were right, by kind, size and effect; how honest probabilities are."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
 from typing import Any
 
 from .proof import Judged, is_right
+
+_TOLD_OF_THEM = "the same of a diagnosis that is told which effects are there"
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     with_effect = [*of["one"], *of["two"]]
     absorbed = [case for case in of["absorbed"] if case.truth["not_decidable"]]
     ratios = _freed(with_effect)
+    told = _told(with_effect)
+    best = _freed(told)
     return [
         _share("nothing left out: no finding", (case.right for case in of["none"]), ">= 99 %"),
         _share("one effect, detectable: right effect and place first", (case.right for case in of["one"]), ">= 95 %"),
@@ -35,9 +39,11 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         _share("absorbed effects: none named", (case.right for case in of["absorbed"]), "100 %"),
         _share("absorbed effects: listed in not_decidable", (case.listed for case in absorbed), "100 %"),
         Figure("error of the constants after / before, median", len(ratios), _median(ratios), "<= 0.1", False),
+        Figure(f"{_TOLD_OF_THEM}: error of the constants", len(best), _median(best), "", False),
         Figure("error of the constants before, in uncertainties, median", *_off(with_effect, "baseline"), "", False),
         Figure("the same after", *_off(with_effect, "final"), "", False),
         Figure("held-out misfit after / before, median", *_held_out(with_effect), "<= 0.1", False),
+        Figure(f"{_TOLD_OF_THEM}: held-out misfit", *_held_out(told), "", False),
         Figure("chi2 per degree of freedom after, median", *_chi2(with_effect), "< 1.2", False),
         Figure("said with probability p, right in p of cases: mean distance", *_distance(cases), "<= 5 %", True),
         Figure("seconds for a case, median", len(cases), _median([_seconds(case) for case in cases]), "", False),
@@ -139,6 +145,8 @@ class Stratum:
     right: float
     constants: float
     """Error of the constants after / before, median."""
+    constants_told: float
+    """The same of a diagnosis that is told which effects are there."""
     held_out: float
     """Misfit on bands held out after / before, median."""
 
@@ -157,9 +165,14 @@ def strata(cases: Sequence[Judged]) -> list[Stratum]:
         ]
         if inside:
             right = sum(case.right for case in inside) / len(inside)
-            of_constants, of_bands = _median(_freed(inside)), _held_out(inside)[1]
-            found.append(Stratum(low, high, len(inside), right, of_constants, of_bands))
+            of_constants, best = _median(_freed(inside)), _median(_freed(_told(inside)))
+            found.append(Stratum(low, high, len(inside), right, of_constants, best, _held_out(inside)[1]))
     return found
+
+
+def _told(cases: Sequence[Judged]) -> list[Judged]:
+    """Return the cases with the answers of a diagnosis that was told which effects are there, where there is one."""
+    return [replace(case, answer=case.told) for case in cases if "final" in case.told]
 
 
 def _freed(cases: Sequence[Judged]) -> list[float]:

@@ -29,7 +29,9 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             "free, is above twice the threshold of the diagnosis; it is computed by that world alone. What by its "
             "finding no recording of the case can tell apart counts as either: a cable too short to have a capacitance "
             "is a lead. An absorbed effect gains nothing in chi2; where it moves a constant by a part in 1000 or more, "
-            "it is to be listed.",
+            "it is to be listed. Errors of constants count all that the recordings of a case cannot know (noise, the "
+            "thickness and density that its build file gives); how little of them is left at best, a diagnosis shows "
+            "that is told which effects are there.",
             _figures_table(figures(cases)),
             "A faint effect can bias no constant by much. Cases with one effect or two, by the chi2 per degree of "
             "freedom that a fit without them leaves:",
@@ -73,11 +75,14 @@ def _rates_table(rows: Sequence[Rate]) -> str:
 def _strata_table(rows: Sequence[Stratum]) -> str:
     lines = [
         f"| {number(row.low)} to {'any' if math.isinf(row.high) else number(row.high)} | {row.cases} "
-        f"| {number(row.right, percent=True)} | {number(row.constants)} | {number(row.held_out)} |"
+        f"| {number(row.right, percent=True)} | {number(row.constants)} | {number(row.constants_told)} | {number(row.held_out)} |"
         for row in rows
     ]
-    head = "| chi2 before | cases | right | error of the constants after / before | held-out misfit after / before |"
-    return "\n".join([head, "|---|---|---|---|---|", *lines])
+    head = (
+        "| chi2 before | cases | right | error of the constants after / before | the same, told which effects are there "
+        "| held-out misfit after / before |"
+    )
+    return "\n".join([head, "|---|---|---|---|---|---|", *lines])
 
 
 def _bins_table(rows: Sequence[tuple[int, float, float]]) -> str:

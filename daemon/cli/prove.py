@@ -45,8 +45,10 @@ def prove(
     answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs, out / "answers.json")
     part = "Sealed part, never used while the diagnosis was developed" if seed in _SEALED else "Development cases"
     title = f"{part}: seed {seed}, {_commit()}."
-    told = json.loads(_child("pzctl.daemon.proofpage", out, published, title))
     seconds = time.perf_counter() - began
+    screen.print("the same once more, told which effects are there", highlight=False)
+    _child("pzctl.daemon.prooftold", out, published, jobs)
+    told = json.loads(_child("pzctl.daemon.proofpage", out, published, title))
     if as_json:
         print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))
         return
@@ -88,6 +90,7 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
     from concurrent.futures import as_completed
 
     from ...fitters.cores import started
+    from ..proofcase import diagnose_case
     from ..terminal import console
 
     answers: dict[str, Any] = {}
@@ -101,24 +104,3 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
             says = f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}"
             console(stderr=True).print(says, markup=False, highlight=False, soft_wrap=True)
     return answers
-
-
-def diagnose_case(folder: Path) -> dict[str, Any]:
-    """Diagnose the build and the recordings in a folder as `pzctl diagnose --json` does; `seconds` beside it."""
-    from ...drivers.recordings import read_recording
-    from ...fitters.diagnosis.diagnose import diagnose
-    from ...fitters.interface import FitTask
-    from ...models.sweep import Sweep
-    from ..buildfile import read_build
-    from ..diagnoses import diagnosis_json
-
-    began = time.perf_counter()
-    try:
-        sweeps: dict[str, tuple[Sweep, ...]] = {}
-        for file in sorted(folder.glob("*.csv"), key=lambda path: path.stem):
-            step = file.stem.split("-")[0]
-            sweeps[step] = (*sweeps.get(step, ()), read_recording(file))
-        found = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps)))
-    except PzctlError as error:
-        return {"error": str(error), "seconds": time.perf_counter() - began}
-    return {**found, "seconds": time.perf_counter() - began}

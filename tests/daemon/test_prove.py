@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from pzctl.daemon.cli.prove import diagnose_case
 from pzctl.daemon.proof import Judged, ProofError, is_right, read_judged
+from pzctl.daemon.proofcase import diagnose_case
 from pzctl.daemon.prooffigures import bins, figures, rates, said
 from pzctl.daemon.proofpage import write_page
 from pzctl.sim.concealed.files import make_cases

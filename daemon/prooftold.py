@@ -1,0 +1,38 @@
+"""What a diagnosis reaches that is told which effects are there: the best that the recordings of a proof can give.
+
+`python -m pzctl.daemon.prooftold FOLDER HASH JOBS` writes `told.json`; it runs when all answers are given, as it opens
+the truth. What it leaves of an error is noise, and what the build file gives, which no diagnosis takes away.
+"""
+
+import json
+import sys
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import Any
+
+from ..fitters.cores import started
+from .proof import TOLD, read_judged
+from .proofcase import diagnose_case
+
+
+def tell_all(folder: Path, published: str, jobs: int) -> Path:
+    """Diagnose once more the cases with detectable effects, only these considered. Raises ProofError."""
+    cases = [case for case in read_judged(folder, published) if case.kind in ("one", "two")]
+    effects = {case.name: tuple(one["effect"] for one in case.truth["findings"]) for case in cases}
+    answers: dict[str, Any] = {}
+    items = [(folder / "cases" / name, of_case) for name, of_case in effects.items()]
+    with started(_told, items, jobs) as waiting:
+        for done in as_completed(waiting):
+            if done.exception() is None:  # a defect of ours has shown in the first answer, where it counts
+                answers[waiting[done][0].name] = done.result()
+    kept = folder / TOLD
+    kept.write_text(json.dumps(dict(sorted(answers.items()))))
+    return kept
+
+
+def _told(case: tuple[Path, tuple[str, ...]]) -> dict[str, Any]:
+    return diagnose_case(*case)
+
+
+if __name__ == "__main__":
+    print(tell_all(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])))
