@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..assembly import nominal_parameters
 from ..descent import descend, softened
 from .evidence import price
 from .pairs import promising
@@ -36,7 +37,8 @@ _ALIKE = 1e-6
 """Relative difference of scores that say the same."""
 _OUT_OF_REACH = 8.0, 2.0
 """chi2 over the best one's after the rough fit from which no finer one would help; and where the best describes all."""
-
+_LOST = 0.4
+"""Of ln Z, root mean square: a fit that leaves so much has twisted the constants; what is near them tells nothing."""
 _AS_A_PAIR = 3.0
 """chi2 after a rough fit up to which a pair may be all there is; others the search one by one finds as well."""
 
@@ -66,18 +68,32 @@ def tried_beside(
         ranked = [*ranked[:_REFITTED_LATER], *_silent(ranked[_REFITTED_LATER:], _NEARLY_IMITATED)]
     firsts, twins = _mirrored(ranked)
     rough = [_tried(softer, current, base, score) for score in firsts]
+    if _is_lost(current):
+        rough += [_from_the_build(problem, softer, candidate) for candidate in left]
     rough.sort(key=price)
     rivals = [one for one in (*rough[:1], against) if one is not None]
     likely = [*rough[:_POLISHED], *(one for one in rough[_POLISHED:] if not one.descent.converged)]
     coarse = _POLISH if _survive(base) else FINER
     fine = {score.candidate: coarse if score.survives > _IMITATED else FINER for score in ranked}
     polished = [
-        polish(problem, one, fine[one.effects[-1]])
+        polish(problem, one, fine.get(one.effects[-1], FINER))
         for one in likely
         if all(_within_reach(one, best) for best in rivals)
     ]
     polished += [_elsewhere(problem, one, twin) for one in polished for twin in twins.get(one.effects[-1], ())]
     return sorted(polished, key=lambda one: (not is_there(one), price(one)))
+
+
+def _is_lost(current: Refit) -> bool:
+    """Return whether the fit without effects is so far off that its constants are those of no such device."""
+    ratios = current.objective.log_ratios(current.descent.x)
+    return not current.effects and max(float(np.mean(np.abs(ratio) ** 2)) for ratio in ratios) > _LOST**2
+
+
+def _from_the_build(problem: Problem, softer: Problem, candidate: Candidate) -> Refit:
+    """Return a refit with a candidate alone, of plausible size, from the constants that the build gives."""
+    start = {**problem.values, **nominal_parameters(problem.build)}
+    return polish(problem, refit(softer, (candidate,), start, candidate.knobs[0].typical))
 
 
 def tried_in_pairs(problem: Problem, candidates: Sequence[Candidate], null: Refit) -> list[Refit]:
