@@ -24,6 +24,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "findings": [_finding(finding) for finding in diagnosis.findings],
         "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
         "data": [_check(check) for check in diagnosis.data],
+        "held_out_Hz": msgspec.to_builtins(diagnosis.held_out_Hz),
         "others": [msgspec.to_builtins(other) | {"says": other.says} for other in diagnosis.others],
         "leftover": msgspec.to_builtins(diagnosis.leftover) | {"chi2_per_dof": number(diagnosis.leftover.chi2_per_dof)},
         "says": list(diagnosis.says),
@@ -68,7 +69,7 @@ def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
         for trouble in check["troubles"]:
             says = f"recording {check['index'] + 1} of {check['step']}: {trouble['says']}"
             console.print(f"- {says}", style="magenta", highlight=False)
-    for sentence in (*found.get("compared", ()), *(other["says"] for other in found["others"])):
+    for sentence in (*found.get("compared", ()), *(other["says"] for other in found.get("others", ()))):
         console.print(f"- {sentence}", highlight=False)
     if findings:
         console.print(_findings_table(findings))

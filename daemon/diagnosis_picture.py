@@ -14,7 +14,9 @@ from ..models.sweep import Sweep
 from .picturefile import save_picture
 from .sketch_picture import draw_sketch
 
-BEFORE, AFTER, GUILTY, MARK, FAINT = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98"
+BEFORE, AFTER, GUILTY, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
+_STRIP = 0.025
+"""Height of the strip that marks what was held out, of the axes."""
 _SMOOTH = 9
 """Points over which the heavy line is averaged."""
 _LEAST_SPAN = 50.0
@@ -44,7 +46,8 @@ def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: B
     named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
     for k, axes in enumerate(panels.flat):
         if k < len(shown):
-            _residuals(axes, shown[k], found["findings"], named=named, legend=k == 0)
+            held: Any = found["held_out_Hz"][k] if found.get("held_out_Hz") else ()  # older journals do not tell
+            _residuals(axes, shown[k], found["findings"], held, named=named, legend=k == 0)
         else:
             axes.set_axis_off()
     above.suptitle(f"{build.name}: {found['says'][0]}", fontweight="bold", fontsize=11.5)
@@ -63,10 +66,19 @@ def _rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [one for one in finding["alternatives"] if one["probability"] >= 0.005]
 
 
-def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *, named: bool, legend: bool) -> None:
+def _residuals(
+    axes: Any,
+    curve: Curve,
+    findings: Sequence[Mapping[str, Any]],
+    held: Sequence[Sequence[float]],
+    *,
+    named: bool,
+    legend: bool,
+) -> None:
     """Draw the size of the residuals over frequency: every point faint, their running mean heavy.
 
-    `named`: whether something was found that the model can take in.
+    `held`: bands in Hz that took no part in the fits of the proof. `named`: whether something was found that the model
+    can take in.
     """
     f = curve.frequency / 1e6
     noise = noise_from_smoothness(Sweep(curve.frequency, curve.measured))
@@ -80,11 +92,7 @@ def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *
         axes.semilogy(f, np.maximum(_running(size), floor), color=colour, linewidth=1.5, label=label)
     if noise is not None:
         axes.fill_between(f, floor, np.sqrt(2) * noise, color="0.85", linewidth=0, zorder=0, label="noise")
-    for finding in findings:
-        if finding["step"] == curve.step:
-            for low, high in finding["bands_Hz"]:
-                if high > curve.frequency[0] and low < curve.frequency[-1]:
-                    axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
+    _bands(axes, curve, findings, held)
     axes.set_xlim(f[0], f[-1])
     axes.set_ylim(floor, max(axes.get_ylim()[1], _LEAST_SPAN * floor))
     axes.set_title(f"step {curve.step}", loc="left", fontsize=9)
@@ -93,9 +101,22 @@ def _residuals(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], *
     axes.tick_params(labelsize=8.5)
     axes.spines[["top", "right"]].set_visible(False)
     if legend:
-        if any(finding["bands_Hz"] for finding in findings):
-            axes.fill_between([], [], color=GUILTY, linewidth=0, label="where it shows")
-        axes.legend(fontsize=8.5, frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+        axes.legend(fontsize=8.5, frameon=False, ncols=5, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+
+
+def _bands(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], held: Sequence[Sequence[float]]) -> None:
+    """Mark where findings show, and at the foot what was held out."""
+    for finding in findings:
+        if finding["step"] == curve.step:
+            for low, high in finding["bands_Hz"]:
+                if high > curve.frequency[0] and low < curve.frequency[-1]:
+                    axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
+    for low, high in held:
+        axes.axvspan(low / 1e6, high / 1e6, ymax=_STRIP, color=HELD, linewidth=0)
+    if any(finding["bands_Hz"] for finding in findings):
+        axes.fill_between([], [], color=GUILTY, linewidth=0, label="where it shows")
+    if held:
+        axes.fill_between([], [], color=HELD, linewidth=0, label="held out for the proof")
 
 
 def _running(size: Reals) -> Reals:

@@ -73,16 +73,19 @@ def _rates_table(rows: Sequence[Rate]) -> str:
 
 
 def _strata_table(rows: Sequence[Stratum]) -> str:
-    lines = [
-        f"| {number(row.low)} to {'any' if math.isinf(row.high) else number(row.high)} | {row.cases} "
-        f"| {number(row.right, percent=True)} | {number(row.constants)} | {number(row.constants_told)} | {number(row.held_out)} |"
-        for row in rows
-    ]
     head = (
-        "| chi2 before | cases | right | error of the constants after / before | the same, told which effects are there "
-        "| held-out misfit after / before |"
+        *("chi2 before", "cases", "right", "error of the constants after / before"),
+        *("the same, told which effects are there", "held-out misfit after / before"),
     )
-    return "\n".join([head, "|---|---|---|---|---|---|", *lines])
+    lines = [head, ["---"] * len(head), *map(_stratum, rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _stratum(row: Stratum) -> Sequence[str]:
+    high = "any" if math.isinf(row.high) else number(row.high)
+    right = number(row.right, percent=True)
+    ratios = (row.constants, row.constants_told, row.held_out)
+    return (f"{number(row.low)} to {high}", str(row.cases), right, *map(number, ratios))
 
 
 def _bins_table(rows: Sequence[tuple[int, float, float]]) -> str:

@@ -23,7 +23,7 @@ from .evidence import gain
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
 from .flaws import ANY, UNKNOWN
 from .gates.gate import Gated, gate
-from .heldout import BANDS
+from .heldout import BANDS, bands_of
 from .problem import Candidate, Problem
 from .proof import held_out_chi2, unforeseen
 from .remainder import in_words, remainder
@@ -109,6 +109,7 @@ def diagnose(
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.start, final.descent.x),
         data=gated.checks,
+        held_out_Hz=tuple(map(bands_of, problem.recordings, problem.proof)),
         others=proofs,
         seconds=time.perf_counter() - began,
     )

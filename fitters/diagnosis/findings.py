@@ -153,4 +153,6 @@ class Diagnosis:
     data: tuple[DataCheck, ...]
     """What the gates found of each recording."""
     seconds: float
+    held_out_Hz: tuple[Bands, ...] = ()
+    """By recording, as `before` and `after`: where it took no part in the fits that prove the explanation."""
     others: tuple[OtherSample, ...] = ()

@@ -10,6 +10,7 @@ from ...models.effects.scale import resonance
 from ...models.sweep import Sweep
 from ..interface import FitError
 from ..recording import Recording
+from .findings import Bands
 
 BANDS, REPEATS, OVERTONES, STEPS = "bands", "repeats", "overtones", "steps"
 KINDS = BANDS, REPEATS, OVERTONES, STEPS
@@ -52,6 +53,12 @@ def held_out(recordings: Sequence[Recording], what: str) -> Masks:
     if all(mask.all() for mask in masks):
         raise FitError(f"without {what} nothing is left to fit: record the first thickness resonance as well")
     return masks
+
+
+def bands_of(recording: Recording, mask: NDArray[np.bool_]) -> Bands:
+    """Return the bands in Hz in which points take no part, from the first to the last point of each."""
+    f, edges = recording.sweep.frequency, np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return tuple((float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2))
 
 
 def blocks(sweep: Sweep) -> NDArray[np.bool_]:

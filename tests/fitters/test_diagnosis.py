@@ -174,6 +174,8 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
     assert [finding.effect for finding in diagnosis.findings] == [planted["effect"]]
     assert diagnosis.final.held_out < 1.2
     assert diagnosis.final.held_out < 0.01 * diagnosis.baseline.held_out
+    f = task.sweeps["disk"][0].frequency
+    assert diagnosis.held_out_Hz == (((f[0], f[-1]),), ())
     with pytest.raises(FitError, match="no step was recorded after another"):
         diagnose(given(cases, "lead")[0], (), hold_out="steps")
 
