@@ -13,7 +13,6 @@ from .candidates import candidates
 from .findings import OtherSample
 from .gates.gate import gate
 from .problem import Candidate, Problem
-from .proof import chi2_of
 from .search import ROUGH, Refit, finished
 from .tries import null_refit, polish, resoftened
 
@@ -70,5 +69,6 @@ def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Poste
 
 
 def _per_dof(problem: Problem, found: Refit) -> float:
-    everywhere = tuple(np.ones(one.sweep.frequency.size, np.bool_) for one in problem.recordings)
-    return chi2_of(problem, found, everywhere) / (2.0 * sum(int(mask.size) for mask in everywhere))
+    """Return the misfit in units of noise, with what was told beforehand stretched, for each degree of freedom."""
+    sizes = [one.sweep.frequency.size for one in problem.recordings]
+    return float(np.dot(sizes, found.chi2)) / sum(sizes) + found.against / (2.0 * sum(sizes))

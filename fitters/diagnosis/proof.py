@@ -17,22 +17,24 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
     Measured against noise and against what the fit to the rest does not know itself: a resonance that was held out is
     foretold less well, and that is no fault of the model. So it is what the held-out points add to the least chi2 of
     the rest, Chow's test of a forecast (Econometrica 28 (1960) 591): 1 where the model is right, whatever the rest
-    determines; nowhere less than what the fit to everything leaves there.
+    determines; but never less than what the fit to everything leaves there, as it may be where a fit far from the noise
+    weighs its points otherwise.
     """
     rest = resoftened(problem, found).without(problem.proof)
     objective = rest.objective(found.effects, found.values)
     again = finished(found.effects, descend(objective, objective.coordinates.x, 1e-8, AGAIN))
     taking_part = tuple(~mask for mask in problem.proof)
     everywhere = tuple(np.ones_like(mask) for mask in problem.proof)
-    added = chi2_of(problem, found, everywhere) - chi2_of(problem, again, taking_part)
-    return added / (2.0 * max(1, sum(int(mask.sum()) for mask in problem.proof)))
+    added = _chi2(problem, found, everywhere) + found.against - _chi2(problem, again, taking_part) - again.against
+    left = _chi2(problem, found, problem.proof)
+    return max(added, left) / (2.0 * max(1, sum(int(mask.sum()) for mask in problem.proof)))
 
 
-def chi2_of(problem: Problem, found: Refit, points: Sequence[NDArray[np.bool_]]) -> float:
-    """Return the misfit of a fit on some points in units of noise, with what its priors were stretched."""
+def _chi2(problem: Problem, found: Refit, points: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the misfit of a fit on some points in units of noise."""
     ratios = found.objective.log_ratios(found.descent.x)
     parts = zip(problem.recordings, ratios, points, strict=True)
-    return found.against + sum(float(np.sum(np.abs(ratio / one.noise)[own] ** 2)) for one, ratio, own in parts)
+    return sum(float(np.sum(np.abs(ratio / one.noise)[own] ** 2)) for one, ratio, own in parts)
 
 
 def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
