@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..descent import descend
-from ..interface import FitTask
+from ..interface import FitError, FitTask
 from ..joint import solve
 from ..recording import Posterior
 from .candidates import candidates
@@ -28,8 +28,10 @@ def carried_over(
     Econometrica 28 (1960) 591). Raises FitError where the other sample cannot be fitted.
     """
     progress(f"carrying over to {sample}")
-    gated = gate(task.sweeps)
-    other = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free)
+    try:
+        other = Problem.of(solve(replace(task, sweeps=gate(task.sweeps).sweeps), progress), task.free)
+    except FitError as error:
+        raise FitError(f"{sample}: {error}") from error
     null = polish(other, null_refit(other), _FINE)
     there = {one: twin for one in final.effects for twin in _twins(other, one)}
     before = _per_dof(other, null)

@@ -38,15 +38,14 @@ def _chi2(problem: Problem, found: Refit, points: Sequence[NDArray[np.bool_]]) -
 
 
 def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
-    """Return the effects with a frequency of their own that was held out of every recording that shows them."""
-    return tuple(one for one in found.effects if one.lines and _lies_in(problem, one, found))
+    """Return the effects that nothing tells but what was held out: in another step, or with lines in other bands."""
+    return tuple(one for one in found.effects if _lies_in(problem, one, found))
 
 
 def _lies_in(problem: Problem, effect: Candidate, found: Refit) -> bool:
     places = [found.values[name] for name in effect.lines]
     return all(
-        mask[np.argmin(np.abs(recording.sweep.frequency - place))]
+        mask.all() or (places and all(mask[np.argmin(np.abs(recording.sweep.frequency - f))] for f in places))
         for recording, mask in zip(problem.recordings, problem.proof, strict=True)
         if recording.step in effect.steps
-        for place in places
     )
