@@ -83,5 +83,5 @@ def _sample_in(folder: Path) -> "FitTask":
     for note in sample.notes:
         print(f"note: {folder}: {note}", file=sys.stderr)
     if sample.job is None:
-        raise NoSamplesError(sample.error or f"{folder}: nothing to fit")
+        raise NoSamplesError(str(sample.error))
     return sample.job.task

@@ -78,6 +78,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "--effects is 'cable,'; names with commas between are needed, for example cable,bond-layer",
         ),
         (
+            ["diagnose", "--build", str(BUILD), "disk=disk.csv", "--other-sample", "proof"],
+            "proof/build.toml: cannot be read: No such file or directory",
+        ),
+        (
             ["fit", "--all", "samples"],
             "samples: no subfolder holds a build.toml; each sample needs build.toml and STEP.csv files",
         ),
