@@ -8,6 +8,7 @@ import numpy as np
 from ..descent import descend
 from ..interface import FitError, FitTask
 from ..joint import solve
+from ..objective import Objective
 from ..recording import Posterior
 from .candidates import candidates
 from .findings import OtherSample
@@ -38,12 +39,15 @@ def carried_over(
     names = tuple(f"{one.effect.name} at {one.where}" for one in there)
     if not there:
         return OtherSample(sample, other.steps, (), before, before)
-    told = replace(other, priors=(*other.priors, _told(problem, final, tuple(there))))
+    effects, told = tuple(there.values()), _told(problem, final, tuple(there))
     values = {**null.values, **{name: final.values[name] for one in there for name in one.parameters}}
-    # one start for both, as what is told is told in coordinates that begin there
-    softly, strictly = (one.objective(tuple(there.values()), values) for one in (resoftened(told, null), told))
-    roughly = descend(softly, softly.coordinates.x, ROUGH)
-    again = finished(tuple(there.values()), descend(strictly, roughly.x, _FINE))
+    coordinates = other.coordinates(effects, values)  # the same for both: what is told is told in these
+    softly, strictly = (
+        Objective(one.with_effects(effects), coordinates, (*one.priors, told))
+        for one in (resoftened(other, null), other)
+    )
+    roughly = descend(softly, coordinates.x, ROUGH)
+    again = finished(effects, descend(strictly, roughly.x, _FINE))
     return OtherSample(sample, other.steps, names, before, _per_dof(other, again))
 
 

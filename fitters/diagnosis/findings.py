@@ -124,7 +124,7 @@ class OtherSample:
     def says(self) -> str:
         """A sentence for people."""
         if not self.effects:
-            return f"Sample {self.sample} has no step in which what was found here could be."
+            return f"Nothing was found here that sample {self.sample} could bear out."
         names = " and ".join(self.effects)
         fall = f"its own constants free, chi2/dof {self.chi2_per_dof_before:.3g} -> {self.chi2_per_dof_after:.3g}"
         if max(self.chi2_per_dof_before, self.chi2_per_dof_after) < _BORNE_OUT:

@@ -12,7 +12,7 @@ from ..assembly import coordinates_of, nominal_parameters, priors_of
 from ..coordinates import Block, Coordinates, between, hardly_negative, linear
 from ..joint import Solution
 from ..objective import Objective
-from ..recording import Posterior, Prior, Recording
+from ..recording import Prior, Recording
 from .conditions import as_devices
 from .heldout import BANDS, Masks, held_out
 
@@ -73,7 +73,7 @@ class Problem:
     build: Build
     recordings: tuple[Recording, ...]
     """Each with a `Device` as its model."""
-    priors: tuple[Prior | Posterior, ...]
+    priors: tuple[Prior, ...]
     values: Mapping[str, float]
     """Where fits start from."""
     free: tuple[str, ...] | None

@@ -200,6 +200,8 @@ def test_another_sample_bears_a_finding_out_or_does_not_have_it(cases: Path) -> 
     assert said["as long"].chi2_per_dof_after < 1.2 < said["as long"].chi2_per_dof_before
     assert "part of it" in said["ten times as long"].says
     assert "does not have lead-inductance at terminals" in said["none"].says
+    nothing = diagnose(others["none"], (planted["effect"],), others={"next": others["as long"]})
+    assert [other.says for other in nothing.others] == ["Nothing was found here that sample next could bear out."]
 
 
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
