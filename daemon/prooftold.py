@@ -1,11 +1,10 @@
 """What a diagnosis reaches that is told which effects are there: the best that the recordings of a proof can give.
 
-`python -m pzctl.daemon.prooftold FOLDER HASH JOBS` writes `told.json`; it runs when all answers are given, as it opens
-the truth. What it leaves of an error is noise, and what the build file gives, which no diagnosis takes away.
+Asked when all answers are given and kept, as this opens the truth. What it leaves of an error is noise, and what the
+build file gives, which no diagnosis takes away.
 """
 
 import json
-import sys
 from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,11 @@ from .proof import TOLD, read_judged
 from .proofcase import diagnose_case
 
 
-def tell_all(folder: Path, published: str, jobs: int) -> Path:
-    """Diagnose once more the cases with detectable effects, only these considered. Raises ProofError."""
+def tell_all(folder: Path, published: str, jobs: int) -> None:
+    """Diagnose once more the cases with detectable effects, only these considered, and keep what is answered.
+
+    Raises ProofError where the truth is not the one whose hash was published.
+    """
     cases = [case for case in read_judged(folder, published) if case.kind in ("one", "two")]
     effects = {case.name: tuple(one["effect"] for one in case.truth["findings"]) for case in cases}
     answers: dict[str, Any] = {}
@@ -25,14 +27,8 @@ def tell_all(folder: Path, published: str, jobs: int) -> Path:
         for done in as_completed(waiting):
             if done.exception() is None:  # a defect of ours has shown in the first answer, where it counts
                 answers[waiting[done][0].name] = done.result()
-    kept = folder / TOLD
-    kept.write_text(json.dumps(dict(sorted(answers.items()))))
-    return kept
+    (folder / TOLD).write_text(json.dumps(dict(sorted(answers.items()))))
 
 
 def _told(case: tuple[Path, tuple[str, ...]]) -> dict[str, Any]:
     return diagnose_case(*case)
-
-
-if __name__ == "__main__":
-    print(tell_all(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])))

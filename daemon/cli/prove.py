@@ -33,6 +33,7 @@ def prove(
 
     Example: pzctl prove --count 60 --out proof
     """
+    from ..prooftold import tell_all
     from ..terminal import console
 
     if (out / "truth.json").exists():
@@ -47,7 +48,7 @@ def prove(
     title = f"{part}: seed {seed}, {_commit()}."
     seconds = time.perf_counter() - began
     screen.print("the same once more, told which effects are there", highlight=False)
-    _child("pzctl.daemon.prooftold", out, published, jobs)
+    tell_all(out, published, jobs)
     told = json.loads(_child("pzctl.daemon.proofpage", out, published, title))
     if as_json:
         print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))

@@ -21,20 +21,25 @@ _NEVER = -0.5, 0.5
 """Limits of ln Z beyond which nobody would take it for a flaw."""
 
 
-class RangeStep(Effect):
-    """Z times a factor from one frequency on: the analyzer has changed its range there."""
+class Flaw(Effect):
+    """What is wrong with the instrument or around it: no place of a build, and rarer than what a catalogue has."""
 
     name = UNKNOWN
-    stage = Stage.RECORD
-    sizes = 2
     odds = 0.1
-    says = "From one frequency on all values differ by a factor, as if the analyzer had changed its range there."
-    separates = "sweep again with a fixed range, or at another level"
-    references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `any`: an instrument is no place of a build."""
         return (ANY,)
+
+
+class RangeStep(Flaw):
+    """Z times a factor from one frequency on: the analyzer has changed its range there."""
+
+    stage = Stage.RECORD
+    sizes = 2
+    says = "From one frequency on all values differ by a factor, as if the analyzer had changed its range there."
+    separates = "sweep again with a fixed range, or at another level"
+    references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the change of ln |Z|, of the phase (rad), and where it is (Hz)."""
@@ -58,19 +63,13 @@ class RangeStep(Effect):
         return assembly.recorded(stepped)
 
 
-class PhaseError(Effect):
+class PhaseError(Flaw):
     """Z times exp(j phase (f/f0)^power), whatever Z is: the adapter's phase is not what the analyzer believes."""
 
-    name = UNKNOWN
     stage = Stage.RECORD
-    odds = 0.1
     says = "The phase is off by an angle that grows with frequency whatever the impedance is, as of a wrong adapter."
     separates = "set the adapter again, and sweep a capacitor: its phase tells"
     references = ("Agilent 4294A Operation Manual, adapter phase compensation",)
-
-    def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `any`: an instrument is no place of a build."""
-        return (ANY,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the angle at the resonance (rad), and the power of frequency with which it grows."""
@@ -90,19 +89,13 @@ class PhaseError(Effect):
         return assembly.recorded(turned)
 
 
-class CoupledLoop(Effect):
+class CoupledLoop(Flaw):
     """Z + (w M)^2 over the impedance of a loop beside the lead: a resonance in series, at any loss."""
 
-    name = UNKNOWN
     stage = Stage.TERMINALS
-    odds = 0.1
     says = "Something resonates beside the lead, in series with the device, as a loop that the lead's field reaches."
     separates = "sweep a short circuit in the same clip: what it shows is not the device's; move the leads"
     references = ("Terman, Radio Engineers' Handbook (1943), section 3 (coupled circuits)",)
-
-    def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `any`: what is beside a lead is no place of a build."""
-        return (ANY,)
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return M^2/L of the loop (H), its frequency (Hz) and its Q."""
@@ -123,4 +116,4 @@ class CoupledLoop(Effect):
         return assembly.behind(lead)
 
 
-FLAWS: tuple[Effect, ...] = (RangeStep(), PhaseError(), CoupledLoop())
+FLAWS: tuple[Flaw, ...] = (RangeStep(), PhaseError(), CoupledLoop())

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from pzctl.daemon.proof import Judged, ProofError, is_right, read_judged
 from pzctl.daemon.proofcase import diagnose_case
 from pzctl.daemon.prooffigures import bins, figures, rates, said
 from pzctl.daemon.proofpage import write_page
+from pzctl.daemon.prooftold import tell_all
 from pzctl.sim.concealed.files import make_cases
 
 
@@ -115,6 +117,22 @@ def test_a_concealed_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> N
     given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk with nothing left out
     assert given["verdict"] == "no-mismatch"
     assert given["seconds"] > 0
+
+
+def test_a_diagnosis_that_is_told_the_effects_shows_what_is_left_at_best(cases: Path, tmp_path: Path) -> None:
+    shutil.copytree(cases / "lead", tmp_path / "cases" / "a")
+    data = json.dumps({"a": truth("one", LEAD), "b": truth("none")}).encode()
+    (tmp_path / "truth.json").write_bytes(data)
+    (tmp_path / "answers.json").write_text(json.dumps({"a": answer(), "b": answer()}))
+    published = hashlib.sha256(data).hexdigest()
+    tell_all(tmp_path, published, jobs=1)
+    judged, nothing = read_judged(tmp_path, published)
+    assert [one["effect"] for one in judged.told["findings"]] == ["lead-inductance"]
+    assert not nothing.told
+    by_name = {figure.what: figure for figure in figures([judged, nothing])}
+    told = by_name["the same of a diagnosis that is told which effects are there: held-out misfit"]
+    assert told.cases == 1
+    assert told.value < 0.5
 
 
 def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
