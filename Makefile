@@ -22,17 +22,17 @@ bench: .venv/ready ## the benchmarks behind every figure we state
 
 docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and the guides as pages in build/site
 	$(BIN)/python -P -c "from pzctl.models.thesis import page; print(page(), end='')" > docs/thesis.md
-	$(BIN)/python -m pzctl.daemon.schemas docs/schema
-	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
+	$(BIN)/python docs/tools/schemas.py docs/schema
+	$(BIN)/python docs/tools/errors_page.py docs/errors.md
 	$(BIN)/mkdocs build --quiet
 
 errors: .venv/ready ## run the tests and write down, in docs/errors.md, every sentence that one of them provokes
 	rm -f docs/provoked.jsonl
-	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/provoked_by $(BIN)/pytest -n auto --dist loadscope
-	$(BIN)/python -m pzctl.daemon.errorspage docs/errors.md
+	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist loadscope
+	$(BIN)/python docs/tools/errors_page.py docs/errors.md
 
 pictures: .venv/ready ## the screenshots of page and terminal in docs/pictures, made anew by their tests
-	PZCTL_SCREENSHOTS=docs/pictures $(BIN)/pytest -q tests/daemon/test_page_browser.py tests/daemon/test_terminal.py -k "button or hand or left_out or picture"
+	PZCTL_SCREENSHOTS=docs/pictures $(BIN)/pytest -q tests/daemon/page/test_page_browser.py tests/daemon/cli/test_terminal.py -k "button or hand or left_out or picture"
 
 clean: ## remove what the other targets made
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

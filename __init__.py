@@ -7,20 +7,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .daemon.aio import connect_async as connect_async
-    from .daemon.client import connect as connect
+    from .daemon.client.async_client import connect_async as connect_async
+    from .daemon.client.client import connect as connect
     from .models.build import Build as Build
-    from .models.plan import Segment as Segment
-    from .models.plan import SweepPlan as SweepPlan
     from .models.sweep import Sweep as Sweep
+    from .models.sweep_plan import Segment as Segment
+    from .models.sweep_plan import SweepPlan as SweepPlan
 
 _HOME = {
     "Build": ".models.build",
-    "Segment": ".models.plan",
+    "Segment": ".models.sweep_plan",
     "Sweep": ".models.sweep",
-    "SweepPlan": ".models.plan",
-    "connect": ".daemon.client",
-    "connect_async": ".daemon.aio",
+    "SweepPlan": ".models.sweep_plan",
+    "connect": ".daemon.client.client",
+    "connect_async": ".daemon.client.async_client",
 }
 __all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect", "connect_async"]
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from pzctl import Build, connect
-from pzctl.models.errors import PzctlError
+from pzctl.models.base.errors import PzctlError
 
 
 class Status:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from pzctl import Build, connect
-from pzctl.daemon.buildfile import read_build
+from pzctl.daemon.files.builds.build_file import read_build
 
 NAMES = ("disk.c33D", "disk.eps33S", "disk.h33")
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from pymeasure.experiment import Parameter, Procedure, Results, Worker
 
 from pzctl import connect
-from pzctl.daemon.buildfile import read_build
+from pzctl.daemon.files.builds.build_file import read_build
 
 
 class ImpedanceProcedure(Procedure):

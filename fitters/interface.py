@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ..models.arrays import Frequencies, Impedances
+from ..models.base.arrays import Frequencies, Impedances
+from ..models.base.errors import CannotError
 from ..models.build import Build
-from ..models.errors import CannotError
 from ..models.sweep import Sweep
 
 

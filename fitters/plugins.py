@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 
-from ..models.errors import PzctlError
-from ..models.named import among
+from ..models.base.errors import PzctlError
+from ..models.base.names import among
 from .interface import Fitter
 
 GROUP = "pzctl.fitters"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .plan import SweepPlan
+from .sweep_plan import SweepPlan
 
 
 @dataclass(frozen=True)

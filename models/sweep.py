@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Frequencies, Impedances
-from .errors import PzctlError
+from .base.arrays import Frequencies, Impedances
+from .base.errors import PzctlError
 
 
 class SweepError(PzctlError):

@@ -10,17 +10,17 @@ from collections.abc import Callable, Coroutine, Generator, Mapping
 from dataclasses import dataclass, field
 from queue import Queue
 
-from .bench import Bench
-from .benchport import BenchPort
-from .faults import Faults
-from .ftp import FtpServer
-from .gpib import GpibDevice
-from .hidden import hide
-from .instrument import Instrument
-from .jig import JIGS
-from .listener import Handler, Listener, SimError
-from .prologix import serve_prologix
-from .session import Exchange, Midway, serve_socket
+from .bench.bench import Bench
+from .bench.bench_port import BenchPort
+from .bench.hidden_effects import hide
+from .bench.jig import JIGS
+from .instrument.instrument import Instrument
+from .transport.faults import Faults
+from .transport.ftp import FtpServer
+from .transport.gpib import GpibDevice
+from .transport.listener import Handler, Listener, SimError
+from .transport.prologix import serve_prologix
+from .transport.session import Exchange, Midway, serve_socket
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from chromium import free_port
+from errors_page import all_sites, error_kinds, page, rows_of
 from typer.main import get_command
 
 from pzctl.daemon.cli import app
-from pzctl.daemon.errorspage import all_sites, error_kinds, page, rows_of
-
-from .daemon.chromium import free_port
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

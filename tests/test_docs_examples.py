@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pzctl.sim.control import bench_command
+from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.server import SimOptions, running
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -24,8 +24,8 @@ INDENTED = re.compile(r"^    pzctl ([^#\n]*)", re.MULTILINE)
 S4 = re.compile(r"<!-- file: S4.toml -->\n```toml\n(.*?)```", re.DOTALL)
 GUIDES = ("connecting-a-4294A", "first-measurement", "when-the-fit-is-wrong", "diagnosis")
 ELSEWHERE = {
-    "doctor": "tests/daemon/test_show_export_doctor.py",
-    "measure --diagnose": "tests/daemon/test_measure_diagnose.py",
+    "doctor": "tests/daemon/cli/test_show_export_doctor.py",
+    "measure --diagnose": "tests/daemon/cli/test_measure_diagnose.py",
 }
 """Which test runs a command that takes too long to be done twice."""
 

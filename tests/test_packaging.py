@@ -53,7 +53,7 @@ def test_the_wheel_holds_the_code_and_one_name(dist: Path) -> None:
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"pzctl"}
     assert "pzctl/py.typed" in names
-    assert "pzctl/daemon/thesis.toml" in names
+    assert "pzctl/daemon/files/builds/thesis.toml" in names
     assert any(name.endswith("entry_points.txt") for name in names)
     assert not [name for name in names if "/tests/" in name or "/docs/" in name or name.endswith("README.md")]
 
@@ -74,8 +74,8 @@ def test_the_installed_wheel_runs(dist: Path, tmp_path: Path) -> None:
     program = (
         "import pzctl, sys; assert pzctl.__file__.startswith(sys.argv[1]), pzctl.__file__\n"
         "from pzctl.fitters.plugins import list_fitters; assert all(fitter.works for fitter in list_fitters())\n"
-        "from pzctl.daemon.buildfile import read_build; from pathlib import Path\n"
-        "read_build(Path(pzctl.__file__).parent / 'daemon' / 'thesis.toml')\n"
+        "from pzctl.daemon.files.builds.build_file import read_build; from pathlib import Path\n"
+        "read_build(Path(pzctl.__file__).parent / 'daemon' / 'files' / 'builds' / 'thesis.toml')\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(target)}
     done = subprocess.run(
@@ -93,6 +93,7 @@ def test_modules_exist_once() -> None:
     """Standing in the checkout, nothing imports the package under the folder's own name."""
     import pzctl.models.stack
 
-    twins = [name for name in sys.modules if name.endswith("models.stack") and name != "pzctl.models.stack"]
-    assert not twins
-    assert pzctl.models.stack.Stack is not None
+    where = pzctl.models.stack.__file__
+    assert [name for name, module in sys.modules.items() if getattr(module, "__file__", None) == where] == [
+        "pzctl.models.stack"
+    ]

@@ -9,31 +9,17 @@ from typing import Annotated, Any
 
 import typer
 
-from ...models.errors import PzctlError
-from . import (
-    compensate,
-    diagnose,
-    doctor,
-    effects,
-    export,
-    fit,
-    fitters,
-    journal,
-    keys,
-    materials,
-    measure,
-    new,
-    page,
-    prove,
-    report,
-    samples,
-    screenshot,
-    service,
-    show,
-    simulator,
-    status,
-    watch,
-)
+from ...models.base.errors import PzctlError
+from .analysis import diagnose, effects, fit, fitters, materials, prove
+from .bench import measure, status, watch
+from .bench import new_build as new
+from .bench import page_command as page
+from .lab import compensate, doctor, screenshot, simulator
+from .lab import daemon as service
+from .lab import keys_commands as keys
+from .records import export, samples, show
+from .records import journal_commands as journal
+from .records import report_command as report
 
 app = typer.Typer(
     name="pzctl",
@@ -107,7 +93,7 @@ def _with_quiet(work: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(work)
     def quietly(*words: Any, quiet: bool, **options: Any) -> None:
-        from ..terminal import be_quiet
+        from ..report.terminal import be_quiet
 
         be_quiet(quiet)
         work(*words, **options)

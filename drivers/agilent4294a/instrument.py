@@ -5,17 +5,21 @@ import re
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from ...models.plan import Segment, SweepPlan
 from ...models.sweep import Sweep
-from .. import replies
-from ..analyzer import Cancelled, Identity, InstrumentError, Progress
-from ..link import ConnectionLost, Link
-from . import compensation, files, grid, limits, list_sweep, state
-from .compensation import Compensation, Standard
-from .course import Course
-from .joined import joined
-from .record import record
-from .sweeping import expected_seconds, sweep
+from ...models.sweep_plan import Segment, SweepPlan
+from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..visa import replies
+from ..visa.connection import ConnectionLost, Link
+from . import instrument_files as files
+from . import limits
+from .compensation import standards as compensation
+from .compensation.standards import Compensation, Standard
+from .protocol import saved_state as state
+from .protocol.progress_tracker import Course
+from .sweeps import grid, list_sweep
+from .sweeps.joined_segments import joined
+from .sweeps.single_sweep import expected_seconds, sweep
+from .sweeps.sweep_record import record
 
 # String 1 was HEWLETT-PACKARD even on Agilent's own units; later badges are allowed for.
 _IDN = re.compile(r'"?(HEWLETT-PACKARD|AGILENT[^,]*|KEYSIGHT[^,]*), ?4294A, ?([^,]*), ?([^,"]*)"?', re.IGNORECASE)

@@ -4,7 +4,7 @@ The instrument itself says nothing when it is asked for more: it silently takes 
 (Programming Manual, the out-of-range rule).
 """
 
-from ...models.plan import PlanError, Segment, SweepPlan
+from ...models.sweep_plan import PlanError, Segment, SweepPlan
 
 LOWEST_HZ = 40.0
 HIGHEST_HZ = 110e6

@@ -1,9 +1,9 @@
 """Recordings in files: read what instruments and people write, write what others read."""
 
-from .archive import write_hdf5, write_netcdf
-from .datatrace import read_data_trace
-from .page import RecordingError
+from .formats.datatrace import read_data_trace
+from .formats.netcdf_hdf5 import write_hdf5, write_netcdf
 from .read import read_memory_trace, read_recording
+from .text_file import RecordingError
 from .write import csv_text, write_csv, write_touchstone
 
 __all__ = [

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...models.arrays import Impedances, Reals
+from ...models.base.arrays import Impedances, Reals
 from ...models.sweep import Sweep
-from .page import Page, file_time
+from .text_file import Page, file_time
 
 LOWEST_Hz = 40.0
 """Where the 4294A begins; a recording that ends below it has its frequencies in another unit."""

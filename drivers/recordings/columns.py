@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.arrays import Reals
+from ...models.base.arrays import Reals
 from .assemble import Points
 from .convert import RESISTANCE_WEAK, SIGN_LOST, to_impedance
-from .page import Page, clipped
+from .text_file import Page, clipped
 
 _NAMES = {
     "f": "f freq frequency",

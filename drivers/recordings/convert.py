@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...models.arrays import Impedances, Reals
+from ...models.base.arrays import Impedances, Reals
 
 _ROUNDING = 1e-5
 """By how much |X|/|Z| may exceed 1: seven digits of two rounded numbers, with a margin."""

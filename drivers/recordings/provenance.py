@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.sweep import Sweep
-from .page import Page, RecordingError, clipped
+from .text_file import Page, RecordingError, clipped
 
 FORMAT = "pzctl recording 1"
 OWN = ("format", "rows", "time", "id", "note")

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from ...models.sweep import Sweep
-from .archive import SUFFIXES as ARCHIVES
-from .archive import read_archive
-from .ascii4294a import is_4294a, read_4294a
-from .keysight import is_keysight, read_keysight
-from .page import RecordingError, clipped, read_bytes, read_page
-from .table import read_table
-from .touchstone import SUFFIXES, read_touchstone
+from .formats.ascii4294a import is_4294a, read_4294a
+from .formats.csv_table import read_table
+from .formats.keysight import is_keysight, read_keysight
+from .formats.netcdf_hdf5 import SUFFIXES as ARCHIVES
+from .formats.netcdf_hdf5 import read_archive
+from .formats.touchstone import SUFFIXES, read_touchstone
+from .text_file import RecordingError, clipped, read_bytes, read_page
 
 TEXTS = (".csv", ".txt", ".tsv")
 

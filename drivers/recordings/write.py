@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ...models.sweep import Sweep
+from .atomic_file import write_whole
+from .formats.touchstone import touchstone_text
 from .provenance import provenance_lines
-from .touchstone import touchstone_text
-from .whole import write_whole
 
 HEADER = "frequency_Hz,R_ohm,X_ohm"
 

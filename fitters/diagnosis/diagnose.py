@@ -6,32 +6,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..answer import curves_of, fitted_constants
-from ..assembly import layers_of
-from ..covariance import estimate
-from ..descent import lag_one
+from ..engine.covariance import estimate
+from ..engine.descent import lag_one
+from ..engine.multi_step_fit import solve
+from ..engine.parameters.assembly import layers_of
 from ..interface import Constant, FitTask
-from ..joint import solve
-from . import lateral
-from .absorbed import not_decidable
-from .another import carried_over
-from .bands import excess_of, guilty_bands
-from .candidates import candidates, flaws
-from .decide import Search, believed, pursue, weightiest, without_idle
-from .disturbed import of_the_data, verdict_with, where_disturbed
-from .evidence import gain
+from ..uncertainty.fit_result import curves_of, fitted_constants
+from .data_quality.data_findings import of_the_data, verdict_with, where_disturbed
+from .data_quality.data_gates import Gated, gate
 from .findings import Diagnosis, Finding, Fitted, Leftover, Size, Verdict
-from .flaws import ANY, UNKNOWN
-from .gates.gate import Gated, gate
-from .heldout import BANDS, bands_of
-from .problem import Candidate, Problem
-from .proof import held_out_chi2, unforeseen
-from .remainder import in_words, remainder
-from .score import scores
-from .search import Refit
-from .structure import structured
-from .tries import DESCRIBED, SIGNIFICANT, null_refit, polish
-from .weigh import Weighed, better_instead, weigh
+from .hypotheses import finite_diameter as lateral
+from .hypotheses.candidates import candidates, flaws
+from .hypotheses.instrument_artefacts import ANY, UNKNOWN
+from .hypotheses.problem import Candidate, Problem
+from .inference.evidence import gain
+from .inference.posterior import Weighed, better_instead, weigh
+from .inference.undetectable import not_decidable
+from .search.beam_search import Search, believed, pursue, weightiest, without_idle
+from .search.refit import Refit
+from .search.score_test import scores
+from .search.trial_fits import DESCRIBED, SIGNIFICANT, null_refit, polish
+from .validation.bands import excess_of, guilty_bands
+from .validation.cross_sample import carried_over
+from .validation.held_out import BANDS, bands_of
+from .validation.held_out_misfit import held_out_chi2, unforeseen
+from .validation.residual_summary import in_words, remainder
+from .validation.whiteness_tests import structured
 
 _FINE = 1e-8
 """Relative tolerance of the fits whose constants are told."""

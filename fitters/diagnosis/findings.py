@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..interface import Constant, Curve
-from .gates.report import DataCheck
+from .data_quality.data_issues import DataCheck
 
 Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
 Bands = tuple[tuple[float, float], ...]

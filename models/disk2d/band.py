@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Reals
+from ..base.arrays import Complexes, Frequencies, Reals
 from .full import Shape
-from .line import Numbers, real_times
+from .line_elements import Numbers, real_times
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
 _BELOW, _ABOVE = 0.9, 1.1

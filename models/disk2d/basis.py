@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Reals
+from ..base.arrays import Reals
 from .full import FullDisk, Shape
 
 _PER_SHIFT = 20

@@ -8,12 +8,12 @@ from typing import Self
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ..causal import continued
+from ..base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ..constants.causal import continued
+from ..constants.tensor import Tensor6mm
 from ..stack.laws import CONSTANT, LossLaw, StackError, require_positive
-from ..tensor import Tensor6mm
 from .full import FullDisk, Shape
-from .line import Line, Numbers
+from .line_elements import Line, Numbers
 from .matrices import CONSTANTS, OF_TERM, POWERS
 from .section import LAYER_POWERS, Ring, Section, assemble_section
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Reals
+from ..base.arrays import Complexes, Frequencies, Reals
 from .band import Band, band_shapes, modes_of
 from .full import Shape
 from .matrices import CONSTANTS, OF_TERM, POWERS

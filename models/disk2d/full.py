@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from ..arrays import Complexes, Frequencies, Reals
-from .line import Line, Matrix, Numbers, real_times
+from ..base.arrays import Complexes, Frequencies, Reals
+from .line_elements import Line, Matrix, Numbers, real_times
 from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
 
 _ORDER_R, _ORDER_Z = 7, 8

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Reals
-from .line import Line, Matrix, Numbers
+from ..base.arrays import Reals
+from .line_elements import Line, Matrix, Numbers
 
 CONSTANTS = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
 """The ten constants in the order that everything here keeps."""

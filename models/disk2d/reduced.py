@@ -7,10 +7,10 @@ from typing import Any, Self
 import numpy as np
 from scipy.linalg import eigh
 
-from ..arrays import Complexes, Reals
-from ..errors import PzctlError
+from ..base.arrays import Complexes, Reals
+from ..base.errors import PzctlError
 from .full import FullDisk, Shape
-from .line import Numbers
+from .line_elements import Numbers
 from .matrices import TERMS
 
 ELASTIC = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("c")])

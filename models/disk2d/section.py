@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Reals
-from .line import Line, Matrix
+from ..base.arrays import Reals
+from .line_elements import Line, Matrix
 from .matrices import Matrices, blocks_of, gathered, kron, unit_columns
 
 LAYER_POWERS = np.array([0, 1, 2, 0, 1, 2])

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..arrays import Complexes, Reals
+from ..base.arrays import Complexes, Reals
 from .basis import krylov, split
-from .error import estimate
+from .error_estimate import estimate
 from .full import FullDisk, Shape
 from .reduced import DiskError, ReducedDisk
 

@@ -7,11 +7,11 @@ from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 
-from ..errors import PzctlError
-from ..named import among
-from .assembly import Assembly, Conditions
-from .device import Added, Device
-from .effect import Effect, Knob, Stage
+from ..base.errors import PzctlError
+from ..base.names import among
+from .base.assembly import Assembly, Conditions
+from .base.device import Added, Device
+from .base.effect import Effect, Knob, Stage
 
 __all__ = [
     "Added",

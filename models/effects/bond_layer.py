@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import Elastic, Stack
-from .assembly import Assembly
-from .effect import Effect, Knob, interface_at, interfaces
+from .base.assembly import Assembly
+from .base.effect import Effect, Knob, interface_at, interfaces
 
 _Z, _C, _Q = 2.9e6, 2550.0, 30.0
 """Unfilled epoxy, Rayl, m/s and quality. Only its compliance l/(z c) can be seen, so these are assumed, not sought."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import AIR, Piezo, Stack
-from .assembly import Assembly, Part
-from .effect import Effect, Knob, Stage, interface_at, interfaces
+from .base.assembly import Assembly, Part
+from .base.effect import Effect, Knob, Stage, interface_at, interfaces
 
 
 class BondVoid(Effect):

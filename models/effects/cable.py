@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Complexes, Impedances
+from ..base.arrays import Complexes, Impedances
+from ..circuits.terminals import Line
 from ..stack import Stack
-from ..terminals import Line
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
 
 _VELOCITY = 2e8
 """m/s, of a wave in polyethylene; only length/velocity can be seen."""

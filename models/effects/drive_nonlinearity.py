@@ -6,12 +6,12 @@ from math import pi, sqrt
 
 import numpy as np
 
-from ..arrays import Frequencies, Impedances, Reals, j_omega
+from ..base.arrays import Frequencies, Impedances, Reals, j_omega
 from ..stack import Piezo, Stack
-from .assembly import Assembly
-from .effect import Effect, Knob, Stage, layer_at
-from .laws import Factor
-from .scale import active, reactance
+from .base.assembly import Assembly
+from .base.effect import Effect, Knob, Stage, layer_at
+from .base.modified_laws import Factor
+from .base.scale import active, reactance
 
 _SOURCE = 25.0
 """ohm, between the oscillator of a 4294A and the device."""

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import Mass, Piezo, Stack
-from .assembly import Assembly
-from .effect import FACES, Effect, Knob, interface_at, interfaces
-from .scale import areal_mass
+from .base.assembly import Assembly
+from .base.effect import FACES, Effect, Knob, interface_at, interfaces
+from .base.scale import areal_mass
 
 
 class ElectrodeMass(Effect):

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import Stack, Support
-from .assembly import Assembly
-from .effect import FACES, Effect, Knob
-from .loads import Pressed
-from .scale import acoustic_impedance, resonance
+from .base.assembly import Assembly
+from .base.effect import FACES, Effect, Knob
+from .base.modified_loads import Pressed
+from .base.scale import acoustic_impedance, resonance
 
 
 class FaceLoad(Effect):

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import FACES, Effect, Knob
-from .loads import Echoing, is_backing
-from .scale import resonance
+from .base.assembly import Assembly
+from .base.effect import FACES, Effect, Knob
+from .base.modified_loads import Echoing, is_backing
+from .base.scale import resonance
 
 _BACK = FACES[0]
 _DELAYS = tuple(np.geomspace(0.7e-6, 25e-6, 72).tolist())

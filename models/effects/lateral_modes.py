@@ -5,11 +5,11 @@ from math import pi, sqrt
 
 import numpy as np
 
-from ..arrays import Complexes, Reals
+from ..base.arrays import Complexes, Reals
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import Effect, Knob
-from .scale import active, capacitance, resonance
+from .base.assembly import Assembly
+from .base.effect import Effect, Knob
+from .base.scale import active, capacitance, resonance
 
 _WIDTH, _REACH = 0.2, 4.0
 """Radial overtones are driven where the thickness mode is near: a bell of this relative width, cut at some widths."""

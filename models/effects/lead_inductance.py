@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Complexes, Impedances
+from ..base.arrays import Complexes, Impedances
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
 
 
 class LeadInductance(Effect):

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
-from .scale import reactance
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.scale import reactance
 
 
 class Leakage(Effect):

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import Mass, Stack
-from .assembly import Assembly, Part
-from .effect import FACES, Effect, Knob, Stage
+from .base.assembly import Assembly, Part
+from .base.effect import FACES, Effect, Knob, Stage
+from .base.scale import areal_mass
 from .electrode_mass import with_mass
-from .scale import areal_mass
 
 _HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
 """Mass of a dot per area in that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each makes a satellite at a

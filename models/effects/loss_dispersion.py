@@ -5,10 +5,10 @@ from dataclasses import replace
 
 from ..stack import CausalConstantQ, ConstantLoss, Elastic, Piezo, Stack
 from ..stack.stack import Layer
-from .assembly import Assembly
-from .effect import Effect, Knob, Stage, layer_at
-from .laws import LossExponent
-from .scale import resonance
+from .base.assembly import Assembly
+from .base.effect import Effect, Knob, Stage, layer_at
+from .base.modified_laws import LossExponent
+from .base.scale import resonance
 
 
 class LossDispersion(Effect):

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..arrays import Frequencies, Impedances
+from ..base.arrays import Frequencies, Impedances
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
 
 
 class Polarity(Effect):

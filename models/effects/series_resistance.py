@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Complexes, Impedances
+from ..base.arrays import Complexes, Impedances
+from ..circuits.terminals import Series
 from ..stack import Stack
-from ..terminals import Series
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
-from .scale import reactance
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.scale import reactance
 
 
 class SeriesResistance(Effect):

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from math import cos, pi, sin
 
 from ..stack import Stack
-from .assembly import Assembly
-from .branch import branch
-from .effect import Effect, Knob
-from .scale import capacitance, resonance
+from .base.assembly import Assembly
+from .base.branch import branch
+from .base.effect import Effect, Knob
+from .base.scale import capacitance, resonance
 
 
 class SpuriousResonance(Effect):

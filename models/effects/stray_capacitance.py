@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import TERMINALS, Effect, Knob, Stage
-from .scale import capacitance
+from .base.assembly import Assembly
+from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.scale import capacitance
 
 
 class StrayCapacitance(Effect):

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import Piezo, Stack
-from .assembly import Assembly, Part
-from .effect import Effect, Knob, layer_at
+from .base.assembly import Assembly, Part
+from .base.effect import Effect, Knob, layer_at
 
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
 """What the dead layer has in common with the live one."""

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Frequencies, Impedances
+from ..base.arrays import Frequencies, Impedances
 from ..stack import Stack
-from .assembly import Assembly
-from .effect import SWEEP, Effect, Knob, Stage
-from .scale import resonance
+from .base.assembly import Assembly
+from .base.effect import SWEEP, Effect, Knob, Stage
+from .base.scale import resonance
 
 _AGO, _WEIGHTS = np.polynomial.laguerre.laggauss(6)
 """How long ago, in time constants, and how much what was there then still counts."""

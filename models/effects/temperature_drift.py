@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Impedances, Reals
+from ..base.arrays import Complexes, Frequencies, Impedances, Reals
 from ..stack import Stack
-from .assembly import Assembly, Part
-from .effect import SWEEP, Effect, Knob, Stage
-from .scale import active
+from .base.assembly import Assembly, Part
+from .base.effect import SWEEP, Effect, Knob, Stage
+from .base.scale import active
 
 _FEW, _MANY = 3, 6
 """Instants at which the drifting device is looked at; between them ln Z is a polynomial in time."""

@@ -7,11 +7,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import roots_jacobi
 
-from ..arrays import Reals
+from ..base.arrays import Reals
 from ..stack import Stack
-from .assembly import Assembly, Part
-from .effect import Effect, Knob, Stage, layer_at
-from .scale import active
+from .base.assembly import Assembly, Part
+from .base.effect import Effect, Knob, Stage, layer_at
+from .base.scale import active
 
 _STRIPS = (9, 17, 33, 65)
 _NEARLY = 1e-7

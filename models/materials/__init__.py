@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from ..errors import PzctlError
+from ..base.errors import PzctlError
 from .ceramics import CERAMICS, SHERRIT_RADIAL
 from .material import Kind, Material
 from .passive import PASSIVE

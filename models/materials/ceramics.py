@@ -1,8 +1,8 @@
 """Piezoelectric materials: ceramics and one polymer."""
 
 from ..build import Quantity
-from ..constants import EPS0, Radial, Thickness, clamped_permittivity
-from ..tensor import Tensor6mm
+from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
+from ..constants.tensor import Tensor6mm
 from .material import Material, ceramics, from_tensor, lossless_tensor
 
 _THESIS = "Ferroperm data sheet as printed by Tjelde, NTNU 2012"

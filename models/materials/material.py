@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ..build import Quantity
-from ..constants import EPS0
-from ..tensor import Tensor6mm
+from ..constants.piezo_constants import EPS0
+from ..constants.tensor import Tensor6mm
 
 Kind: TypeAlias = Literal["piezo", "elastic", "electrode", "backing", "fluid"]
 """Elastic: glue, matching layer, foil. Electrode and backing are elastic, too, named by their use."""

@@ -10,9 +10,9 @@ current density. Written with D and b of `line` and loads Z1 (back), Z2 (front):
 
 from dataclasses import dataclass
 
-from ..arrays import Complexes
+from ..base.arrays import Complexes
+from .acoustic_line import Line
 from .laws import ComplexLike
-from .line import Line
 
 
 @dataclass(slots=True, eq=False)

@@ -14,8 +14,8 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies
-from ..errors import PzctlError
+from ..base.arrays import Complexes, Frequencies
+from ..base.errors import PzctlError
 
 ComplexLike: TypeAlias = complex | Complexes
 """One complex number for all frequencies, or an array of shape (N,)."""

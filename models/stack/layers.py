@@ -8,7 +8,7 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
-from ..arrays import Frequencies
+from ..base.arrays import Frequencies
 from .laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_positive
 from .row import Joins
 

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies
+from ..base.arrays import Complexes, Frequencies
 from .laws import ComplexLike, StackError
 from .row import Joins
 

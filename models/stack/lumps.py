@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
-from ..arrays import Complexes, Frequencies
+from ..base.arrays import Complexes, Frequencies
 from .laws import ComplexLike, require_positive
 from .layers import Gradient
 from .row import Joins

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..arrays import Complexes
+from ..base.arrays import Complexes
 from .active import ActiveLine
 from .laws import ComplexLike
 

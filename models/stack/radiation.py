@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from scipy import special
 
-from ..arrays import Complexes, Frequencies, Reals
+from ..base.arrays import Complexes, Frequencies, Reals
 from .laws import ComplexLike, require_positive
 from .loads import Load
 

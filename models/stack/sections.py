@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies
+from ..base.arrays import Complexes, Frequencies
+from .acoustic_line import Line, one_minus_exp
 from .active import ActiveLine
 from .layers import Elastic, Piezo
-from .line import Line, one_minus_exp
 from .lumps import Mass, Spring
 from .network import Section
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies
+from ..base.arrays import Complexes, Frequencies
 from .laws import ComplexLike
 from .layers import Elastic, Gradient, Piezo
 from .loads import Load

@@ -6,7 +6,7 @@ from typing import Literal, Self, TypeAlias, cast
 
 import numpy as np
 
-from ..arrays import Complexes, Frequencies, Impedances
+from ..base.arrays import Complexes, Frequencies, Impedances
 from .laws import StackError, require_positive
 from .layers import Elastic, Piezo
 from .loads import AIR, Load

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
-from ..constants import EPS0, Radial, Thickness, clamped_permittivity
+from ..constants.passivity import passivity_margin
+from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
+from ..constants.sherrit import coupling_squared
 from ..materials import Material, find
-from ..passivity import passivity_margin
-from ..sherrit import coupling_squared
 from . import printed, rebuilt
 
 

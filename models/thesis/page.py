@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from ..constants import EPS0, Thickness
+from ..constants.passivity import passivity_margin
+from ..constants.piezo_constants import EPS0, Thickness
 from ..materials import find
-from ..passivity import passivity_margin
 from . import printed, rebuilt
 from .errata import errata
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Reals
-from ..constants import Radial, Thickness
-from ..disk import RadialDisk
+from ..base.arrays import Reals
+from ..constants.piezo_constants import Radial, Thickness
+from ..constants.sherrit import antiresonance_frequencies, radial_constants, resonance_frequencies, thickness_constants
+from ..disk.round_disk import RadialDisk
 from ..materials import SHERRIT_RADIAL
-from ..sherrit import antiresonance_frequencies, radial_constants, resonance_frequencies, thickness_constants
 from ..stack import VACUUM, Piezo, Stack
 from .printed import TABLE_4_8, RadialSample
 

@@ -8,7 +8,7 @@ from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
 from pzctl.models.stack import Elastic, HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
-from pzctl.sim.sample import AREA, STEPS, sample
+from pzctl.sim.bench.sample import AREA, STEPS, sample
 
 NOISE = 2e-4
 """Relative standard deviation of Re and Im of each point: 4294A, bandwidth 5."""

@@ -8,7 +8,7 @@ import threading
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "daemon"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import raw_peer
 from test_hostile_messages import ENDLESS

@@ -4,15 +4,15 @@ import re
 
 import numpy as np
 
-from pzctl.daemon.buildfile import parse_build
+from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.adaptive import adapted, plan_seconds
-from pzctl.fitters.disk import Disk
+from pzctl.drivers.planning.adaptive import adapted, plan_seconds
+from pzctl.fitters.disk.disk_fitter import Disk
 from pzctl.fitters.interface import FitError, FitTask
-from pzctl.models.causal import continued
-from pzctl.models.plan import Segment, SweepPlan
+from pzctl.models.constants.causal import continued
 from pzctl.models.stack import CausalConstantQ
-from pzctl.sim.sample import RADIAL_REFERENCE
+from pzctl.models.sweep_plan import Segment, SweepPlan
+from pzctl.sim.bench.sample import RADIAL_REFERENCE
 from pzctl.sim.server import SimOptions, running
 
 SEEDS = range(8)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import zmq
 
-from pzctl.daemon.client import connect
-from pzctl.daemon.journal import Journal
-from pzctl.daemon.launch import start
-from pzctl.daemon.location import Location
-from pzctl.daemon.options import Options
-from pzctl.daemon.wire import FitEvent, Instrument, Sample, SweepEvent, decode, encode, sweep_columns
+from pzctl.daemon.client.client import connect
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.server.launch import start
+from pzctl.daemon.wire.events import FitEvent, Instrument, Sample, SweepEvent, decode, encode, sweep_columns
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
-from pzctl.models.plan import Segment, SweepPlan
 from pzctl.models.sweep import Sweep
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 AIR = Load("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
@@ -30,7 +30,7 @@ ECHO = "guest_examples:Echo"
 @pytest.fixture
 def begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "daemon"))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support"))
     yield lambda *fitters: start(Options(fitters=fitters, simulator={"time_scale": 0}))
     with connect() as lab:
         lab.shutdown()

@@ -15,21 +15,21 @@ from scipy.optimize import brentq
 from scipy.special import j0, j1
 
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.bare_disk import bare_disk
-from pzctl.fitters.coordinates import Coordinates, positive
-from pzctl.fitters.descent import descend
-from pzctl.fitters.disk2d import Disk2DFitter
-from pzctl.fitters.disk2d_cache import reduced_disk
-from pzctl.fitters.disk2d_coordinates import COORDINATES, tensor_block
-from pzctl.fitters.disk2d_start import tensor_priors
+from pzctl.fitters.disk.bare_disk import bare_disk
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter
+from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.fitters.disk.two_d.tensor_coordinates import COORDINATES, tensor_block
+from pzctl.fitters.disk.two_d.tensor_start import tensor_priors
+from pzctl.fitters.engine.descent import descend
+from pzctl.fitters.engine.objective import Objective
+from pzctl.fitters.engine.parameters.coordinates import Coordinates, positive
+from pzctl.fitters.engine.recording import Recording
 from pzctl.fitters.interface import FitTask
-from pzctl.fitters.objective import Objective
-from pzctl.fitters.recording import Recording
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.disk2d.model import Disk2D
 from pzctl.models.materials import find
 from pzctl.models.stack import CausalConstantQ
-from pzctl.models.tensor import Tensor6mm
 
 from .test_disk2d_figures import THICKNESS, build
 

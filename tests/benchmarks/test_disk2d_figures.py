@@ -8,26 +8,25 @@ import time
 
 import numpy as np
 import pytest
+from disk_skfem import SkfemDisk
 
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.disk2d import Disk2DFitter
-from pzctl.fitters.disk2d_cache import reduced_disk
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter
+from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
-from pzctl.models.causal import continued
+from pzctl.models.constants.causal import continued
+from pzctl.models.constants.passivity import is_passive
+from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.capacitance import capacitance, slopes
-from pzctl.models.disk2d.error import estimate
+from pzctl.models.disk2d.disk_model import Disk2D
+from pzctl.models.disk2d.error_estimate import estimate
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.disk2d.model import Disk2D
 from pzctl.models.disk2d.training import sampled, trained
 from pzctl.models.materials import find
-from pzctl.models.passivity import is_passive
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
-from pzctl.models.tensor import Tensor6mm
-
-from ..disk_skfem import SkfemDisk
 
 pytestmark = pytest.mark.timeout(6 * 3600)  # twenty ceramics take a quarter of an hour of a free core, both bands twice
 DENSITY, THICKNESS = 7700.0, 2e-3

@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.disk2d_cache import reduced_disk
-from pzctl.models.disk2d.model import Disk2D
+from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.stack import CausalConstantQ
-from pzctl.models.tensor import Tensor6mm
 
 pytestmark = pytest.mark.timeout(600)
 # Near what the recording wants, so that the computed disk has its modes in the same bands.

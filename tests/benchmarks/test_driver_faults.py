@@ -8,7 +8,7 @@ import pytest
 
 from pzctl.sim.server import SimOptions, running
 
-faults = runpy.run_path(str(Path(__file__).parents[1] / "drivers" / "test_4294a_faults.py"))
+faults = runpy.run_path(str(Path(__file__).parents[1] / "drivers" / "agilent4294a" / "test_4294a_faults.py"))
 
 
 @pytest.mark.timeout(2400)

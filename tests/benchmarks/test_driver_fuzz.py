@@ -7,8 +7,8 @@ from collections import Counter
 
 import numpy as np
 
-from pzctl.drivers import replies
-from pzctl.drivers.analyzer import InstrumentError
+from pzctl.drivers.base.analyzer import InstrumentError
+from pzctl.drivers.visa import replies
 
 BLOCK = b"#6000048" + np.array([1.5, -2e3, 1e-9, 4e6, 5, -6], ">f8").tobytes()
 

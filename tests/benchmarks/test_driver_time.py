@@ -5,7 +5,7 @@ import time
 import pytest
 
 from pzctl.drivers import open_analyzer
-from pzctl.models.plan import Segment, SweepPlan
+from pzctl.models.sweep_plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
 
 

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import least_squares, minimize
 
-from pzctl.daemon.tables import print_fit
-from pzctl.fitters.assembly import coordinates_of, nominal_parameters, priors_of, recordings_of
-from pzctl.fitters.covariance import curvature
-from pzctl.fitters.descent import descend
+from pzctl.daemon.report.tables.fit_tables import print_fit
+from pzctl.fitters.engine.covariance import curvature
+from pzctl.fitters.engine.descent import descend
+from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.engine.objective import Objective
+from pzctl.fitters.engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of, recordings_of
 from pzctl.fitters.interface import FitResult, FitTask, Options
-from pzctl.fitters.joint import solve
-from pzctl.fitters.mason import Mason
-from pzctl.fitters.nelder_mead import MasonNelderMead
-from pzctl.fitters.nlopt_global import NloptGlobal
-from pzctl.fitters.objective import Objective
-from pzctl.models.errors import PzctlError
-from pzctl.sim.sample import STEPS
+from pzctl.fitters.layered.mason import Mason
+from pzctl.fitters.layered.nelder_mead import MasonNelderMead
+from pzctl.fitters.layered.nlopt_global import NloptGlobal
+from pzctl.models.base.errors import PzctlError
+from pzctl.sim.bench.sample import STEPS
 
 from .estimation_world import NOISE, World, far_start, task
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from pzctl.models import sherrit
-from pzctl.models.constants import Radial, Thickness
-from pzctl.models.disk import BothModes, RadialDisk
-from pzctl.models.fixture import Fixture
-from pzctl.models.lumped import Branch, Lumped
+from pzctl.models.circuits.fixture import Fixture
+from pzctl.models.circuits.lumped import Branch, Lumped
+from pzctl.models.constants import sherrit
+from pzctl.models.constants.piezo_constants import Radial, Thickness
+from pzctl.models.disk.round_disk import BothModes, RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL, find
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 
@@ -78,7 +78,7 @@ def test_what_the_division_by_frequency_brings_to_sherrits_method():
 
 
 def test_how_far_radial_models_reach_for_a_disk_of_finite_thickness():
-    path = Path(__file__).parents[1] / "models" / "test_finite_disk.py"
+    path = Path(__file__).parents[1] / "models" / "disk2d" / "test_finite_disk.py"
     spec = importlib.util.spec_from_file_location("finite_disk", path)
     finite = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(finite)

@@ -9,11 +9,11 @@ import time
 import numpy as np
 import pytest
 
-from pzctl.daemon.buildfile import parse_build
-from pzctl.fitters.assembly import stack_of
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
-from pzctl.fitters.mason import Mason
-from pzctl.fitters.nlopt_global import NloptGlobal
+from pzctl.fitters.layered.mason import Mason
+from pzctl.fitters.layered.nlopt_global import NloptGlobal
 from pzctl.models.sweep import Sweep
 
 DRAWS = int(os.environ.get("PZCTL_BENCH_DRAWS", "40"))

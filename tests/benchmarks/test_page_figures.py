@@ -8,15 +8,14 @@ import time
 from pathlib import Path
 
 import numpy as np
+from chromium import Browser, live_page, needs_chromium
 
-from pzctl.daemon.buildfile import read_build
-from pzctl.daemon.client import Client, connect
+from pzctl.daemon.client.client import Client, connect
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.models.build import Build
-from pzctl.models.plan import Segment, SweepPlan
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
-from ..daemon.chromium import Browser, live_page, needs_chromium
-
-BUILD = Path(__file__).resolve().parents[2] / "daemon" / "thesis.toml"
+BUILD = THESIS_BUILD
 ROUNDS = 9
 
 

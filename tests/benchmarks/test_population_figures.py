@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pzctl.fitters.random_effects import outliers, random_effects
+from pzctl.fitters.population.random_effects import outliers, random_effects
 
 DRAWS = 1000
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from pzctl.daemon.buildfile import parse_build
+from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.coordinates import Coordinates
-from pzctl.fitters.descent import descend
+from pzctl.fitters.disk.radial import RadialLeastSquares
+from pzctl.fitters.disk.radial_coordinates import plate_blocks, radial_constants_block
+from pzctl.fitters.engine.descent import descend
+from pzctl.fitters.engine.objective import Objective
+from pzctl.fitters.engine.parameters.coordinates import Coordinates
+from pzctl.fitters.engine.recording import Recording
 from pzctl.fitters.interface import FitTask
-from pzctl.fitters.objective import Objective
-from pzctl.fitters.radial import RadialLeastSquares
-from pzctl.fitters.radial_coordinates import plate_blocks, radial_constants_block
-from pzctl.fitters.recording import Recording
-from pzctl.models.constants import Radial
-from pzctl.models.disk import RadialDisk
+from pzctl.models.constants.piezo_constants import Radial
+from pzctl.models.disk.round_disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL, find
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep

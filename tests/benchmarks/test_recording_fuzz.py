@@ -20,7 +20,7 @@ FILES = int(os.environ.get("PZCTL_FUZZ", "100000"))
 
 def _accidents() -> ModuleType:
     """The seed files and the accidents of the test of the same subject."""
-    path = Path(__file__).resolve().parents[1] / "drivers" / "test_recordings_errors.py"
+    path = Path(__file__).resolve().parents[1] / "drivers" / "recordings" / "test_recordings_errors.py"
     spec = importlib.util.spec_from_file_location("recording_accidents", path)
     assert spec is not None
     assert spec.loader is not None

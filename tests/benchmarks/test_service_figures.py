@@ -23,22 +23,22 @@ import numpy as np
 import pytest
 import zmq
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "daemon"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from test_hostile_messages import ENDLESS
 
-from pzctl.daemon.archive import Archive
-from pzctl.daemon.client import Client, connect
-from pzctl.daemon.connection import DaemonError
-from pzctl.daemon.journal import Journal
-from pzctl.daemon.launch import start
-from pzctl.daemon.location import Location
-from pzctl.daemon.options import Options
-from pzctl.daemon.paths import journal_folder
-from pzctl.daemon.wire import Instrument, Sample, StateEvent, SweepEvent, decode, encode, sweep_columns
+from pzctl.daemon.client.client import Client, connect
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.paths import journal_folder
+from pzctl.daemon.journal.journal_reader import Archive
+from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.server.launch import start
+from pzctl.daemon.wire.events import Instrument, Sample, StateEvent, SweepEvent, decode, encode, sweep_columns
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
-from pzctl.models.plan import Segment, SweepPlan
 from pzctl.models.sweep import Sweep
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 SOAK = int(os.environ.get("PZCTL_SOAK", "300"))
 KILLS = int(os.environ.get("PZCTL_KILLS", "10"))
@@ -58,7 +58,7 @@ pytestmark = pytest.mark.timeout(6 * 3600)
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "daemon"))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support"))
     yield tmp_path
     try:
         with connect() as lab:
@@ -239,9 +239,9 @@ def family(pid: int) -> dict[str, int]:
 CLIENT = """
 from pathlib import Path
 import pzctl
-from pzctl.daemon.buildfile import read_build
+from pzctl.daemon.files.builds.build_file import read_build
 
-build = read_build(Path(pzctl.__file__).parent / "daemon" / "thesis.toml")
+build = read_build(Path(pzctl.__file__).parent / "daemon" / "files" / "builds" / "thesis.toml")
 with pzctl.connect() as lab:
     while True:
         lab.measure(build, "disk")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pzctl.daemon.buildfile import parse_build
-from pzctl.fitters.assembly import stack_of
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.fitters.disk.sherrit_radial import SherritRadial
+from pzctl.fitters.disk.sherrit_thickness import SherritThickness
+from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
-from pzctl.fitters.sherrit_radial import SherritRadial
-from pzctl.fitters.sherrit_thickness import SherritThickness
-from pzctl.models.disk import RadialDisk
+from pzctl.models.disk.round_disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.sweep import Sweep
 

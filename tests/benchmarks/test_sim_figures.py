@@ -6,16 +6,16 @@ import time
 
 import numpy as np
 
-from pzctl.sim.axis import plain_axis
-from pzctl.sim.bench import Bench
-from pzctl.sim.commands import COMMANDS, QUERIES
-from pzctl.sim.control import bench_command
-from pzctl.sim.dialect import execute
-from pzctl.sim.instrument import Instrument
-from pzctl.sim.messages import CommandError, parse
+from pzctl.sim.bench.bench import Bench
+from pzctl.sim.bench.bench_control import bench_command
+from pzctl.sim.instrument.axis import plain_axis
+from pzctl.sim.instrument.instrument import Instrument
+from pzctl.sim.instrument.settings import TABLE
+from pzctl.sim.instrument.sweep_timing import point_seconds
+from pzctl.sim.language.commands import COMMANDS, QUERIES
+from pzctl.sim.language.dialect import execute
+from pzctl.sim.language.messages import CommandError, parse
 from pzctl.sim.server import SimOptions, running
-from pzctl.sim.settings import TABLE
-from pzctl.sim.timing import point_seconds
 
 
 def connect(port):

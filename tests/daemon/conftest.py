@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from pzctl.daemon.launch import start
-from pzctl.daemon.location import Location
-from pzctl.daemon.options import Options
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.server.launch import start
 from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
-from pzctl.models.plan import Segment, SweepPlan
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def build() -> Build:
 def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
     """Return a function that starts a daemon on this test's data folder; what it started is ended after the test."""
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support"), prepend=os.pathsep)
     pids: list[int] = []
 
     def begin(

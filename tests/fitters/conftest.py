@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pzctl.daemon.buildfile import parse_build
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.models.base.model import Model
 from pzctl.models.build import Build
-from pzctl.models.model import Model
 from pzctl.models.sweep import Sweep
 
 DISK = """

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pzctl.models.disk import BothModes, RadialDisk
-from pzctl.models.fixture import Fixture
-from pzctl.models.lumped import Branch, Lumped
+from pzctl.models.circuits.fixture import Fixture
+from pzctl.models.circuits.lumped import Branch, Lumped
+from pzctl.models.circuits.terminals import Line, Scale, Series, Shunt
+from pzctl.models.disk.round_disk import BothModes, RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, Piezo, PowerLoss, Stack
-from pzctl.models.terminals import Line, Scale, Series, Shunt
 
 WEIGHTS = np.array([-1, 9, -45, 45, -9, 1]) / 60
 STEPS = np.array([-3, -2, -1, 1, 2, 3])

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pzctl.sim.control import bench_command
+from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.server import SimOptions, Simulator, running
 
 

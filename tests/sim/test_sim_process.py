@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from pzctl.sim.control import bench_command
+from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.server import SimError, SimOptions, running
 
 SCRIPT = "from pzctl.sim.server import SimOptions, run; run(SimOptions(port=0, bench_port=0, prologix_port=0))"

@@ -1,0 +1,1 @@
+"""Commands that work on recordings: fit, diagnose, and the catalogues behind them."""

@@ -1,0 +1,87 @@
+"""`pzctl diagnose`: where model and recording differ, and which physics was left out."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from .fit import read_steps
+from .fit_options import comma_names
+
+if TYPE_CHECKING:
+    from ....fitters.interface import FitTask
+
+
+def diagnose(
+    recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
+    build: Annotated[Path, typer.Option(help="build.toml")],
+    effects: Annotated[str | None, typer.Option(help="Only these effects, as cable,bond-layer.")] = None,
+    unseen: Annotated[
+        bool, typer.Option("--unseen", help="Let the uncertainties count what may be there unseen.")
+    ] = False,
+    hold_out: Annotated[
+        Literal["bands", "repeats", "overtones", "steps"],
+        typer.Option(help="What takes no part in the fits that prove it."),
+    ] = "bands",
+    other_sample: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to prove the findings on."),
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Say where recordings and model differ, which physics was left out, and what cannot be decided.
+
+    Example: pzctl diagnose --build build.toml disk=disk.csv ml1=ml1.csv
+    """
+    from ....fitters.diagnosis.diagnose import diagnose as find_out
+    from ....fitters.diagnosis.inference.inflated_uncertainty import widened
+    from ....fitters.interface import FitTask
+    from ....models.effects import find_effect
+    from ...files.builds.build_file import read_build
+    from ...report.pictures.diagnosis_picture import diagnosis_picture
+    from ...report.pictures.picture_file import check_picture
+    from ...report.tables.diagnosis_output import diagnosis_curves, diagnosis_json, print_constants, print_diagnosis
+    from ...report.terminal import console
+
+    chosen = (
+        None
+        if effects is None
+        else tuple(find_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
+    )
+    if picture is not None:
+        check_picture(picture)
+    known = read_build(build)
+    others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
+    screen = console(stderr=True)
+    task = FitTask(known, read_steps(recordings))
+    with screen.status("diagnosing") as status:
+        diagnosis = find_out(task, chosen, status.update, hold_out, others)
+    if unseen:
+        diagnosis = widened(diagnosis)
+    found = diagnosis_json(diagnosis)
+    if as_json:
+        print(json.dumps(found))
+    else:
+        print_diagnosis(console(), found)
+        if found["findings"] or unseen:
+            print_constants(console(), diagnosis)
+    if picture is None and as_json:
+        return
+    target = picture or Path(f"{known.name}-diagnosis.png")
+    drawn = diagnosis_picture(found, diagnosis_curves(diagnosis), known, target)
+    console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _sample_in(folder: Path) -> "FitTask":
+    """Return what a sample's folder holds; what is odd about it is said on standard error. Raises NoSamplesError."""
+    from ...samples.sample_selection import NoSamplesError, folder_sample
+
+    sample = folder_sample(folder)
+    for note in sample.notes:
+        print(f"note: {folder}: {note}", file=sys.stderr)
+    if sample.job is None:
+        raise NoSamplesError(str(sample.error))
+    return sample.job.task

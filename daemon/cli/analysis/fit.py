@@ -1,0 +1,159 @@
+"""`pzctl fit`: recordings to constants, without a daemon."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .fit_options import UsageError, Wanted, Words, check_options, free_names
+
+if TYPE_CHECKING:
+    from ....fitters.interface import FitResult
+    from ....models.build import Build
+    from ....models.sweep import Sweep
+
+
+_MEMORY = "@memory"
+
+
+def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
+    """Return the files of each step from `STEP=FILE` words. Raises UsageError."""
+    files: dict[str, list[Path]] = {}
+    for word in given:
+        step, equals, file = word.partition("=")
+        if not (step and equals and file):
+            raise UsageError(f"{word!r} is not STEP=FILE, for example disk=disk.csv")
+        if Path(file) in files.get(step, ()):
+            raise UsageError(f"{word} is given twice; a repeat is another sweep of the same step, in a file of its own")
+        files.setdefault(step, []).append(Path(file))
+    return files
+
+
+def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
+    """Read the recordings of `STEP=FILE` words, by step; what is odd about one is said on standard error."""
+    sweeps = {step: tuple(map(read_trace, paths)) for step, paths in parse_recordings(given).items()}
+    for of_step in sweeps.values():
+        for sweep in of_step:
+            for note in sweep.notes:
+                print(f"note: {sweep.id}: {note}", file=sys.stderr)
+    return sweeps
+
+
+def read_trace(path: Path) -> "Sweep":
+    """Read a recording; of `FILE@memory`, the memory trace that a 4294A export may carry. Raises RecordingError."""
+    from ....drivers.recordings import RecordingError, read_memory_trace, read_recording
+
+    if not path.name.endswith(_MEMORY):
+        return read_recording(path)
+    memory = read_memory_trace(path.with_name(path.name.removesuffix(_MEMORY)))
+    if memory is None:
+        raise RecordingError(f"{path.name.removesuffix(_MEMORY)} carries no memory trace")
+    return memory
+
+
+def fit(
+    recordings: Annotated[
+        list[str] | None, typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")
+    ] = None,
+    build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` does without.")] = None,
+    fitter: Annotated[list[str] | None, typer.Option(help="Fitter, see `pzctl fitters`; may be repeated.")] = None,
+    free: Annotated[str | None, typer.Option(help="Constants to free, as disk.c33D,glue1.thickness.")] = None,
+    hold: Annotated[str | None, typer.Option(help="Constants to hold, as glue1.z,area.")] = None,
+    tie: Annotated[
+        list[str] | None, typer.Option(help="Two that are one, as glue2.z=glue1.z; may be repeated.")
+    ] = None,
+    prior: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE:UNCERTAINTY in SI units, as ml1.z=10.3e6:0.5e6.")
+    ] = None,
+    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOWEST:HIGHEST in SI units.")] = None,
+    objective: Annotated[str, typer.Option(help="log (noise-weighted ln Z), thesis (sum |w dZ|^2) or kt2.")] = "log",
+    uncertainty: Annotated[str, typer.Option(help="covariance, profile or bootstrap.")] = "covariance",
+    sequential: Annotated[bool, typer.Option(help="Step by step, each with all the one before has told.")] = False,
+    freeze: Annotated[bool, typer.Option(help="Step by step, earlier constants frozen (the thesis's way).")] = False,
+    budget: Annotated[bool, typer.Option(help="Show what the uncertainties are made of.")] = False,
+    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
+    ] = False,
+    dask: Annotated[str | None, typer.Option(help="With --all: on the Dask cluster at tcp://HOST:PORT.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Fit complex constants to recordings. Several files of one step are repeats or further segments.
+
+    Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
+    """
+    words = Words(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
+    frees = free_names(free)
+    wanted = Wanted(frees, words.amendments(frees), words.options())
+    if every or dask or not recordings:
+        _check_all(every, dask, {"build": build, "picture": picture, "budget": budget or None})
+        from .fit_all import fit_all
+
+        fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json)
+        return
+    if picture is not None:
+        from ...report.pictures.picture_file import check_picture
+
+        check_picture(picture)
+    results, known = _fitted(recordings, build, fitter or [], wanted)
+    if as_json:
+        from ...report.json_output.fit_json import fit_json
+
+        objects = [fit_json(result) for result in results]
+        print(json.dumps(objects[0] if len(objects) == 1 else {"fits": objects}))
+        if picture is None:
+            return
+    _show(results, known, picture, as_json=as_json, budget=budget)
+
+
+def _check_all(every: bool, dask: str | None, others: "dict[str, object]") -> None:
+    """Refuse what does not go with --all, and what goes only with it. Raises UsageError."""
+    if not every:
+        raise UsageError("--dask needs --all" if dask else "no recording is given; STEP=FILE is needed, or --all")
+    for name, value in others.items():
+        if value is not None:
+            raise UsageError(f"--{name} does not go with --all: each sample has its own")
+
+
+def _fitted(
+    recordings: list[str], build: Path | None, names: list[str], wanted: Wanted
+) -> "tuple[list[FitResult], Build | None]":
+    """Return what each fitter answers, and the build as it was fitted. Raises PzctlError."""
+    from ....fitters.engine.parameters.overrides import Amendments, amended
+    from ....fitters.interface import FitTask
+    from ....fitters.plugins import DEFAULT, load_fitter
+    from ...files.builds.build_file import read_build
+
+    fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
+    for one in fitters:
+        check_options(one, wanted.options)
+    known = read_build(build) if build is not None else None
+    if known is not None:
+        known = amended(known, wanted.amendments)
+    elif wanted.amendments != Amendments():
+        raise UsageError("--hold, --tie, --prior and --bound are about constants of a build; give --build as well")
+    task = FitTask(known, read_steps(recordings), wanted.free, wanted.options)
+    return [one.fit(task) for one in fitters], known
+
+
+def _show(
+    results: "list[FitResult]", known: "Build | None", picture: Path | None, *, as_json: bool, budget: bool
+) -> None:
+    """Print tables and budgets, and draw the pictures; with `as_json` only those."""
+    from ...report.pictures.fit_pictures import fit_picture
+    from ...report.tables.budget_table import print_budget
+    from ...report.tables.fit_tables import print_fit
+    from ...report.terminal import console
+
+    screen = console(stderr=as_json)
+    for result in results:
+        if not as_json:
+            print_fit(screen, result, known)
+            if budget:
+                print_budget(screen, result)
+        target = picture or Path(f"{result.build}-{'-'.join(result.steps)}-{result.fitter}.png")
+        if len(results) > 1 and picture is not None:
+            target = picture.with_stem(f"{picture.stem}-{result.fitter}")
+        screen.print(f"picture: {fit_picture(result, target)}", highlight=False, soft_wrap=True)

@@ -1,0 +1,40 @@
+"""`pzctl materials`: the library, each value with its source."""
+
+import json
+from typing import Annotated
+
+import typer
+
+
+def materials(
+    name: Annotated[str | None, typer.Argument(help="One material with all its values; without it, the list.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the materials, or show one with every value, its uncertainty and its source.
+
+    Your own stand in materials.toml in the data folder, with the units in the keys as in build.toml; they go first.
+
+    Example: pzctl materials Pz27
+    """
+    from ...files.builds.own_materials import all_materials, find_material
+
+    chosen = [find_material(name)] if name else list(all_materials())
+    if as_json:
+        import msgspec
+
+        print(json.dumps({"materials": [msgspec.to_builtins(material) for material in chosen]}))
+        return
+    from rich.table import Table
+
+    from ...report.tables.numbers import complex_with_uncertainty
+    from ...report.terminal import console
+
+    table = Table("material", "kind", *(("constant", "value (SI)", "source") if name else ("constants",)))
+    for material in chosen:
+        if not name:
+            table.add_row(material.name, material.kind, " ".join(material.values))
+            continue
+        for constant, q in material.values.items():
+            value = complex_with_uncertainty(q.re, q.im, q.u, q.u_im)
+            table.add_row(material.name, material.kind, constant, value, q.source)
+    console().print(table)

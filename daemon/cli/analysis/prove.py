@@ -1,0 +1,107 @@
+"""`pzctl prove`: concealed cases made, diagnosed without knowing their truth, and scored."""
+
+import json
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ....models.base.errors import PzctlError
+
+_SEALED = range(1000, 2000)
+"""Seeds of the part that is never used while the diagnosis is developed."""
+_PATIENCE = 10.0
+"""Seconds that a process of ours has to end its own."""
+
+
+class ProveError(PzctlError):
+    """A proof that cannot be made as asked."""
+
+
+def prove(
+    count: Annotated[int, typer.Option(min=1, help="How many cases.")] = 300,
+    seed: Annotated[int, typer.Option(min=0, help="Which cases; from 1000 to 1999 never used for developing.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
+    out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Prove the diagnosis on concealed cases: make them, publish the hash of their truth, diagnose, score.
+
+    Example: pzctl prove --count 60 --out proof
+    """
+    from ...report.terminal import console
+    from .oracle_run import tell_all
+
+    if (out / "truth.json").exists():
+        raise ProveError(f"{out}: there is a proof already; --out names another folder")
+    screen = console(stderr=as_json)
+    # Another process makes them and a third one scores: what diagnoses has never seen a truth.
+    published = _child("pzctl.sim.blind_cases", out, seed, count, jobs).strip()
+    screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)
+    began = time.perf_counter()
+    answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs, out / "answers.json")
+    part = "Sealed part, never used while the diagnosis was developed" if seed in _SEALED else "Development cases"
+    title = f"{part}: seed {seed}, {_commit()}."
+    seconds = time.perf_counter() - began
+    screen.print("the same once more, told which effects are there", highlight=False)
+    tell_all(out, published, jobs)
+    told = json.loads(_child("pzctl.fitters.proof.proof_page", out, published, title))
+    if as_json:
+        print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))
+        return
+    screen.print(Path(told["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
+    screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {told['page']}", highlight=False)
+
+
+def _commit() -> str:
+    """Return which code was proved: the commit of the checkout it lies in, or the version."""
+    run = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        done = subprocess.run(run, capture_output=True, text=True, check=True)  # noqa: S603 (fixed words, no shell)
+    except (OSError, subprocess.CalledProcessError):
+        return f"version {version('pzctl')}"
+    return f"commit {done.stdout.strip()}"
+
+
+def _child(module: str, *words: object) -> str:
+    """Run a module of ours in a process of its own and return what it prints. Raises ProveError."""
+    from ....fitters.population.process_pool import ctrl_c_blocked
+
+    run = [sys.executable, "-m", module, *map(str, words)]
+    with ctrl_c_blocked():  # we answer it, and end the child
+        process = subprocess.Popen(run, stdout=subprocess.PIPE, text=True)  # noqa: S603 (our own module, no shell)
+    with process:
+        try:
+            printed, _ = process.communicate()
+        except BaseException:
+            process.terminate()
+            process.wait(_PATIENCE)  # it has processes of its own to end
+            raise
+    if process.returncode:
+        raise ProveError(f"{module} ended with status {process.returncode}; what it said stands above")
+    return printed
+
+
+def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
+    """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
+    from concurrent.futures import as_completed
+
+    from ....fitters.population.process_pool import started
+    from ...report.terminal import console
+    from .run_case import diagnose_case
+
+    answers: dict[str, Any] = {}
+    with started(diagnose_case, folders, jobs) as waiting:
+        for done in as_completed(waiting):
+            name = waiting[done].name
+            defect = done.exception()  # a defect of ours is an answer that is wrong; the other cases go on
+            answers[name] = {"error": f"a defect: {defect!r}"} if defect else done.result()
+            found = [one["effect"] for one in answers[name].get("findings", [])]
+            kept.write_text(json.dumps(dict(sorted(answers.items()))))
+            says = f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}"
+            console(stderr=True).print(says, markup=False, highlight=False, soft_wrap=True)
+    return answers

@@ -1,0 +1,1 @@
+"""Commands used while measuring: measure, watch, the live page, a new build file."""

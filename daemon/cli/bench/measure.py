@@ -1,0 +1,255 @@
+"""`pzctl measure`: sweep each gluing step and, with --fit, see its constants at once."""
+
+import json
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..analysis.fit import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ....fitters.interface import FitResult
+    from ....models.build import Build
+    from ....models.sweep_plan import SweepPlan
+    from ...client.client import Client, Measurement
+    from .deciding_sweep import Diagnoser
+
+_STORY_TIME_SCALE = 0.02
+"""The simulated story runs fifty times faster than a real 4294A, which needs over four minutes a step."""
+
+
+@dataclass
+class Report:
+    """What `--json` prints at the end."""
+
+    build: str
+    measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    diagnoses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    truth: dict[str, Any] | None = None
+    """What a simulated bench knows of its device; None for a real one."""
+
+
+def measure(
+    build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
+    step: Annotated[str | None, typer.Option(help="One gluing step; without it, all of them in order.")] = None,
+    fit: Annotated[bool, typer.Option("--fit", help="Fit after each step and print the constants.")] = False,
+    fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
+    resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
+    time_scale: Annotated[
+        float | None, typer.Option(help="Speed of a simulated 4294A started here; 0.02 unless it is configured.")
+    ] = None,
+    adaptive: Annotated[
+        bool, typer.Option("--adaptive", help="Look first, then measure where the resonances are, in the same time.")
+    ] = False,
+    diagnose: Annotated[
+        bool, typer.Option("--diagnose", help="Say what is wrong after each step, and propose what would decide.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --diagnose: measure what is proposed, unasked.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
+
+    With nothing else, plays the whole story on a simulated bench: disk, first and second matching layer. A daemon
+    started here takes what no flag says from the environment (PZCTL_RESOURCE ...), then from config.toml.
+
+    Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    from ...client.result_waiter import require
+    from ...files.builds.build_file import THESIS_BUILD, read_build
+    from ...report.terminal import console
+
+    known = read_build(build or THESIS_BUILD)
+    names = [one.name for one in known.steps]
+    if step is not None and step not in names:
+        raise UsageError(f"--step {step}: build {known.name!r} has the steps {', '.join(names)}")
+    wanted = tuple(fitter or (["mason"] if fit else []))
+    screen = console(stderr=as_json)
+    report = Report(known.name)
+    with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
+        kept = lab.status().fitters if wanted else ()
+        for name in wanted:
+            require(name, kept)  # before anything is swept
+        diagnoser = _diagnoser(lab, known, screen, yes) if diagnose else None
+        for name in [step] if step else names:
+            _prepare(lab, name, simulated, screen)
+            _one_step(lab, known, name, wanted, screen, report, adaptive)
+            if diagnoser is not None:
+                report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
+        if diagnoser is None:
+            report.diagnoses += _in_the_background(lab, report, screen)
+        if simulated:
+            report.truth = lab.bench({"command": "truth"})["constants"]
+        if report.truth and report.fits:
+            _against_truth(report.truth, report.fits[-1], screen)
+    if as_json:
+        print(json.dumps(asdict(report)))
+
+
+@contextmanager
+def _daemon(
+    resource: str | None, fitters: tuple[str, ...], time_scale: float | None, console: "Console"
+) -> "Generator[tuple[Client, bool]]":
+    """Give a client of the daemon that runs, or of one started here; and whether its instrument is a simulated one.
+
+    A daemon started for a simulated bench ends with the story; one for a real instrument stays.
+    """
+    from ....fitters.plugins import installed
+    from ...client.client import connect
+    from ...client.connection import DaemonError
+    from ...client.location import same_resource
+    from ...files.config import options, settings
+    from ...server.launch import running, start
+
+    place = running()
+    started = place is None
+    for name in fitters if started else ():
+        installed(name)
+    simulated = False
+    if place is None:
+        found = settings({"resource": resource, "time_scale": time_scale})
+        wished = options({"time_scale": _STORY_TIME_SCALE} | found)
+        simulated = wished.resource is None
+        console.print(f"no daemon runs: starting one for {wished.resource or 'a simulated 4294A'}", style="dim")
+        if fitters:
+            wished = replace(wished, fitters=tuple(dict.fromkeys((*fitters, *found.get("fitters", ())))))
+        place = start(wished)
+    elif resource is not None and not same_resource(resource, place.resource):
+        raise DaemonError(
+            f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
+        )
+    console.print(f"instrument: {place.resource}", style="dim", highlight=False, soft_wrap=True)
+    with connect(place.events, place.requests) as lab:
+        try:
+            yield lab, place.bench is not None
+        finally:
+            if started and simulated:
+                lab.shutdown()
+            elif started:
+                console.print("the daemon stays; end it with `pzctl daemon --stop`", style="dim")
+
+
+def _one_step(
+    lab: "Client",
+    build: "Build",
+    step: str,
+    fitters: tuple[str, ...],
+    console: "Console",
+    report: Report,
+    adaptive: bool,
+) -> None:
+    from .adaptive_measure import adapted_plan
+
+    plan = adapted_plan(lab, build, step, console) if adaptive else None
+    measurement = _sweep(lab, build, step, plan, console)
+    ended = time.perf_counter()
+    report.measurements.append(
+        {"id": measurement.id, "step": step, "sweeps": [sweep.id for sweep in measurement.sweeps]}
+    )
+    points = sum(sweep.frequency.size for sweep in measurement.sweeps)
+    console.print(f"{step}: {points} points in {len(measurement.sweeps)} sweep(s)", highlight=False)
+    for fitter in fitters:
+        _show(lab.wait_fit(fitter, measurement.id), build, ended, console, report)
+
+
+def _diagnoser(lab: "Client", build: "Build", console: "Console", yes: bool) -> "Diagnoser":
+    from .deciding_sweep import Diagnoser
+
+    def sweep(plan: "SweepPlan", step: str, decides: str) -> "Measurement":
+        return _sweep(lab, build, step, plan, console, decides)
+
+    return Diagnoser(lab, build, console, sweep, yes)
+
+
+def _in_the_background(lab: "Client", report: Report, console: "Console") -> list[dict[str, Any]]:
+    """Return what the daemon finds by itself about fits that left a mismatch, and print the verdicts."""
+    from ...files.auto_diagnosis import is_significant
+
+    found: list[dict[str, Any]] = []
+    wanted = [fit for fit in report.fits if is_significant(fit["chi2_per_dof"], fit["fitter"], lab.settings())]
+    for fit in wanted:
+        step = fit["steps"][-1]
+        measurement = next(one["id"] for one in report.measurements if one["step"] == step)
+        with console.status(f"{step}: chi2/dof is {fit['chi2_per_dof']:.3g}; the daemon is finding out why"):
+            one = lab.wait_diagnosis(measurement)
+        found.append(one | {"step": step, "measurement": measurement})
+        for sentence in one["says"]:
+            console.print(f"{step}: {sentence}", style="yellow", highlight=False)
+    if found:
+        console.print("more: pzctl report, the live page, or pzctl measure --diagnose", style="dim")
+    return found
+
+
+def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
+    """Bring the device to its step: the simulated bench glues, a person is asked."""
+    from ...client.connection import DaemonError
+
+    if simulated:
+        try:
+            lab.bench({"command": "step", "name": step})
+        except DaemonError as error:
+            console.print(f"bench: {error}", style="dim", highlight=False)
+    elif sys.stdin.isatty():
+        typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
+
+
+def _sweep(
+    lab: "Client",
+    build: "Build",
+    step: str,
+    plan: "SweepPlan | None",
+    console: "Console",
+    decides: str | None = None,
+) -> "Measurement":
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from ...wire.events import ProgressEvent
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
+        task = progress.add_task(step, total=1.0)
+
+        def show(event: ProgressEvent) -> None:
+            progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
+
+        return lab.measure(build, step, plan, progress=show, decides=decides)
+
+
+def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:
+    """Print table and picture of one fit, and how long after the sweep they came."""
+    from ...files.paths import home
+    from ...report.json_output.fit_json import fit_json
+    from ...report.pictures.fit_pictures import fit_picture
+    from ...report.tables.fit_tables import print_fit
+
+    print_fit(console, result, build)
+    seconds = time.perf_counter() - ended
+    picture = home() / "pictures" / f"{result.build}-{result.steps[-1]}-{result.fitter}.png"
+    console.print(f"constants {seconds:.2f} s after the sweep", highlight=False)
+    console.print(f"picture: {fit_picture(result, picture)}\n", highlight=False, soft_wrap=True)
+    report.fits.append(fit_json(result) | {"seconds_after_sweep": seconds, "picture": str(picture)})
+
+
+def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
+    """On the simulated bench, print how far the last fit is from what the bench knows, in stated uncertainties."""
+    from rich.table import Table
+
+    table = Table(title="Recovered against the truth of the simulated bench", title_justify="left")
+    for column in ("constant", "fitted", "true", "error", "|error|/u"):
+        table.add_column(column, justify="left" if column == "constant" else "right")
+    for name, fitted in fit["constants"].items():
+        for part in ("re", "im"):
+            true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]
+            if true and u:
+                label = f"{name}.{part}" if fitted["im"] else name
+                error = f"{100 * (value / true - 1):+.2f} %"
+                table.add_row(label, f"{value:.5g}", f"{true:.5g}", error, f"{abs(value - true) / u:.1f}")
+    console.print(table)

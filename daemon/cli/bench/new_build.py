@@ -1,0 +1,128 @@
+"""`pzctl new`: a build.toml by asking."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ....models.base.errors import PzctlError
+
+if TYPE_CHECKING:
+    from .build_template import NewBuild, NewLayer
+
+
+_NAME = re.compile(r"\w(?:[\w +.-]{0,62}[\w+-])?")
+_THICKNESS_MODE = ("density", "c33D", "h33", "eps33S")
+_ELASTIC = ("z", "c", "q")
+
+
+class NotWritten(PzctlError):
+    """The file was not written."""
+
+
+def new(
+    out: Annotated[Path, typer.Argument(help="The file to write.")] = Path("build.toml"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Write a commented build.toml by asking a few questions; nominal values stand in it with their sources.
+
+    Questions go to standard error. An existing file is never overwritten. Exit status: 0 written, 2 not.
+
+    Example: pzctl new S4.toml
+    """
+    from ...files.builds.build_file import parse_build
+    from ...report.terminal import console
+    from .build_template import build_text
+
+    if out.exists():
+        raise NotWritten(f"{out}: this file is there already; name another one")
+    try:
+        made = _asked()
+    except typer.Abort as error:
+        if isinstance(error.__context__, EOFError):
+            raise NotWritten(f"{out}: not written: the answers ended before the questions did") from None
+        raise
+    text = build_text(made)
+    known = parse_build(text, str(out))  # what is written can be read
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise NotWritten(f"{out}: cannot be written: {error.strerror or error}") from None
+    if as_json:
+        print(json.dumps({"file": str(out), "build": known.name, "steps": [step.name for step in known.steps]}))
+    else:
+        says = f"written: {out}; measure with: pzctl measure --build {out} --fit"
+        console(stderr=True).print(says, highlight=False, soft_wrap=True, markup=False)
+
+
+def _asked() -> "NewBuild":
+    from .build_template import NewBuild
+
+    name = _ask_name()
+    diameter = _ask_number("Diameter (mm)", 16.0)
+    layers = _layers()
+    back, front = (_ask_material(f"What the {face} face rests on", "air", ("z",)) for face in ("back", "front"))
+    return NewBuild(name, diameter, tuple(layers), back, front)
+
+
+def _layers() -> "list[NewLayer]":
+    from .build_template import NewLayer
+
+    disk = _ask_material("Material of the piezo disk", "Pz27", _THICKNESS_MODE)
+    layers = [NewLayer("disk", "piezo", disk, *_thickness("the disk", 0.5, 0.001))]
+    while typer.confirm(f"Is a layer glued in front of {layers[-1].name!r}?", default=len(layers) == 1, err=True):
+        k = len(layers) // 2 + 1
+        glue = _ask_material(f"Glue below matching layer {k}", "epoxy", _ELASTIC)
+        layers.append(NewLayer(f"glue{k}", "elastic", glue, *_thickness("this glue line", 0.01, 0.005)))
+        matching = _ask_material(f"Material of matching layer {k}", "epoxy", _ELASTIC)
+        layers.append(NewLayer(f"ml{k}", "elastic", matching, *_thickness(f"matching layer {k}", 0.15, 0.002)))
+    return layers
+
+
+def _thickness(of: str, nominal: float, u: float) -> tuple[float, float]:
+    return (
+        _ask_number(f"Thickness of {of} (mm)", nominal),
+        _ask_number("  its standard uncertainty (mm)", u),
+    )
+
+
+def _ask_name() -> str:
+    while True:
+        name = _ask("Name of the transducer", "S1")
+        if _NAME.fullmatch(name):
+            return name
+        typer.echo(f"{name!r} is not possible; letters, digits, space and _ + - . inside are", err=True)
+
+
+def _ask(question: str, default: str) -> str:
+    return str(typer.prompt(question, default=default, err=True)).strip() or default
+
+
+def _ask_number(question: str, default: float) -> float:
+    while True:
+        value = float(typer.prompt(question, default=default, type=float, err=True))
+        if value > 0 and value < float("inf"):
+            return value
+        typer.echo(f"{value:g} is not possible; a positive number is needed", err=True)
+
+
+def _ask_material(question: str, default: str, needed: Sequence[str]) -> str:
+    """Ask until a material is named of which the library knows all that is needed."""
+    from ....models.materials import MATERIALS, find
+
+    allowed = [one.name for one in MATERIALS if all(name in one.values for name in needed)]
+    while True:
+        name = _ask(f"{question} (? lists them)", default)
+        if name != "?":
+            try:
+                found = find(name).name
+            except PzctlError as error:
+                typer.echo(str(error), err=True)
+                continue
+            if found in allowed:
+                return found
+        typer.echo(f"possible: {', '.join(allowed)}", err=True)

@@ -1,0 +1,40 @@
+"""`pzctl status`: what the daemon is doing, and how it has been doing."""
+
+from typing import Annotated
+
+import typer
+
+
+def status(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Say what the daemon measures, what waits, how its fitters are, and how long things take.
+
+    Example: pzctl status --json
+    """
+    from ...client.client import connect
+    from ...wire.frames import to_json
+
+    with connect() as lab:
+        hello, now, metrics = lab.hello(), lab.status(), lab.metrics()
+    if as_json:
+        print(to_json({"daemon": hello, "status": now, "metrics": metrics}).decode())
+        return
+    simulated = " (simulated)" if hello.instrument.simulated else ""
+    print(f"pzctl {hello.version}, process {hello.pid}, up {metrics.uptime / 3600:.1f} h")
+    print(f"instrument: {hello.instrument.idn} at {hello.instrument.name}{simulated}")
+    print(f"measuring: {f'{now.sample.name} {now.sample.step}' if now.sample else 'nothing'}; {len(now.queue)} waiting")
+    if now.lease:
+        print(f"leased: {now.lease.owner} until {now.lease.until}")
+    for fitter in now.fitters:
+        named = " ".join(filter(None, (fitter.name, fitter.version)))
+        print(f"fitter {named}: {fitter.says or fitter.state}")
+    counts = metrics.counts
+    print(
+        f"events: {now.seq}; in this run {counts.get('sweep', 0)} sweeps, {counts.get('fit', 0)} fits, "
+        f"{counts.get('requests', 0)} requests, {counts.get('refused', 0)} refused, "
+        f"{counts.get('garbage', 0)} garbage, {counts.get('replayed', 0)} events replayed"
+    )
+    for what, spread in metrics.seconds.items():
+        if spread.median is not None and spread.p99 is not None:
+            print(f"{what}: median {1e3 * spread.median:.2f} ms, 99 % {1e3 * spread.p99:.2f} ms of {spread.count}")

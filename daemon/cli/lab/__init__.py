@@ -1,0 +1,1 @@
+"""Commands that run the lab: the daemon, the simulator, fixture compensation, keys, self-test."""

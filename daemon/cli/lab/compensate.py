@@ -1,0 +1,96 @@
+"""`pzctl compensate`: measure what the fixture adds, step by step, and keep it."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import typer
+
+from ..analysis.fit import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ....drivers.agilent4294a import Agilent4294A
+    from ....drivers.agilent4294a.compensation.standards import Compensation, Standard
+
+
+def compensate(
+    file: Annotated[Path, typer.Argument(help="Where the compensation is kept, or was.")],
+    resource: Annotated[
+        str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
+    ] = None,
+    standard: Annotated[
+        list[str] | None, typer.Option(help="open, short or load, in this order; open and short where none is given.")
+    ] = None,
+    adapter: Annotated[str, typer.Option(help="OFF (none), M1, M2, APC7 or PROBE.")] = "OFF",
+    apply: Annotated[bool, typer.Option("--apply", help="Give the instrument what FILE holds.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Measure the fixture open, shorted and, where wanted, with a load; every later sweep is corrected by it.
+
+    Says what to put into the fixture, waits for Enter, and refuses a standard that is not what it should be. FILE keeps
+    the arrays; `--apply` gives them back to the same instrument later.
+
+    Example: pzctl compensate clips.json --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    from ....drivers.agilent4294a.compensation import compensation_file
+    from ...report.terminal import console
+    from .instrument_access import own_4294a
+
+    if apply and (standard or adapter != "OFF"):
+        raise UsageError("--apply: standards and adapter are those of the file; leave --standard and --adapter away")
+    wanted = _standards(standard or ["open", "short"])
+    screen = console(stderr=True)
+    with own_4294a(resource) as analyzer:
+        if apply:
+            stored = compensation_file.load(file)
+            analyzer.apply_compensation(stored)
+        else:
+            stored = _measured(analyzer, wanted, adapter, screen)
+            compensation_file.save(file, stored)
+    if as_json:
+        told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
+        print(json.dumps(told | {"measured": not apply}))
+        return
+    held = ", ".join(stored.arrays)
+    screen.print(
+        f"{file}: {held}, taken {stored.taken}; the instrument corrects by it", highlight=False, soft_wrap=True
+    )
+
+
+def _standards(names: list[str]) -> "list[Standard]":
+    from ....drivers.agilent4294a.compensation.standards import Standard
+
+    known: tuple[Standard, ...] = get_args(Standard)
+    for name in names:
+        if name not in known:
+            raise UsageError(f"--standard {name}: there are {', '.join(known)}")
+    return [name for name in known if name in names]
+
+
+def _measured(analyzer: "Agilent4294A", wanted: "list[Standard]", adapter: str, console: "Console") -> "Compensation":
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from ....drivers.agilent4294a.protocol.settings import CONDITIONS, Choice
+    from ....drivers.base.analyzer import Progress as Step
+
+    kind = CONDITIONS["E4TP"]
+    if isinstance(kind, Choice) and adapter not in kind.allowed:
+        raise UsageError(f"--adapter {adapter}: there are {', '.join(kind.allowed)}")
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    progress = Progress(*columns, TimeRemainingColumn(), console=console, transient=True)
+    task = progress.add_task("", total=1.0)
+
+    def ask(what: str) -> None:
+        progress.stop()  # a bar and a question do not share a line
+        typer.prompt(f"{what} Then press Enter", default="", show_default=False, err=True)
+        progress.start()
+
+    def show(step: Step) -> None:
+        progress.update(task, completed=step.fraction, description=step.what)
+
+    try:
+        return analyzer.compensate(wanted, ask, show, adapter=adapter)
+    finally:
+        progress.stop()

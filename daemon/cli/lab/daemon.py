@@ -1,0 +1,66 @@
+"""`pzctl daemon`: the lab service in the foreground."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def daemon(
+    resource: Annotated[
+        str | None, typer.Option(help="VISA resource of the analyzer, or recording:FILE; none: a simulated 4294A.")
+    ] = None,
+    events: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that events are published on.")] = None,
+    requests: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that requests are taken on.")] = None,
+    fitter: Annotated[list[str] | None, typer.Option(help="Fitter to keep running; may be repeated.")] = None,
+    bench: Annotated[str | None, typer.Option(help="host:port of the bench of a simulated instrument.")] = None,
+    journal: Annotated[
+        str | None, typer.Option(help="URL of a PostgreSQL database that keeps the record; none: the data folder.")
+    ] = None,
+    station: Annotated[
+        str | None, typer.Option(help="What this bench is called in a shared record; none: the name of this computer.")
+    ] = None,
+    time_scale: Annotated[float | None, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
+    fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
+    fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
+    diagnose: Annotated[
+        str | None, typer.Option(help="auto: diagnose by itself what a fit leaves over; asked: only on request.")
+    ] = None,
+    log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
+    page: Annotated[bool, typer.Option("--page", help="Serve the live page beside it, on this machine only.")] = False,
+    page_port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes any free one.")] = 8294,
+    build: Annotated[Path | None, typer.Option(help="build.toml that the page's buttons measure.")] = None,
+    stop: Annotated[bool, typer.Option("--stop", help="End the daemon that runs, and exit.")] = False,
+) -> None:
+    """Own the analyzer: measure on request, keep every sweep, publish it, and let fitters answer. Until Ctrl-C.
+
+    What no flag says is taken from the environment (PZCTL_RESOURCE ...), then from config.toml: see docs/service.md.
+
+    Example: pzctl daemon --page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    if stop:
+        from ...client.client import connect
+
+        with connect() as lab:
+            lab.shutdown()
+        return
+    from ...files.builds.build_file import THESIS_BUILD
+    from ...files.config import options, settings
+    from ...server.logs import begin_log
+    from ...server.service import run
+
+    flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
+    flags |= {"journal": journal, "station": station}
+    flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
+    found = settings(flags | {"diagnose": diagnose, "log": log})
+    begin_log(found.get("log", "text"))
+    if not page:
+        run(options(found))
+        return
+    from ...page.page_process import served_beside
+
+    with served_beside(build or THESIS_BUILD, page_port) as address:
+        print(f"page: {address}", file=sys.stderr)
+        run(options(found))

@@ -1,0 +1,97 @@
+"""`pzctl keys`: who may reach the daemon from other machines, and what for."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, help="Keys of those who may reach the daemon from other machines.")
+
+
+@app.command("server")
+def server(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Make the daemon's own key, once.
+
+    Example: pzctl keys server
+    """
+    from ...files.paths import home, keys_folder
+    from ...wire.curve_keys import make_server
+
+    public = make_server(keys_folder(home())).public
+    print(json.dumps({"public": public}) if as_json else f"the daemon's public key: {public}")
+
+
+@app.command("client")
+def client(
+    name: Annotated[str, typer.Argument(help="Whose key it is.")],
+    right: Annotated[str, typer.Option(help="watch, measure, bench or admin; each includes those before.")] = "watch",
+    out: Annotated[Path | None, typer.Option(help="File for the client to keep; NAME.key unless given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Let a client in, and write the key that it needs.
+
+    Example: pzctl keys client ana --right measure, and then in her script connect(..., key="ana.key")
+    """
+    from ....models.base.errors import PzctlError
+    from ...files.paths import home, keys_folder
+    from ...wire.curve_keys import RIGHTS, Right, make_client, write_secret
+    from ...wire.curve_keys import revoke as bar
+    from ...wire.frames import to_json
+    from ..analysis.fit import UsageError
+
+    by_name: dict[str, Right] = {one: one for one in RIGHTS}
+    found = by_name.get(right)
+    if found is None:
+        raise UsageError(f"--right {right}: allowed are {', '.join(RIGHTS)}")
+    path = out or Path(f"{name}.key")
+    if path.exists():
+        raise UsageError(f"--out {path}: this file is there already")
+    folder = keys_folder(home())
+    key = make_client(folder, name, found)
+    try:
+        write_secret(path, to_json(key))
+    except PzctlError:
+        bar(folder, name)  # nobody has the key of this client: it must be possible to make it again
+        raise
+    if as_json:
+        print(json.dumps({"name": name, "right": right, "file": str(path)}))
+    else:
+        print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
+
+
+@app.command("list")
+def show(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """List who may come in.
+
+    Example: pzctl keys list
+    """
+    from ...files.paths import home, keys_folder
+    from ...wire.curve_keys import clients
+
+    found = clients(keys_folder(home()))
+    if as_json:
+        print(json.dumps({"clients": [{"name": one.name, "right": one.right, "public": one.public} for one in found]}))
+        return
+    for one in found:
+        print(f"{one.name}\t{one.right}\t{one.public}")
+
+
+@app.command("revoke")
+def revoke(
+    name: Annotated[str, typer.Argument(help="Whose key no longer counts.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Bar a client, at once; a running daemon need not be told.
+
+    Example: pzctl keys revoke ana
+    """
+    from ...files.paths import home, keys_folder
+    from ...wire.curve_keys import revoke as bar
+
+    bar(keys_folder(home()), name)
+    print(json.dumps({"name": name, "revoked": True}) if as_json else f"{name} no longer comes in")

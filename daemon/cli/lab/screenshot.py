@@ -1,0 +1,45 @@
+"""`pzctl screenshot`: a file that the instrument makes of what it shows."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..analysis.fit import UsageError
+
+if TYPE_CHECKING:
+    from ....drivers.agilent4294a.instrument_files import Kind
+
+KINDS: "dict[str, Kind]" = {".tif": "screen", ".txt": "ascii", ".dat": "binary", ".s1p": "touchstone"}
+"""What the file's name ends with, and what it then holds."""
+
+
+def screenshot(
+    file: Annotated[Path, typer.Argument(help=".tif the screen; .txt, .dat or .s1p the sweep that it shows.")],
+    resource: Annotated[
+        str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Fetch the instrument's screen, or the sweep on it in the instrument's own formats, as people left it there.
+
+    Example: pzctl screenshot clips.tif --resource TCPIP0::192.168.0.17::5025::SOCKET
+    """
+    from ....drivers.base.analyzer import InstrumentError
+    from ...report.terminal import console
+    from .instrument_access import own_4294a
+
+    kind = KINDS.get(file.suffix.lower())
+    if kind is None:
+        raise UsageError(f"{file}: the name ends with {file.suffix!r}; allowed are {', '.join(KINDS)}")
+    with own_4294a(resource) as analyzer:
+        data = analyzer.fetch(kind)
+    try:
+        file.write_bytes(data)
+    except OSError as error:
+        raise InstrumentError(f"{file}: it cannot be written: {error.strerror}") from None
+    if as_json:
+        print(json.dumps({"file": str(file), "kind": kind, "bytes": len(data)}))
+    else:
+        console(stderr=True).print(f"{file}: {len(data)} bytes", highlight=False, soft_wrap=True)

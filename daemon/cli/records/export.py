@@ -1,0 +1,77 @@
+"""`pzctl export`: recordings of the journal as files that other programs read."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..analysis.fit import UsageError
+
+if TYPE_CHECKING:
+    from ....models.sweep import Sweep
+    from ...samples.sample_record import SampleRecord
+
+FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5"}
+
+
+def export(
+    sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
+    to: Annotated[Path, typer.Option(help="Folder that the files go to; made if it is not there.")] = Path(),
+    form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf or hdf5.")] = "csv",
+    step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Write the sweeps of a sample, one file each, with settings and provenance. Needs no daemon.
+
+    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back.
+
+    Example: pzctl export S4 --to data --format netcdf
+    """
+    from ...report.terminal import console
+    from ...samples.sample_record import UnknownSampleError, sample_record
+    from ...samples.sample_selection import open_journal
+
+    if form not in FORMATS:
+        raise UsageError(f"--format {form}: there is no such format; there are {', '.join(FORMATS)}")
+    journal = open_journal()
+    try:
+        record = sample_record(journal, sample)
+    finally:
+        journal.close()
+    measured = [one.measurement.sample.step for one in record.steps]
+    if step is not None and step not in measured:
+        raise UnknownSampleError(
+            f"sample {record.name!r}: step {step!r} was not measured; measured: {', '.join(measured)}"
+        )
+    written = _write(record, step, form, to)
+    if as_json:
+        print(json.dumps({"sample": record.name, "files": [str(path) for path in written]}))
+        return
+    for path in written:
+        console().print(str(path), highlight=False, soft_wrap=True, markup=False)
+
+
+def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) -> list[Path]:
+    """Write every sweep; return the files. Raises RecordingError."""
+    from ....drivers.recordings import RecordingError, write_csv, write_hdf5, write_netcdf, write_touchstone
+
+    writers: dict[str, Callable[[Sweep, Path], None]] = {
+        "csv": write_csv,
+        "touchstone": write_touchstone,
+        "netcdf": write_netcdf,
+        "hdf5": write_hdf5,
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{folder}: this folder cannot be made: {error.strerror or error}") from None
+    files: list[Path] = []
+    for one in record.steps:
+        if step in (None, one.measurement.sample.step):
+            stem = f"{record.name}-{one.measurement.sample.step}".replace("/", "_")
+            for k, sweep in enumerate(one.sweeps, start=1):
+                files.append(folder / f"{stem}-{k}{FORMATS[form]}")
+                writers[form](sweep, files[-1])
+    return files

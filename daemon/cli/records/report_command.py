@@ -1,0 +1,61 @@
+"""`pzctl report`: one HTML file that says all there is to say of a sample."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..analysis.fit import UsageError
+
+KINDS = (".html", ".pdf")
+"""What the file's name may end with."""
+
+
+def report(
+    sample: Annotated[str, typer.Argument(help="Name of a sample, id of a measurement, or its build.toml.")],
+    out: Annotated[Path | None, typer.Option(help="The file, .html or .pdf; SAMPLE.html where not given.")] = None,
+    fitter: Annotated[str | None, typer.Option(help="Whose fits; the first that answered where not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Write a report of a sample: measured, constants, uncertainties, mismatch, provenance. Needs no daemon.
+
+    The file needs nothing else: pictures are inside. One whose name ends with .pdf is a PDF.
+
+    Exit status: 0 written, 1 nothing was measured or fitted, 2 no such sample, or no such kind of file.
+
+    Example: pzctl report S4 --out S4.pdf
+    """
+    from ...report.document.html_report import report_html
+    from ...report.terminal import console
+    from ...samples.sample_record import sample_record
+    from ...samples.sample_selection import open_journal
+
+    if sample.endswith(".toml"):
+        from ...files.builds.build_file import read_build
+
+        sample = read_build(Path(sample)).name
+    if out is not None and out.suffix.lower() not in KINDS:
+        raise UsageError(f"--out {out}: the name ends with {out.suffix!r}; allowed are {', '.join(KINDS)}")
+    journal = open_journal()
+    try:
+        record = sample_record(journal, sample)
+    finally:
+        journal.close()
+    target = out or Path(f"{record.name.replace('/', '_')}.html")
+    _write(target, report_html(record, fitter))
+    if as_json:
+        print(json.dumps({"sample": record.name, "report": str(target)}))
+    else:
+        console().print(f"report: {target}", highlight=False, soft_wrap=True, markup=False)
+
+
+def _write(target: Path, html: str) -> None:
+    from ....models.base.errors import PzctlError
+    from ...report.document.pdf_report import report_pdf
+
+    data = report_pdf(html) if target.suffix.lower() == ".pdf" else html.encode()
+    try:
+        target.write_bytes(data)
+    except OSError as error:
+        raise PzctlError(f"{target}: the report cannot be written: {error.strerror or error}") from None

@@ -1,0 +1,99 @@
+"""`pzctl samples`: what was measured of which sample, and the constants of all of them together."""
+
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..analysis.fit import UsageError
+
+if TYPE_CHECKING:
+    from ...journal.journal_reader import Archive, Measurement
+
+
+def samples(
+    constants: Annotated[
+        bool, typer.Option("--constants", help="Statistics of the constants over the samples.")
+    ] = False,
+    fitter: Annotated[str | None, typer.Option(help="Whose fits, with --constants; mason where not given.")] = None,
+    step: Annotated[str | None, typer.Option(help="Fits of this gluing step only, with --constants.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """List the samples of the journal; with --constants, mean and scatter of each constant over their latest fits.
+
+    Example: pzctl samples --constants --step disk
+    """
+    from ...samples.sample_selection import open_journal
+
+    if not constants and (fitter or step):
+        raise UsageError(f"--{'fitter' if fitter else 'step'} needs --constants; the list shows all fitters and steps")
+    journal = open_journal()
+    try:
+        if constants:
+            _constants(journal, fitter, step, as_json)
+        else:
+            _list(journal, as_json)
+    finally:
+        journal.close()
+
+
+def _list(journal: "Archive", as_json: bool) -> None:
+    found: dict[str, list[Measurement]] = {}
+    for one in journal.measurements():
+        found.setdefault(one.sample.name, []).append(one)
+    if as_json:
+        listed = [{"name": name, "measurements": [_plain(journal, one) for one in of]} for name, of in found.items()]
+        print(json.dumps({"samples": listed}))
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from ...report.terminal import console
+
+    table = Table(header_style="bold", box=SIMPLE_HEAD)
+    for column in ("sample", "step", "measured", "fits"):
+        table.add_column(column)
+    for name, of_sample in found.items():
+        for k, one in enumerate(of_sample):
+            fits = ", ".join(journal.fitters(one.id)) if one.state == "measured" else one.state
+            when = f"{one.time[:10]} {one.time[11:19]} UTC"
+            table.add_row("" if k else name, one.sample.step, when, fits)
+        table.add_section()
+    console().print(table)
+
+
+def _plain(journal: "Archive", one: "Measurement") -> dict[str, Any]:
+    return {
+        "id": one.id,
+        "step": one.sample.step,
+        "state": one.state,
+        "time": one.time,
+        "sweeps": list(journal.sweep_ids(one.id)),
+        "fitters": list(journal.fitters(one.id)),
+    }
+
+
+def _constants(journal: "Archive", fitter: str | None, step: str | None, as_json: bool) -> None:
+    from ....fitters.plugins import DEFAULT
+    from ....fitters.population.population_statistics import population
+    from ...report.tables.population_table import population_json, print_population
+    from ...report.terminal import console
+    from ...samples.sample_selection import NoSamplesError, latest_fits, sheets_of
+
+    fitter = fitter or DEFAULT
+    fits = latest_fits(journal, fitter, step)
+    if not fits:
+        of_step = f" of step {step!r}" if step else ""
+        raise NoSamplesError(
+            f"the journal in {journal.name} holds no fit{of_step} by {fitter!r}; "
+            f"`pzctl fit --all --fitter {fitter}` makes them"
+        )
+    found = population({name: fit.result for name, fit in fits.items()}, sheets_of(fit.build for fit in fits.values()))
+    if as_json:
+        used = {
+            name: {"measurement": fit.measurement.id, "time": fit.measurement.time, "steps": list(fit.result.steps)}
+            for name, fit in fits.items()
+        }
+        print(json.dumps({"fitter": fitter, "fits": used} | population_json(found)))
+    else:
+        print_population(console(), found)

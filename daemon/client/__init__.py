@@ -1,0 +1,1 @@
+"""Client side: talk to a running daemon, from blocking and from asyncio programs."""

@@ -1,0 +1,1 @@
+"""Files that a person edits: configuration and its defaults, and where everything lies."""

@@ -1,0 +1,86 @@
+"""What a `Build` must fulfil wherever it came from: names, kinds, and steps that can be glued in their order."""
+
+import re
+from collections.abc import Iterable
+
+from ....models.build import Build, Step
+from .build_table import BuildError
+
+LONGEST_NAME = 64
+RESERVED = ("area", "back", "front", "lead")
+"""First words of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
+
+_BUILD_NAME = re.compile(r"\w(?:[\w +.-]*[\w+-])?")
+_NAME = re.compile(r"\w[\w+-]*")
+
+
+def check_build(build: Build, source: str) -> None:
+    """Check what no single key can tell. Raises BuildError, which names the file as `source`."""
+    _check_name(build.name, f"{source}: name", _BUILD_NAME, "letters, digits, space and _ + - . inside")
+    _check_layers(build, source)
+    _check_unique((step.name for step in build.steps), source, "steps")
+    if not build.steps:
+        raise BuildError(f"{source}: steps is empty; at least one [[steps]] is needed")
+    known = [layer.name for layer in build.layers]
+    piezo = next(layer.name for layer in build.layers if layer.kind == "piezo")
+    for k, step in enumerate(build.steps):
+        where = f"{source}: steps[{k}]"
+        _check_name(step.name, f"{where}.name", _NAME, "letters, digits and _ + -")
+        where = f"{where}.layers (of step {step.name!r})"
+        _check_step(step, known, piezo, where)
+        for name in step.reground:
+            if name not in step.layers:
+                raise BuildError(f"{source}: steps[{k}].reground names {name!r}; the step has {', '.join(step.layers)}")
+            if k == 0 or name not in build.steps[k - 1].layers:
+                raise BuildError(
+                    f"{source}: steps[{k}].reground names {name!r}, which is new in this step; a layer is ground after "
+                    "a step that had it, before that its thickness stands in [[layers]]"
+                )
+        before = build.steps[k - 1] if k else step
+        gone = [name for name in before.layers if name not in step.layers]
+        if gone:
+            raise BuildError(
+                f"{where} lacks {gone[0]}, which is there in the step before ({before.name}); steps stand in gluing "
+                "order, each with all layers of the one before"
+            )
+
+
+def _check_layers(build: Build, source: str) -> None:
+    for k, layer in enumerate(build.layers):
+        where = f"{source}: layers[{k}].name"
+        _check_name(layer.name, where, _NAME, "letters, digits and _ + -")
+        if layer.name in RESERVED:
+            raise BuildError(f"{where} is {layer.name!r}, which means something else here; give another name")
+    _check_unique((layer.name for layer in build.layers), source, "layers")
+    piezos = [layer.name for layer in build.layers if layer.kind == "piezo"]
+    if len(piezos) != 1:
+        found = f"{len(piezos)} piezo layers ({', '.join(piezos)})" if piezos else "no piezo layer"
+        raise BuildError(f'{source}: layers has {found}; exactly one layer of kind = "piezo" is needed')
+
+
+def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:
+    for name in step.layers:
+        if name not in known:
+            raise BuildError(f"{where} names {name!r}; the layers are {', '.join(known)}")
+    if piezo not in step.layers:
+        raise BuildError(f"{where} lacks {piezo}; without its piezo layer there is nothing to measure")
+    order = [known.index(name) for name in step.layers]
+    if sorted(set(order)) != order:
+        right = ", ".join(name for name in known if name in step.layers)
+        raise BuildError(f"{where} is {', '.join(step.layers)}; each once and in the order of [[layers]]: {right}")
+
+
+def _check_name(name: str, where: str, pattern: re.Pattern[str], allowed: str) -> None:
+    """Refuse what cannot stand in a topic, a path, `STEP=FILE` or a parameter's name."""
+    if len(name) > LONGEST_NAME:
+        raise BuildError(f"{where} has {len(name)} characters; at most {LONGEST_NAME} are allowed")
+    if not pattern.fullmatch(name):
+        raise BuildError(f"{where} is {name!r}; allowed are {allowed}, and it begins with a letter or digit")
+
+
+def _check_unique(names: Iterable[str], source: str, what: str) -> None:
+    first: dict[str, int] = {}
+    for k, name in enumerate(names):
+        if name in first:
+            raise BuildError(f"{source}: {what}[{k}].name is {name!r}, which is that of {what}[{first[name]}] too")
+        first[name] = k

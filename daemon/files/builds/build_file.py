@@ -1,0 +1,261 @@
+"""build.toml: one transducer, its layers and gluing steps, read into a `Build`; and a `Build` as plain JSON."""
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import msgspec
+
+from ....models.base.errors import PzctlError
+from ....models.build import Build, LayerSpec, Load, Quantity, Step
+from ....models.sweep_plan import PlanError, Segment, SweepPlan
+from .build_check import check_build
+from .build_table import (
+    ELASTIC_KEYS,
+    ELECTRODE_KEYS,
+    PIEZO_KEYS,
+    THICKNESS_KEYS,
+    Z_KEYS,
+    BuildError,
+    Key,
+    Table,
+    keys_for,
+)
+from .own_materials import find_material
+from .tied_parameters import resolved
+
+__all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build"]
+
+THESIS_BUILD = Path(__file__).with_name("thesis.toml")
+"""The transducer of the 2012 thesis: the one on the simulated bench."""
+
+LAYER_KEYS = ("name", "kind", "material")
+SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3), "area_mm2": Key("area", 1e-6)}
+FREQUENCY_UNITS = {"MHz": 1e6, "kHz": 1e3, "Hz": 1.0}
+NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
+_DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:#|$)", re.MULTILINE)
+_LARGEST = 1_000_000
+"""Bytes. A description of a transducer has some kilobytes; more is another file given by mistake."""
+
+
+def read_build(path: Path) -> Build:
+    """Read a transducer from build.toml. Raises BuildError, one sentence for a person."""
+    try:
+        if path.is_dir():
+            raise BuildError(f"{path}: this is a folder; a file like build.toml is needed")
+        if path.stat().st_size > _LARGEST:
+            raise BuildError(f"{path}: {path.stat().st_size} bytes is no description of a transducer; build.toml is")
+        data = path.read_bytes()
+    except OSError as error:
+        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise BuildError(f"{path}: byte {error.start + 1} is not UTF-8 text; build.toml is a text file") from None
+    return parse_build(text, str(path))
+
+
+def parse_build(text: str, source: str = "build.toml") -> Build:
+    """Read a transducer from the text of build.toml; `source` is what errors call the file. Raises BuildError.
+
+    Values that the text does not give come from the material library, with its tolerance as uncertainty.
+    """
+    if not text.strip():
+        raise BuildError(f"{source}: the file is empty; name, diameter_mm, [[layers]], [load], [[steps]] are needed")
+    try:
+        data = tomllib.loads(text.replace("\r\n", "\n"))
+    except tomllib.TOMLDecodeError as error:
+        comma = _DECIMAL_COMMA.search(text)
+        hint = f"; numbers are written with a point, and here is {comma[1]!r}" if comma else ""
+        raise BuildError(f"{source}: this is not TOML: {error}{hint}") from None
+    except (RecursionError, ValueError):  # brackets in brackets; a whole number of thousands of digits
+        raise BuildError(f"{source}: this is not a description of a transducer: nested or long beyond reason") from None
+    top = Table(data, source)
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep"))
+    name = top.string("name")
+    diameter, area = _size(top)
+    load = top.table("load")
+    load.only(("back", "front"))
+    build = Build(
+        name=name,
+        area=area,
+        diameter=diameter,
+        layers=resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source),
+        back=_load(load, "back"),
+        front=_load(load, "front"),
+        steps=tuple(_step(table) for table in top.tables("steps", "step")),
+        plan=_plan(top.table("sweep")) if "sweep" in data else None,
+    )
+    check_build(build, source)
+    return build
+
+
+def build_to_json(build: Build) -> dict[str, Any]:
+    """Return the build as plain dicts, lists, texts and numbers, in SI units."""
+    return msgspec.to_builtins(build)
+
+
+def build_from_json(obj: object) -> Build:
+    """Return the build that `build_to_json` made. Raises BuildError."""
+    try:
+        build = msgspec.convert(obj, Build)
+    except msgspec.ValidationError as error:
+        raise BuildError(f"build: {error}") from None
+    except PlanError as error:
+        raise BuildError(f"build: plan: {error}") from None
+    check_build(build, "build")
+    return build
+
+
+def _size(top: Table) -> tuple[Quantity | None, Quantity]:
+    """Return diameter (m), where it is known, and area (m2)."""
+    found = top.quantities(SIZE_KEYS)
+    if len(found) == 2:
+        raise top.error("area_mm2", "is given beside diameter_mm; give one of the two")
+    if "area" in found:
+        return None, found["area"]
+    if "diameter" not in found:
+        raise top.missing("size", "write diameter_mm = ... or area_mm2 = ...")
+    d = found["diameter"]
+    return d, Quantity(math.pi * d.re**2 / 4, u=math.pi * d.re / 2 * d.u, source=d.source)
+
+
+def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:
+    """Return the name and the values of the library's material that `key` names."""
+    name = table.string(key)
+    try:
+        return name, find_material(name).values
+    except PzctlError as error:
+        raise table.error(key, f"is {name!r}: {error}") from None
+
+
+def _layer(table: Table) -> LayerSpec:
+    kind = _kind(table)
+    keys = PIEZO_KEYS | ELECTRODE_KEYS if kind == "piezo" else ELASTIC_KEYS
+    table.only((*LAYER_KEYS, *keys))
+    material, nominal = _material(table, "material") if "material" in table.data else (None, dict[str, Quantity]())
+    given = table.quantities(keys)
+    values = {**nominal, **given}
+    if kind == "elastic":
+        _impedance_from_density(table, values, given)
+    for name in NEEDED[kind]:
+        if name not in values:
+            beside = f"{material} of the library has none" if material else "or name a material that has it"
+            raise table.missing(name, f"give {keys_for(name, keys)}; {beside}")
+    return LayerSpec(table.string("name"), kind, values, material, nominal)
+
+
+def _kind(table: Table) -> Literal["piezo", "elastic"]:
+    kind = table.string("kind")
+    if kind not in NEEDED:
+        raise table.error("kind", f'is {kind!r}; "piezo" or "elastic" is needed')
+    return cast(Literal["piezo", "elastic"], kind)
+
+
+def _impedance_from_density(table: Table, values: dict[str, Quantity], given: Mapping[str, Quantity]) -> None:
+    """Put z = density * c where the file gives the density of an elastic layer instead of its impedance."""
+    if "density" not in given:
+        values.pop("density", None)  # the library's: a layer whose z or c is overridden has another
+        return
+    if "z" in given:
+        raise table.error("density_kg_m3", f"is given beside {keys_for('z', Z_KEYS)}; z = density * c, give one")
+    if "c" in values:
+        density, c = given["density"], values["c"]
+        if c.same_as:
+            raise table.error("density_kg_m3", "is given beside a tied c; z = density * c needs a number, give z")
+        u = math.hypot(density.u * c.re, density.re * c.u)
+        values["z"] = Quantity(density.re * c.re, u=u, source="density * c")
+
+
+def _load(table: Table, key: str) -> Load:
+    if isinstance(table.data.get(key), dict):
+        inner = table.table(key)
+        inner.only(Z_KEYS)
+        z = inner.quantities(Z_KEYS).get("z")
+        if z is None:
+            raise inner.missing("z_MRayl", f"write {key} = {{ z_MRayl = ... }}, or the name of a material")
+        return Load("given", z)
+    if key not in table.data:
+        raise table.missing(key, f'write {key} = "air", another material, or {{ z_MRayl = ... }}')
+    name, values = _material(table, key)
+    if "z" not in values:
+        raise table.error(key, f"is {name!r}, which has no z in the library; write {{ z_MRayl = ... }}")
+    return Load(name, values["z"])
+
+
+def _step(table: Table) -> Step:
+    table.only(("name", "layers", "reground"))
+    reground = _reground(table.table("reground")) if "reground" in table.data else {}
+    return Step(table.string("name"), table.strings("layers"), reground)
+
+
+def _reground(table: Table) -> dict[str, Quantity]:
+    """Return the new thickness of each layer that was ground before this step."""
+    found: dict[str, Quantity] = {}
+    for layer in table.data:
+        inner = table.table(layer)
+        inner.only(THICKNESS_KEYS)
+        thickness = inner.quantities(THICKNESS_KEYS).get("thickness")
+        if thickness is None:
+            raise inner.missing("thickness", "write thickness_mm = { value = ..., u = ... }")
+        if thickness.same_as:
+            raise inner.missing("thickness of its own", "a ground layer is tied to no other")
+        found[layer] = thickness
+    return found
+
+
+def _plan(table: Table) -> SweepPlan:
+    """Return the section [sweep]. What an instrument cannot do is for its driver to say."""
+    floats = ("oscillator_V", "bias_V", "point_delay_s", "sweep_delay_s")
+    integers = ("bandwidth", "point_average", "sweep_average")
+    table.only(("segments", *floats, "oscillator_mA", *integers, "direction"))
+    segments = tuple(_segment(segment) for segment in table.tables("segments", "segment"))
+    settings: dict[str, Any] = {key: table.number(key) for key in floats if key in table.data}
+    settings |= {key: table.integer(key) for key in integers if key in table.data}
+    settings |= _level(table)
+    for key in ("point_delay_s", "sweep_delay_s"):
+        if settings.get(key, 0.0) < 0:
+            raise table.error(key, f"is {settings[key]:g}; 0 s (none) or more is needed")
+    if not 1 <= settings.get("bandwidth", 1) <= 5:
+        raise table.error("bandwidth", f"is {settings['bandwidth']}; 1 (fast) to 5 (precise) is allowed")
+    for key in ("point_average", "sweep_average"):
+        if settings.get(key, 1) < 1:
+            raise table.error(key, f"is {settings[key]}; 1 (off) or more is needed")
+    if "direction" in table.data:
+        settings["direction"] = table.string("direction")
+        if settings["direction"] not in ("up", "down"):
+            raise table.error("direction", f'is {settings["direction"]!r}; "up" or "down" is needed')
+    return SweepPlan(segments, **settings)
+
+
+def _level(table: Table) -> dict[str, float]:
+    """Return what drives the device: a current where `oscillator_mA` is given, else nothing beside `oscillator_V`."""
+    given = [key for key in ("oscillator_V", "oscillator_mA") if key in table.data]
+    if len(given) == 2:
+        raise table.error("oscillator_mA", "is given beside oscillator_V; the device is driven by one of the two")
+    for key in given:
+        if table.number(key) <= 0:
+            raise table.error(key, f"is {table.number(key):g}; a positive number is needed")
+    return {"oscillator_A": table.number("oscillator_mA") / 1e3} if "oscillator_mA" in given else {}
+
+
+def _segment(table: Table) -> Segment:
+    ends = {end: {f"{end}_{unit}": factor for unit, factor in FREQUENCY_UNITS.items()} for end in ("start", "stop")}
+    table.only((*ends["start"], *ends["stop"], "points", "spacing"))
+    found: dict[str, float] = {}
+    for end, keys in ends.items():
+        given = [key for key in keys if key in table.data]
+        if len(given) != 1:
+            raise table.missing(f"single {end}", f"give one of {', '.join(keys)}")
+        found[end] = table.number(given[0]) * keys[given[0]]
+    points = table.integer("points") if "points" in table.data else 801
+    spacing = table.string("spacing") if "spacing" in table.data else "linear"
+    if spacing not in ("linear", "log"):
+        raise table.error("spacing", f'is {spacing!r}; "linear" or "log" is needed')
+    try:
+        return Segment(found["start"], found["stop"], points, spacing)
+    except PlanError as error:
+        raise BuildError(f"{table.source}: {table.path}: {error}") from None

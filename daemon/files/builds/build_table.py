@@ -1,0 +1,247 @@
+"""One table of build.toml, read key by key: every complaint names file, key, what was found, what is allowed."""
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+from ....models.base.errors import PzctlError
+from ....models.build import Quantity
+from ....models.constants.piezo_constants import EPS0
+
+
+class BuildError(PzctlError):
+    """A transducer's description that cannot be used as it stands."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a key of build.toml stands for."""
+
+    name: str
+    """The constant's name in a LayerSpec."""
+    factor: float
+    """Value in SI units = number in the file times this."""
+
+
+THICKNESS_KEYS = {
+    "thickness_mm": Key("thickness", 1e-3),
+    "thickness_um": Key("thickness", 1e-6),
+    "thickness_m": Key("thickness", 1.0),
+}
+DENSITY_KEYS = {"density_kg_m3": Key("density", 1.0)}
+Z_KEYS = {"z_MRayl": Key("z", 1e6), "z_Rayl": Key("z", 1.0)}
+ELASTIC_KEYS = THICKNESS_KEYS | DENSITY_KEYS | Z_KEYS | {"c_m_s": Key("c", 1.0), "q": Key("q", 1.0)}
+PIEZO_KEYS = (
+    THICKNESS_KEYS
+    | DENSITY_KEYS
+    | {"h33_1e8_V_m": Key("h33", 1e8), "h33_V_m": Key("h33", 1.0)}
+    | {f"{n}_r": Key(n, EPS0) for n in ("eps33S", "eps33T", "eps33P")}
+    | {f"{n}_F_m": Key(n, 1.0) for n in ("eps33S", "eps33T", "eps33P")}
+    | {f"{n}_1e10_Pa": Key(n, 1e10) for n in ("c33D", "c11p")}
+    | {f"{n}_GPa": Key(n, 1e9) for n in ("c33D", "c11p")}
+    | {f"{n}_Pa": Key(n, 1.0) for n in ("c33D", "c11p")}
+    | {f"{n}_1e-12_m2_N": Key(n, 1e-12) for n in ("s11E", "s12E")}
+    | {f"{n}_m2_N": Key(n, 1.0) for n in ("s11E", "s12E")}
+    | {"d31_pC_N": Key("d31", 1e-12), "d31_C_N": Key("d31", 1.0)}
+    | {"sigma_p": Key("sigma_p", 1.0), "kp": Key("kp", 1.0)}
+)
+"""The unit stands in the key: each key with its constant and the factor to SI."""
+ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3)}
+"""Of a ceramic in a transducer, not of a material: both electrodes, where they end before the rim."""
+
+REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter"}
+TIED = {"thickness", "z", "c", "q"}
+"""Constants that can be `{ same_as = "LAYER" }`: those that two layers of a transducer can have in common."""
+POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}
+LOSS_SIGN = {"c33D": 1, "c11p": 1, "eps33S": -1, "eps33T": -1, "eps33P": -1, "s11E": -1}
+"""Sign of the imaginary part of a passive constant under exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
+eps (1 - j tan d). The other sign is the convention of exp(-jwt), copied from another text."""
+
+
+def shown(value: object) -> str:
+    """Return what was found in the words of the file, cut to a length a sentence can carry."""
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    text = {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Table:
+    """A TOML table with its place in the file. Keys are taken one by one; `finish` refuses those left over."""
+
+    def __init__(self, data: Mapping[str, Any], source: str, path: str = "", label: str = "") -> None:
+        self.data = data
+        self.source = source
+        self.path = path
+        self.label = label
+        """The thing people know the table by: `layer 'glue1'`."""
+
+    def key(self, name: str) -> str:
+        """Return the full path of a key: `layers[1].thickness_mm`."""
+        return f"{self.path}.{name}" if self.path else name
+
+    def error(self, key: str, says: str) -> BuildError:
+        """Return an error about a key: `says` continues a sentence that begins with the key's path."""
+        of = f" (of {self.label})" if self.label else ""
+        return BuildError(f"{self.source}: {self.key(key)}{of} {says}")
+
+    def missing(self, what: str, allowed: str) -> BuildError:
+        """Return an error about a key, or one of several keys, that should be there."""
+        where = f"{self.path}" + (f" ({self.label})" if self.label else "") if self.path else "the file"
+        return BuildError(f"{self.source}: {where} has no {what}; {allowed}")
+
+    def only(self, allowed: Iterable[str]) -> None:
+        """Refuse any key that is not among `allowed`, naming the nearest one. Raises BuildError."""
+        names = list(allowed)
+        for key in self.data:
+            if key not in names:
+                near = difflib.get_close_matches(key, names, 1, 0.5)
+                hint = f"did you mean {near[0]}? " if near else ""
+                raise self.error(shown(key)[1:-1], f"is not a known key; {hint}allowed here: {', '.join(names)}")
+
+    def string(self, key: str) -> str:
+        """Return a text that must be there. Raises BuildError."""
+        if key not in self.data:
+            raise self.missing(key, f'write {key} = "..."')
+        value = self.data[key]
+        if not isinstance(value, str) or not value.strip():
+            raise self.error(key, f"is {shown(value)}; a text in quotes is needed")
+        return value
+
+    def strings(self, key: str) -> tuple[str, ...]:
+        """Return a list of texts that must be there. Raises BuildError."""
+        if key not in self.data:
+            raise self.missing(key, f'write {key} = ["...", "..."]')
+        value = self.data[key]
+        if not isinstance(value, list):
+            raise self.error(key, f"is {shown(value)}; a list of texts is needed")
+        items = cast("list[object]", value)
+        for k, item in enumerate(items):
+            if not isinstance(item, str):
+                raise self.error(f"{key}[{k}]", f"is {shown(item)}; a text in quotes is needed")
+        return tuple(str(item) for item in items)
+
+    def table(self, key: str) -> "Table":
+        """Return a table that must be there. Raises BuildError."""
+        if key not in self.data:
+            raise self.missing(f"[{key}]", f"write a section [{self.key(key)}]")
+        value = self.data[key]
+        if not isinstance(value, dict):
+            raise self.error(key, f"is {shown(value)}; a table is needed")
+        return Table(cast("dict[str, Any]", value), self.source, self.key(key), self.label)
+
+    def tables(self, key: str, what: str) -> "tuple[Table, ...]":
+        """Return a non-empty list of tables, each labelled `what` and its name. Raises BuildError."""
+        if key not in self.data:
+            raise self.missing(f"[[{key}]]", f"write at least one {what}")
+        value = self.data[key]
+        if not isinstance(value, list) or not value:
+            raise self.error(
+                key, f"is {'empty' if value == [] else shown(cast('object', value))}; at least one [[{key}]] is needed"
+            )
+        out: list[Table] = []
+        for k, item in enumerate(cast("list[object]", value)):
+            if not isinstance(item, dict):
+                raise self.error(f"{key}[{k}]", f"is {shown(item)}; a table is needed")
+            data = cast("dict[str, Any]", item)
+            name = data.get("name")
+            label = f"{what} {shown(name)}" if isinstance(name, str) else ""
+            out.append(Table(data, self.source, self.key(f"{key}[{k}]"), label))
+        return tuple(out)
+
+    def number(self, key: str) -> float:
+        """Return a finite number that is there. Raises BuildError."""
+        value = self.data[key]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(key, f"is {shown(value)}; a number is needed")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.error(key, f"is {shown(value)}; a finite number is needed")
+        return number
+
+    def integer(self, key: str) -> int:
+        """Return a whole number that is there. Raises BuildError."""
+        value = self.data[key]
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.error(key, f"is {shown(value)}; a whole number is needed")
+        return value
+
+    def quantity(self, key: str, what: Key) -> Quantity:
+        """Return a number, {value, u} or {re, im, u, u_im} in SI units, with min and max or not. Raises BuildError.
+
+        Of a constant that is { same_as = "LAYER" } only that is known yet; `ties.resolved` gives it the value. A bare
+        number is taken as exact. The `u` of a complex value is that of its real and of its imaginary part,
+        unless `u_im` says otherwise.
+        """
+        value = self.data[key]
+        if not isinstance(value, dict):
+            return self._checked(key, what, (self.number(key), 0.0, 0.0, 0.0))
+        inner = Table(cast("dict[str, Any]", value), self.source, self.key(key), self.label)
+        if "same_as" in value and what.name in TIED:
+            inner.only(("same_as",))
+            return Quantity(math.nan, source="build.toml", same_as=f"{inner.string('same_as')}.{what.name}")
+        parts = ("value", "u") if "value" in value or what.name in REAL else ("re", "im", "u", "u_im")
+        inner.only((*parts, "min", "max"))
+        if parts[0] not in value:
+            raise inner.missing(parts[0], f"write {key} = {{ {parts[0]} = ..., u = ... }}")
+        got = {part: inner.number(part) for part in parts if part in value}
+        for part in ("u", "u_im"):
+            if got.get(part, 0.0) < 0:
+                raise inner.error(part, f"is {got[part]:g}; a standard uncertainty is zero or positive")
+        u = got.get("u", 0.0)
+        u_im = got.get("u_im", u if "re" in got else 0.0)
+        found = self._checked(key, what, (got[parts[0]], got.get("im", 0.0), u, u_im))
+        return replace(found, bounds=inner.bounds(what, got[parts[0]])) if {"min", "max"} & inner.data.keys() else found
+
+    def bounds(self, what: Key, value: float) -> tuple[float, float]:
+        """Return `min` and `max` in SI units: both there, `value` strictly between them. Raises BuildError."""
+        for end in ("min", "max"):
+            if end not in self.data:
+                raise self.missing(end, "a bounded value has both min and max")
+        low, high = self.number("min"), self.number("max")
+        if not low < value < high:
+            raise self.error("min", f"is {low:g} and max {high:g}; {value:g} must lie between them")
+        if what.name in POSITIVE and low <= 0:
+            raise self.error("min", f"is {low:g}; a positive number is needed")
+        return what.factor * low, what.factor * high
+
+    def _checked(self, key: str, what: Key, numbers: tuple[float, float, float, float]) -> Quantity:
+        re, im, u, u_im = (what.factor * n for n in numbers)
+        if not all(map(math.isfinite, (re, im, u, u_im))):
+            raise self.error(key, f"is {numbers[0]:g}; that is beyond any number this can be")
+        if what.name in POSITIVE and re <= 0:
+            raise self.error(key, f"is {numbers[0]:g}; a positive number is needed")
+        sign = LOSS_SIGN.get(what.name, 0)
+        if im * sign < 0:
+            law = "c (1 + j/Q)" if sign > 0 else "x (1 - j tan d)"
+            raise self.error(
+                key,
+                f"has the imaginary part {numbers[1]:g}, a gain; with exp(+jwt) a lossy {what.name} is {law}: "
+                f"its imaginary part is {'positive' if sign > 0 else 'negative'} or zero",
+            )
+        return Quantity(re, im, u, u_im, source="build.toml")
+
+    def quantities(self, keys: Mapping[str, Key]) -> dict[str, Quantity]:
+        """Return those of `keys` that are there, by the constant's name. Raises BuildError; also for two units."""
+        out: dict[str, Quantity] = {}
+        first: dict[str, str] = {}
+        for key, what in keys.items():
+            if key not in self.data:
+                continue
+            if what.name in first:
+                raise self.error(key, f"is given beside {first[what.name]}; give one of the two")
+            first[what.name] = key
+            out[what.name] = self.quantity(key, what)
+        return out
+
+
+def keys_for(name: str, keys: Mapping[str, Key]) -> str:
+    """Return the keys that give the constant `name`, for a sentence."""
+    return " or ".join(key for key, what in keys.items() if what.name == name)

@@ -1,0 +1,76 @@
+"""The user's own materials: `materials.toml` in the data folder, beside or in place of the library's.
+
+[[materials]]
+name = "our glue"
+kind = "elastic"                        # "piezo", "elastic", "electrode", "backing" or "fluid"
+source = "measured on 12 samples, March 2026"
+z_MRayl = { value = 2.9, u = 0.1 }
+c_m_s = { value = 2550, u = 80 }
+q = { value = 30, u = 10 }
+"""
+
+import math
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import cast, get_args
+
+from ....models.build import Quantity
+from ....models.materials import MATERIALS, Kind, Material, find
+from ..paths import home
+from .build_table import ELASTIC_KEYS, PIEZO_KEYS, BuildError, Table
+
+_FILE = "materials.toml"
+
+
+def own_materials() -> tuple[Material, ...]:
+    """Return the user's materials; none where there is no file. Raises BuildError, one sentence, for a broken one."""
+    path = home() / _FILE
+    return read_materials(path) if path.exists() else ()
+
+
+def read_materials(path: Path) -> tuple[Material, ...]:
+    """Read materials from a TOML file. Raises BuildError naming file, key, what was found, what is allowed."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BuildError(f"{path}: this cannot be read as TOML: {error}") from None
+    top = Table(data, str(path))
+    top.only(("materials",))
+    made = tuple(_material(table) for table in top.tables("materials", "material"))
+    names = [material.name.casefold() for material in made]
+    for material in made:
+        if names.count(material.name.casefold()) > 1:
+            raise BuildError(f"{path}: two materials are called {material.name!r}; every material needs its own name")
+    return made
+
+
+def all_materials() -> tuple[Material, ...]:
+    """Return the user's materials and those of the library that they do not replace."""
+    own = own_materials()
+    replaced = {material.name.casefold() for material in own}
+    return (*own, *(material for material in MATERIALS if material.name.casefold() not in replaced))
+
+
+def find_material(name: str) -> Material:
+    """Return the material called `name`, the user's own before the library's. Raises MaterialError, BuildError."""
+    return find(name, own_materials())
+
+
+def _material(table: Table) -> Material:
+    kind = table.string("kind")
+    if kind not in get_args(Kind):
+        raise table.error("kind", f"is {kind!r}; one of {', '.join(get_args(Kind))} is needed")
+    keys = PIEZO_KEYS if kind == "piezo" else ELASTIC_KEYS
+    keys = {key: what for key, what in keys.items() if what.name != "thickness"}
+    table.only(("name", "kind", "source", *keys))
+    values = table.quantities(keys)
+    if not values:
+        raise table.missing("value", f"give at least one of {', '.join(keys)}")
+    source = table.string("source") if "source" in table.data else f"{_FILE} of this user"
+    told = {name: replace(quantity, source=source) for name, quantity in values.items()}
+    if "z" not in told and {"density", "c"} <= set(told):
+        density, c = told["density"], told["c"]
+        u = math.hypot(density.u * c.re, density.re * c.u)
+        told["z"] = Quantity(density.re * c.re, u=u, source=f"density * c, {source}")
+    return Material(table.string("name"), cast(Kind, kind), told)

@@ -1,0 +1,202 @@
+"""Reading the record of everything that was announced, while the daemon goes on writing it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from ...models.build import Build
+from ..wire.events import Sample
+from .store import JournalError, Place, digest_of, open_store
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One measurement as the journal knows it."""
+
+    id: str
+    run: str
+    sample: Sample
+    state: str
+    time: str
+
+
+@dataclass(frozen=True)
+class History:
+    """A measurement, the ids of its sweeps, and the names of those that answered it with a result."""
+
+    measurement: Measurement
+    sweeps: tuple[str, ...]
+    fitters: tuple[str, ...]
+
+
+class Archive:
+    """A journal opened for reading, in a folder or at a URL; any number of processes may.
+
+    `station` is whose events are counted and said again; measurements are those of all. Raises JournalError from
+    every method where disk, database or server do not do what was asked.
+    """
+
+    def __init__(self, place: Place, station: str = "", *, write: bool = False) -> None:
+        self.station = station
+        self._place = place
+        self.store = open_store(place, write=write)
+
+    @property
+    def name(self) -> str:
+        """Where it is, in words."""
+        return self.store.name
+
+    def reader(self) -> "Archive":
+        """Return the same journal opened once more, for another thread to read. Touches nothing of what is open."""
+        return Archive(self._place, self.station)
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.store.close()
+
+    @property
+    def newest(self) -> int:
+        """The `seq` of the last event, be it still there or not; 0 where there was none."""
+        row = self._one(
+            "SELECT max(seq) FROM (SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings)"
+            " AS known WHERE station = ?",
+            self.station,
+        )
+        return row[0] or 0 if row else 0
+
+    def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
+        """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""
+        rows = "station = ? AND seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
+        return self._frames(rows, self.station, since, self.newest if until is None else until, most)
+
+    def sweeps(self, measurement: str) -> list[list[bytes]]:
+        """Return the frames of the sweep events of a measurement, in order."""
+        return self._frames("measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement)
+
+    def fits(self, measurement: str) -> list[list[bytes]]:
+        """Return the frames of what the fitters answered to a measurement, in order."""
+        rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
+        return self._frames(rows, measurement)
+
+    def measurement(self, found: str) -> Measurement | None:
+        """Return the measurement with this id."""
+        return next(iter(self.measurements("id = ?", found)), None)
+
+    def build(self, measurement: str) -> Build:
+        """Return the build that was measured."""
+        row = self._one(
+            "SELECT json FROM builds WHERE hash = (SELECT build FROM measurements WHERE id = ?)", measurement
+        )
+        if row is None:
+            raise JournalError(f"{self.name}: no measurement {measurement!r}")
+        return msgspec.json.decode(row[0], type=Build)
+
+    def latest(self, sample: str, step: str, before: str) -> str | None:
+        """Return the latest complete measurement of a sample's step that is older than measurement `before`."""
+        row = self._one(
+            "SELECT id FROM measurements WHERE sample = ? AND step = ? AND state = 'measured' AND number < "
+            "(SELECT number FROM measurements WHERE id = ?) ORDER BY number DESC",
+            *(sample, step, before),
+        )
+        return row[0] if row else None
+
+    def measurements(self, where: str = "TRUE", *values: str) -> list[Measurement]:
+        """Return the measurements for which the SQL condition holds, oldest first."""
+        rows = self._all(
+            f"SELECT id, run, sample, step, state, time FROM measurements WHERE {where} ORDER BY number",  # noqa: S608
+            *values,
+        )
+        return [Measurement(i, run, Sample(sample, step), state, time) for i, run, sample, step, state, time in rows]
+
+    def histories(self, sample: str | None = None) -> list[History]:
+        """Return every measurement, of one sample where it is named, with its sweeps and who answered; oldest first."""
+        where, values = ("sample = ?", [sample]) if sample is not None else ("TRUE", [])
+        of = f"measurement IN (SELECT id FROM measurements WHERE {where})"  # noqa: S608
+        sweeps: dict[str, list[str]] = {}
+        events = f"SELECT measurement, id FROM events WHERE kind = 'sweep' AND {of} ORDER BY station, seq"  # noqa: S608
+        for measurement, event in self._all(events, *values):
+            sweeps.setdefault(measurement, []).append(event)
+        fitters: dict[str, list[str]] = {}
+        fits = f"SELECT DISTINCT measurement, fitter FROM fits WHERE ok = 1 AND {of} ORDER BY fitter"  # noqa: S608
+        for measurement, fitter in self._all(fits, *values):
+            fitters.setdefault(measurement, []).append(fitter)
+        return [
+            History(one, tuple(sweeps.get(one.id, ())), tuple(fitters.get(one.id, ())))
+            for one in self.measurements(where, *values)
+        ]
+
+    def sweep_ids(self, measurement: str) -> tuple[str, ...]:
+        """Return the ids of a measurement's sweeps, in order."""
+        rows = self._all(
+            "SELECT id FROM events WHERE measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement
+        )
+        return tuple(row[0] for row in rows)
+
+    def has_sweep(self, sweep: str) -> bool:
+        """Return whether there is a sweep with this id."""
+        return self._one("SELECT 1 FROM events WHERE id = ? AND kind = 'sweep'", sweep) is not None
+
+    def fitters(self, measurement: str) -> tuple[str, ...]:
+        """Return the names of those that answered a measurement with a result."""
+        rows = self._all(
+            "SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok = 1 ORDER BY fitter", measurement
+        )
+        return tuple(row[0] for row in rows)
+
+    def answers(self, measurement: str, fitter: str) -> int:
+        """Return how many answers of a fitter to a measurement are kept."""
+        row = self._one("SELECT count(*) FROM fits WHERE measurement = ? AND fitter = ?", measurement, fitter)
+        return row[0] if row else 0
+
+    @property
+    def size(self) -> int:
+        """The number of events that are there."""
+        row = self._one("SELECT count(*) FROM events")
+        return row[0] if row else 0
+
+    def with_arrays(self) -> list[str]:
+        """Return the ids of the events that have an array."""
+        return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
+
+    def verify(self) -> list[str]:
+        """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
+        wrong: list[str] = []
+        last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
+        for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
+            expected = last.get(station, 0) + 1
+            said = f"event {{}} of station {station}" if station else "event {}"
+            if seq != expected:
+                wrong.append(f"{said.format(expected)} is missing: the next one is {seq}")
+            last[station] = seq
+            data = self.store.read_array(event) if digest else None
+            if digest and data is None:
+                wrong.append(f"{said.format(seq)}: its array {event} is missing")
+            elif data is not None and digest_of(data) != digest:
+                wrong.append(f"{said.format(seq)}: its array {event} is not what was written")
+        return wrong
+
+    def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
+        """Return the frames of the events for which the SQL condition holds."""
+        rows = self._all(f"SELECT id, topic, header, lengths, hash FROM events WHERE {where}", *values)  # noqa: S608
+        return [[topic, header, *self._read_array(i, lengths, digest)] for i, topic, header, lengths, digest in rows]
+
+    def _read_array(self, event: str, lengths: str, digest: str | None) -> Iterator[bytes]:
+        """Yield an event's raw columns."""
+        if digest is None:
+            return
+        data = self.store.read_array(event)
+        if data is None or digest_of(data) != digest:
+            what = "is missing" if data is None else "is not what was written; it is damaged"
+            raise JournalError(f"{self.name}: the array of event {event} {what}")
+        begin = 0
+        for length in map(int, lengths.split(",")):
+            yield data[begin : begin + length]
+            begin += length
+
+    def _all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        return self.store.all(sql, *values)
+
+    def _one(self, sql: str, *values: str | int) -> tuple[Any, ...] | None:
+        return next(iter(self.store.all(sql, *values)), None)

@@ -1,0 +1,163 @@
+"""Writing the record of everything that was announced, in a folder or on a server.
+
+A sweep's bytes and its row are on disk, whole, before it may be published; see `folderstore` and `pgstore`.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from ...models.build import Build
+from ...models.sweep import now_utc
+from ..wire.events import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
+from ..wire.frames import to_json
+from ..wire.uuid7 import uuid7
+from .folder_lock import take_lock
+from .journal_reader import Archive, Measurement
+from .store import JournalError, Store, digest_of, open_store
+
+E = TypeVar("E", bound=Event)
+
+
+class Journal(Archive):
+    """The journal opened for writing, which one process can for a data folder and for a station. Begins a new run.
+
+    It is kept in the folder, or in the database at `url`; then the folder holds the lock alone. Raises JournalError
+    from every method where the disk or the database does not do what was asked.
+    """
+
+    def __init__(self, folder: Path, url: str | None = None, station: str = "") -> None:
+        with ExitStack() as stack:
+            self._lock = take_lock(folder)
+            stack.callback(self._lock.close)
+            super().__init__(url or folder, station, write=True)
+            stack.callback(self.store.close)
+            self.store.claim(station)
+            self.last_seq = self.newest
+            self.run = uuid7()
+            self.store.tidy()
+            with self.store.transaction():
+                self.store.run("INSERT INTO runs VALUES (?, ?, ?)", self.run, now_utc(), station)
+            stack.pop_all()
+
+    def close(self) -> None:
+        """Let go of it, and of the lock."""
+        super().close()
+        self._lock.close()
+
+    def append(self, event: E, payload: Payload = ()) -> tuple[E, list[bytes]]:
+        """Put the event on disk with the next `seq`; return it as stamped, and its frames, now fit to be published.
+
+        An `id` that the event has already is kept.
+        """
+        stamp = {"run": self.run, "seq": self.last_seq + 1, "id": event.id or uuid7(), "time": now_utc()}
+        stamped = msgspec.structs.replace(event, **stamp)
+        frames = encode(stamped, payload)
+        data = b"".join(payload)
+        with self.store.transaction():
+            self._insert(stamped, frames, digest_of(data) if payload else None)
+            if payload:
+                self.store.write_array(stamped.id, data)
+        self.last_seq += 1
+        return stamped, frames
+
+    def said(self, event: str) -> list[bytes] | None:
+        """Return the frames of the event with this id; None where there is none."""
+        return next(iter(self._frames("id = ?", event)), None)
+
+    def reopened(self) -> Store:
+        """Return the place of this journal, opened anew: its server had gone. Touches nothing of what is open."""
+        store = open_store(self._place, write=True)
+        try:
+            store.claim(self.station)
+        except JournalError:
+            store.close()
+            raise
+        return store
+
+    def resume(self, store: Store) -> None:
+        """Go on where the server left off. Raises JournalError where the record is not the one that was left."""
+        self.store.close()
+        self.store = store
+        newest = self.newest
+        ours = self._one("SELECT id FROM runs WHERE station = ? ORDER BY id DESC LIMIT 1", self.station) == (self.run,)
+        if not ours or newest not in (self.last_seq, self.last_seq + 1):  # one more: its answer did not reach us
+            raise JournalError(
+                f"{self.name}: the record of station {self.station!r} stood at event {self.last_seq} when its server "
+                f"went, and stands at {newest} now: another daemon wrote it meanwhile, or the server lost some"
+            )
+        self.last_seq = newest
+
+    def answered(self, event: FitEvent | DiagnosisEvent) -> int | None:
+        """Return the `seq` of the answer that stands already for these sweeps, fitter and version.
+
+        A refusal does not stand in the way of a result.
+        """
+        row = self._one(
+            "SELECT seq, ok FROM fits WHERE kind = ? AND sweeps = ? AND fitter = ? AND version = ?", *_key(event)
+        )
+        return row[0] if row and (row[1] or not _succeeded(event)) else None
+
+    def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
+        """Record that a measurement was accepted; return its id, and False where this request was accepted before.
+
+        Raises JournalError where there is no room for what it will bring.
+        """
+        known = self._one("SELECT id FROM measurements WHERE request = ?", request)
+        if known:
+            return str(known[0]), False
+        self.store.check_room()
+        text, new = to_json(build), uuid7()
+        digest = hashlib.sha256(text).hexdigest()
+        with self.store.transaction():
+            # one that is there already is written again, so that nobody who prunes removes it under our hands
+            self.store.run(
+                "INSERT INTO builds VALUES (?, ?) ON CONFLICT (hash) DO UPDATE SET json = excluded.json", digest, text
+            )
+            self.store.run(
+                "INSERT INTO measurements (id, request, run, sample, step, build, state, time, station) VALUES"
+                " (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                *(new, request, self.run, build.name, step, digest, "queued", now_utc(), self.station),
+            )
+        return new, True
+
+    def unfinished(self) -> list[Measurement]:
+        """Return the measurements of earlier runs that never came to an end."""
+        rows = "state IN ('queued', 'measuring') AND run != ? AND station = ?"
+        return self.measurements(rows, self.run, self.station)
+
+    def unanswered(self, fitter: str) -> list[str]:
+        """Return the complete measurements of this run that a fitter has not answered."""
+        rows = "state = 'measured' AND run = ? AND id NOT IN (SELECT measurement FROM fits WHERE fitter = ?)"
+        return [found.id for found in self.measurements(rows, self.run, fitter)]
+
+    def _insert(self, event: Event, frames: Sequence[bytes], digest: str | None) -> None:
+        """Insert an event's row, and what follows from it for measurements and fits."""
+        measurement = event.measurement if isinstance(event, Sampled | StateEvent) else None
+        lengths = ",".join(str(len(frame)) for frame in frames[2:])
+        kind = str(event.__struct_config__.tag)
+        row = (event.seq, kind, event.id, measurement, frames[0], frames[1], lengths, digest, self.station)
+        self.store.run("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", *row)
+        if isinstance(event, StateEvent) and measurement:
+            self.store.run("UPDATE measurements SET state = ? WHERE id = ?", event.state, measurement)
+        if isinstance(event, FitEvent | DiagnosisEvent):
+            row = (*_key(event), measurement, int(_succeeded(event)), event.seq, self.station)
+            self.store.run(
+                "INSERT INTO fits VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (kind, sweeps, fitter, version) DO UPDATE"
+                " SET ok = excluded.ok, seq = excluded.seq, station = excluded.station",
+                *row,
+            )
+
+
+def _key(event: FitEvent | DiagnosisEvent) -> tuple[str, str, str, str]:
+    """Return what a fitter's answer is known by: kind, sweeps, fitter, version."""
+    return (str(event.__struct_config__.tag), " ".join(event.sweeps), event.fitter, event.version)
+
+
+def _succeeded(event: FitEvent | DiagnosisEvent) -> bool:
+    """Return False for a refusal."""
+    return not (isinstance(event, FitEvent) and event.report is None)

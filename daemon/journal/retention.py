@@ -1,0 +1,110 @@
+"""Copying a journal, and removing its oldest part once it has been copied."""
+
+from pathlib import Path
+
+from ...models.sweep import now_utc
+from .journal_reader import Archive
+from .journal_writer import Journal
+from .migrations import TABLES
+from .store import JournalError, Place, without_password
+
+COLUMNS = {
+    "builds": "hash, json",
+    "runs": "id, time, station",
+    "measurements": "id, request, run, sample, step, build, state, time, station",
+    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
+    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
+    "prunings": "seq, time, backup, station",
+}
+"""What is copied of each table: all of it, but for the number of a measurement, which is given anew."""
+
+ORDER = {"measurements": "number", "events": "station, seq"}
+
+
+class Keeper(Journal):
+    """A journal opened to be copied and pruned; no daemon may write it, or as this station, meanwhile."""
+
+    def prune(self, before: str, backup: Place) -> int:
+        """Copy the journal to `backup`, then remove what is older of this station; return how many events that was.
+
+        `before` is RFC 3339, UTC, or the beginning of it, such as `2026-01-01`. Measurements go whole: from the
+        oldest one that stays, everything stays. Raises JournalError; then nothing was removed.
+        """
+        copy_journal(self, backup)
+        stays = self._one("SELECT min(number) FROM measurements WHERE time >= ? AND station = ?", before, self.station)
+        number = stays[0] if stays and stays[0] is not None else self._after_last()
+        if self._one("SELECT 1 FROM measurements WHERE number < ? AND station = ?", number, self.station) is None:
+            return 0  # what a daemon said before its first measurement stays with that
+        last = self._one(
+            "SELECT coalesce(min(seq) - 1, (SELECT max(seq) FROM events WHERE station = ?)) FROM events "
+            "WHERE station = ? AND measurement IN (SELECT id FROM measurements WHERE number >= ? AND station = ?)",
+            *(self.station, self.station, number, self.station),
+        )
+        seq = int(last[0] or 0) if last else 0
+        gone = self._all("SELECT id, hash FROM events WHERE seq <= ? AND station = ?", seq, self.station)
+        if not gone:
+            return 0
+        with self.store.transaction():
+            self.store.run("DELETE FROM fits WHERE seq <= ? AND station = ?", seq, self.station)
+            self.store.run("DELETE FROM events WHERE seq <= ? AND station = ?", seq, self.station)
+            self.store.run(
+                "DELETE FROM measurements WHERE number < ? AND station = ? AND NOT EXISTS "
+                "(SELECT 1 FROM events WHERE events.measurement = measurements.id)",
+                *(number, self.station),
+            )
+            self.store.run("DELETE FROM builds WHERE hash NOT IN (SELECT build FROM measurements)")
+            shown = without_password(str(backup))
+            self.store.run("INSERT INTO prunings VALUES (?, ?, ?, ?)", seq, now_utc(), shown, self.station)
+        self.store.drop_arrays([event for event, digest in gone if digest])
+        return len(gone)
+
+    def _after_last(self) -> int:
+        row = self._one("SELECT coalesce(max(number), 0) + 1 FROM measurements")
+        return int(row[0]) if row else 1
+
+
+def copy_journal(source: Archive, target: Place, station: str = "") -> int:
+    """Copy a journal to a new folder, or into a database, while a daemon may go on writing it; verify the copy.
+
+    `station` is what the nameless station of a folder is called in a database. Returns the number of events that were
+    copied. Raises JournalError where the folder is not empty, where the database knows such a station already, or
+    where the copy is not whole.
+    """
+    if isinstance(target, Path) and target.exists() and not target.is_dir():
+        raise JournalError(f"{target}: this is a file; a journal is copied to a new folder")
+    if isinstance(target, Path) and target.exists() and any(target.iterdir()):
+        raise JournalError(f"{target}: this folder is not empty; a journal is copied to a new one")
+    copy = Archive(target, write=True)
+    try:
+        with source.store.snapshot():
+            stations = {found or station for (found,) in source.store.all("SELECT DISTINCT station FROM runs")}
+            known = {found for (found,) in copy.store.all("SELECT DISTINCT station FROM runs")}
+            if taken := sorted(stations & known):
+                raise JournalError(f"{copy.name}: station {taken[0]!r} is in this journal already")
+            with copy.store.transaction():
+                copied = {table: _copy_table(source, copy, table, station) for table in TABLES}
+        wrong = copy.verify()
+        if wrong:
+            raise JournalError(f"{copy.name}: the copy is not whole: {wrong[0]}")
+        return copied["events"]
+    finally:
+        copy.close()
+
+
+def _copy_table(source: Archive, copy: Archive, table: str, station: str) -> int:
+    """Copy the rows of one table, and the arrays of those that have some; return how many rows there were."""
+    columns = COLUMNS[table].split(", ")
+    order = f" ORDER BY {ORDER[table]}" if table in ORDER else ""
+    kept = f"INSERT INTO {table} ({COLUMNS[table]}) VALUES ({', '.join('?' * len(columns))})"  # noqa: S608
+    if table == "builds":  # several stations measure the same
+        kept += " ON CONFLICT (hash) DO NOTHING"
+    count = 0
+    for row in source.store.stream(f"SELECT {COLUMNS[table]} FROM {table}{order}"):  # noqa: S608
+        found = dict(zip(columns, row, strict=True))
+        if found.get("station") == "":
+            found["station"] = station
+        copy.store.run(kept, *found.values())
+        if table == "events" and found["hash"] is not None:
+            copy.store.take_array(found["id"], source.store)
+        count += 1
+    return count

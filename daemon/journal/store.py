@@ -1,0 +1,113 @@
+"""Where a journal keeps its rows and arrays: one interface, SQLite beside a folder, or a PostgreSQL server.
+
+Both are given the same SQL, with `?` for each value; what differs between them is in `folderstore` and `pgstore`.
+"""
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from ...models.base.errors import CannotError
+
+Place = Path | str
+"""A folder, or the URL of a PostgreSQL database."""
+
+
+class JournalError(CannotError):
+    """The journal cannot be opened, written or read as it should be."""
+
+
+class JournalAway(JournalError):
+    """The server that keeps the journal cannot be reached; it may be back soon."""
+
+
+class Store(ABC):
+    """An open journal's rows and arrays. Every method raises JournalError where disk or server do not do as asked."""
+
+    name: str
+    """Where it is, as error messages say it; without a password."""
+
+    gone: bool = False
+    """Whether it was on a server that can no longer be reached over this."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of it."""
+
+    @abstractmethod
+    def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        """Return the rows that a statement finds."""
+
+    @abstractmethod
+    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows that a statement finds, without having all of them in memory; inside of `snapshot`."""
+
+    @abstractmethod
+    def run(self, sql: str, *values: Any) -> None:
+        """Run a statement that changes something; inside of `transaction`."""
+
+    @abstractmethod
+    def transaction(self) -> AbstractContextManager[None]:
+        """All or nothing, and on disk when it is left."""
+
+    @abstractmethod
+    def snapshot(self) -> AbstractContextManager[None]:
+        """Everything that is read inside is of one moment."""
+
+    @abstractmethod
+    def write_array(self, event: str, data: bytes) -> None:
+        """Keep an event's raw columns so that they are there, whole, once the transaction around this has ended."""
+
+    @abstractmethod
+    def read_array(self, event: str) -> bytes | None:
+        """Return an event's raw columns; None where there are none."""
+
+    @abstractmethod
+    def take_array(self, event: str, source: "Store") -> None:
+        """Keep the raw columns that another store has."""
+
+    @abstractmethod
+    def drop_arrays(self, events: Sequence[str]) -> None:
+        """Remove raw columns whose events have gone."""
+
+    @abstractmethod
+    def tidy(self) -> None:
+        """Remove what an interrupted write left."""
+
+    @abstractmethod
+    def check_room(self) -> None:
+        """Raise JournalError where there is no room for a measurement."""
+
+    @abstractmethod
+    def claim(self, station: str) -> None:
+        """Become the only writer of a station, for as long as this is open. Raises JournalError where there is one."""
+
+
+def open_store(place: Place, *, write: bool) -> Store:
+    """Open a journal; where it is to be written its tables are made, or brought up to date. Raises JournalError."""
+    if isinstance(place, Path):
+        from .folder_store import FolderStore
+
+        return FolderStore(place, write=write)
+    try:
+        from .postgres_store import PostgresStore
+    except ModuleNotFoundError as error:
+        raise JournalError(
+            f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install 'pzctl[postgres]'"
+        ) from None
+    return PostgresStore(place, write=write)
+
+
+def without_password(url: str) -> str:
+    """Return a URL as it can be shown."""
+    password = urlsplit(url).password
+    return url.replace(f":{password}@", ":***@", 1) if password else url
+
+
+def digest_of(data: bytes) -> str:
+    """Return the hash that an array is known by."""
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,73 @@
+"""Hears the daemon's events in a thread and passes them on to every open page."""
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator
+from typing import Any
+
+from ..client.client import connect
+from ..client.connection import DaemonError
+from .page_json import event_json
+
+WAITING = 500
+"""Events that wait for a page; one that is slower is let go, and comes back by itself."""
+AGAIN = 1.0
+"""Seconds until a daemon that has gone is looked for again."""
+
+
+class Hub:
+    """One listener for any number of pages. Acquisition does not wait for it: the daemon drops what is not read."""
+
+    def __init__(self) -> None:
+        self._pages: set[asyncio.Queue[str | None]] = set()
+        self._stop = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def start(self) -> None:
+        """Begin to listen, from within the loop that serves the pages."""
+        self._loop = asyncio.get_running_loop()
+        threading.Thread(target=self._listen, name="events", daemon=True).start()
+
+    def stop(self) -> None:
+        """End every page's stream and the listener."""
+        self._stop.set()
+        for page in self._pages:
+            if not page.full():
+                page.put_nowait(None)
+
+    async def stream(self) -> AsyncIterator[str]:
+        """Yield server-sent events until the page is closed or too slow."""
+        page: asyncio.Queue[str | None] = asyncio.Queue(WAITING)
+        self._pages.add(page)
+        try:
+            yield "retry: 1000\n\n"
+            while (text := await page.get()) is not None:
+                yield f"data: {text}\n\n"
+        finally:
+            self._pages.discard(page)
+
+    def _listen(self) -> None:
+        while not self._stop.is_set():
+            try:
+                with connect() as lab:
+                    self._say({"kind": "daemon", "there": True})
+                    while not self._stop.is_set():
+                        for heard in lab.listen(0.5):
+                            self._say(event_json(heard))
+            except DaemonError as error:
+                self._say({"kind": "daemon", "there": False, "says": str(error)})
+                self._stop.wait(AGAIN)
+
+    def _say(self, event: dict[str, Any]) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._spread, json.dumps(event))
+
+    def _spread(self, text: str) -> None:
+        for page in [*self._pages]:
+            if page.full():
+                self._pages.discard(page)
+                page.get_nowait()
+                page.put_nowait(None)
+            else:
+                page.put_nowait(text)

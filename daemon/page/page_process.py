@@ -1,0 +1,98 @@
+"""The page as a process: served until Ctrl-C, or beside a daemon for as long as that lives.
+
+python -m pzctl.daemon.page.page_process BUILD.toml PORT
+"""
+
+import os
+import socket
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ...models.base.errors import PzctlError
+from ...models.build import Build
+from ..files.builds.build_file import read_build
+from ..server.workers.subprocesses import end_child, end_with_parent, start_child
+
+PORT = 8294
+_LOOPBACK = "127.0.0.1"
+
+
+class PageError(PzctlError):
+    """The page cannot be served."""
+
+
+def check_installed() -> None:
+    """Raise PageError where what the page needs is not installed."""
+    try:
+        import starlette  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import uvicorn  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ModuleNotFoundError as error:
+        raise PageError(f"{error.name} is not installed; the page needs it: pip install 'pzctl[web]'") from None
+
+
+def serve(build: Build, host: str, port: int, token: str | None) -> None:
+    """Serve the page of a lab that builds `build`, until Ctrl-C. Raises PageError."""
+    check_installed()
+    import uvicorn
+
+    from .page_server import page_app
+
+    config = uvicorn.Config(
+        page_app(build, token), host, port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+    )
+    try:
+        uvicorn.Server(config).run()
+    except SystemExit:  # uvicorn says the reason in its log, and leaves
+        raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None
+
+
+def free_port(host: str, port: int, hint: str) -> int:
+    """Return the port, for 0 one that is free. Raises PageError, with the hint, where nobody can listen there."""
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family) as trial:
+            if os.name == "posix":  # as uvicorn does: a port that was just given back is free
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            trial.bind(address)
+            return int(trial.getsockname()[1])
+    except OSError as error:
+        raise PageError(f"{host}:{port}: nobody can listen there: {error.strerror or error}; {hint}") from None
+
+
+@contextmanager
+def served_beside(build: Path, port: int) -> Generator[str]:
+    """Serve the page from a process of its own on this machine's loopback, and give its address.
+
+    It ends with this process, however that ends, and cannot slow it. Raises PageError where the port is taken or
+    something is not installed, BuildError for the build.
+    """
+    check_installed()
+    read_build(build)
+    port = free_port(_LOOPBACK, port, "--page-port takes another")
+    process = start_child(
+        "pzctl.daemon.page.page_process",
+        [str(build), str(port)],
+        sys.stderr.buffer,
+        stdout=sys.stderr.buffer,
+        environment={},
+    )
+    try:
+        yield f"http://{_LOOPBACK}:{port}/"
+    finally:
+        end_child(process)
+
+
+def main() -> None:
+    """Serve until the parent ends."""
+    end_with_parent()
+    try:
+        serve(read_build(Path(sys.argv[1])), _LOOPBACK, int(sys.argv[2]), None)
+    except PzctlError as error:
+        print(f"page: {error}", file=sys.stderr)
+        sys.exit(error.exit_status)
+
+
+if __name__ == "__main__":
+    main()

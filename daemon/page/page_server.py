@@ -1,0 +1,201 @@
+"""The page's server: its files, the daemon's events, and what the buttons do."""
+
+import json
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from ...drivers.recordings import csv_text
+from ...models.base.errors import PzctlError
+from ...models.build import Build
+from ..client.client import connect
+from ..client.connection import DaemonError
+from ..report.document.html_report import report_html
+from ..report.document.pdf_report import report_pdf
+from ..samples.sample_record import SampleRecord, sample_record
+from ..samples.sample_selection import NoSamplesError, open_journal
+from .event_stream import Hub
+from .manual_fit_pool import Hands
+from .page_guard import Guard
+from .page_json import build_json, record_json
+
+STATIC = Path(__file__).with_name("static")
+MOST_SAMPLES = 20
+"""Samples in the history."""
+
+
+def page_app(build: Build, token: str | None = None) -> Starlette:
+    """Return the page of a lab that builds `build`; with a token, only who shows it is let in."""
+    hub, hands = Hub(), Hands()
+    desk = _Desk(build)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncGenerator[None]:
+        hub.start()
+        yield
+        hub.stop()
+        hands.close()
+
+    async def events(_: Request) -> Response:
+        return StreamingResponse(hub.stream(), media_type="text/event-stream")
+
+    async def index(_: Request) -> Response:
+        return FileResponse(STATIC / "index.html")
+
+    routes = [
+        Route("/", index),
+        Route("/api/events", events),
+        Route("/api/now", _answering(desk.now)),
+        Route("/api/record/{name:path}", _answering(desk.record)),
+        Route("/api/history", _answering(desk.history)),
+        Route("/api/measure", _answering(desk.measure), methods=["POST"]),
+        Route("/api/diagnose", _answering(desk.diagnose), methods=["POST"]),
+        Route("/api/cancel", _answering(desk.cancel), methods=["POST"]),
+        Route("/api/look", _answering(lambda words: JSONResponse(hands.look(words))), methods=["POST"]),
+        Route("/api/fit", _answering(lambda words: JSONResponse(hands.fit(words))), methods=["POST"]),
+        Route("/api/keep", _answering(lambda words: JSONResponse(hands.keep(words))), methods=["POST"]),
+        Route("/download/{measurement}/{segment:int}.csv", _answering(desk.download)),
+        Route("/report/{name:path}", _answering(desk.report)),
+        Route("/pdf/{name:path}", _answering(desk.pdf)),
+        Mount("/static", StaticFiles(directory=STATIC)),
+    ]
+    return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token)])
+
+
+def _answering(work: Callable[[dict[str, Any]], Response]) -> Any:
+    """Return an endpoint that works in a thread; what is wrong is one sentence with status 404 or 409."""
+
+    async def endpoint(request: Request) -> Response:
+        words = dict(request.path_params)
+        try:
+            if request.method == "POST":
+                words |= json.loads(await request.body() or b"{}")
+            return await run_in_threadpool(work, words)
+        except (ValueError, TypeError):
+            return JSONResponse({"error": "this is no JSON object"}, 400)
+        except PzctlError as error:
+            return JSONResponse({"error": str(error)}, 409 if isinstance(error, DaemonError) else 404)
+
+    return endpoint
+
+
+class _Desk:
+    """What the page asks for; each method runs in a thread of its own and raises PzctlError."""
+
+    def __init__(self, build: Build) -> None:
+        self._build = build
+
+    def now(self, _: dict[str, Any]) -> Response:
+        """Answer how things stand: daemon, instrument, build, latest measurement."""
+        daemon: dict[str, Any] = {"there": False}
+        try:
+            with connect() as lab:
+                hello, status = lab.hello(), lab.status()
+            daemon = {
+                "there": True,
+                "version": hello.version,
+                "instrument": hello.instrument.idn,
+                "resource": hello.instrument.name,
+                "simulated": hello.instrument.simulated,
+                "measuring": status.measuring,
+                "step": status.sample.step if status.sample else None,
+                "fitters": [{"name": one.name, "state": one.state} for one in hello.fitters],
+            }
+        except DaemonError as error:
+            daemon["says"] = str(error)
+        return JSONResponse({"daemon": daemon, "build": build_json(self._build)})
+
+    def record(self, words: dict[str, Any]) -> Response:
+        """Answer what is known of a sample, or of one measurement."""
+        record = _record(words["name"])
+        steps = [record_json(one) for one in record.steps]
+        return JSONResponse({"sample": record.name, "build": build_json(record.build), "steps": steps})
+
+    def history(self, _: dict[str, Any]) -> Response:
+        """Answer the constants of the newest samples, step by step."""
+        try:
+            journal = open_journal()
+        except NoSamplesError:
+            return JSONResponse({"samples": []})
+        try:
+            names = list(dict.fromkeys(one.sample.name for one in journal.measurements("state = 'measured'")))
+            records = [sample_record(journal, name) for name in names[-MOST_SAMPLES:]]
+        finally:
+            journal.close()
+        return JSONResponse({"samples": [_constants(record) for record in records]})
+
+    def measure(self, words: dict[str, Any]) -> Response:
+        """Begin to measure a step; the simulated bench glues first, a person has done it."""
+        step = str(words.get("step"))
+        with connect() as lab:
+            if lab.hello().bench is not None:
+                lab.bench({"command": "step", "name": step})
+            return JSONResponse({"measurement": lab.begin(self._build, step)})
+
+    def diagnose(self, words: dict[str, Any]) -> Response:
+        """Have a measurement diagnosed; what is found comes as an event."""
+        with connect() as lab:
+            lab.diagnose(str(words.get("measurement")))
+        return JSONResponse({})
+
+    def cancel(self, _: dict[str, Any]) -> Response:
+        """Stop what is measured."""
+        with connect() as lab:
+            lab.cancel()
+        return JSONResponse({})
+
+    def download(self, words: dict[str, Any]) -> Response:
+        """Answer one sweep of a measurement as the project's CSV."""
+        (one,) = _record(words["measurement"]).steps
+        k = int(words["segment"])
+        if not 1 <= k <= len(one.sweeps):
+            return JSONResponse({"error": f"sweep {k} of {len(one.sweeps)} does not exist"}, 404)
+        name = f"{one.measurement.sample.step}-{k}.csv"
+        headers = {"Content-Disposition": f'attachment; filename="{name.encode("ascii", "replace").decode()}"'}
+        return PlainTextResponse(csv_text(one.sweeps[k - 1]), headers=headers, media_type="text/csv")
+
+    def report(self, words: dict[str, Any]) -> Response:
+        """Answer the report of a sample; its style stands inside, so the page's own rule is loosened for it."""
+        policy = "default-src 'none'; style-src 'unsafe-inline'"
+        return HTMLResponse(report_html(_record(words["name"])), headers={"Content-Security-Policy": policy})
+
+    def pdf(self, words: dict[str, Any]) -> Response:
+        """Answer the report of a sample as PDF."""
+        return Response(report_pdf(report_html(_record(words["name"]))), media_type="application/pdf")
+
+
+def _record(asked: str) -> SampleRecord:
+    journal = open_journal()
+    try:
+        return sample_record(journal, asked)
+    finally:
+        journal.close()
+
+
+def _constants(record: SampleRecord) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "steps": [
+            {
+                "step": one.measurement.sample.step,
+                "time": one.measurement.time,
+                "constants": {
+                    name: {"re": constant.re, "u": constant.u_re, "unit": constant.unit}
+                    for name, constant in one.fits[0].constants.items()
+                    if constant.free
+                }
+                if one.fits
+                else {},
+            }
+            for one in record.steps
+        ],
+    }

@@ -1,0 +1,80 @@
+"""What a diagnosis found, as the section of a report: verdict, picture, evidence, what stays open."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from ....fitters.interface import Curve
+from ....models.build import Build
+from ...samples.sample_record import StepRecord
+from ..pictures.diagnosis_picture import diagnosis_figure
+from ..pictures.svg_pictures import svg_of
+from ..tables.numbers import with_uncertainty
+from .html_table import table
+
+
+def guilty(one: StepRecord) -> tuple[str, ...]:
+    """Return the places that the diagnosis found guilty."""
+    findings: list[dict[str, Any]] = one.diagnosis.diagnosis.get("findings", []) if one.diagnosis else []
+    return tuple(str(finding.get("where")) for finding in findings)
+
+
+def diagnosed(found: dict[str, Any], curves: Sequence[Curve], build: Build) -> str:
+    """Return the section; its picture needs `curves`, which older journals do not hold."""
+    says: list[str] = found.get("says") or [str(found.get("verdict", ""))]
+    html = f"<p class='verdict'>Diagnosis: {escape(says[0])}</p>"
+    html += "".join(f"<p>{escape(sentence)}</p>" for sentence in found.get("compared", ()))
+    if curves and "findings" in found:
+        html += svg_of(diagnosis_figure(found, curves, build), "diagnosis")
+    return html + _findings(found) + _open(found)
+
+
+def _findings(found: dict[str, Any]) -> str:
+    findings: list[dict[str, Any]] = found.get("findings", [])
+    rows = [
+        (
+            str(f.get("effect")),
+            str(f.get("where")),
+            f"{f.get('probability') or 0:.2f}",
+            "; ".join(_size(name, size) for name, size in f.get("parameters", {}).items()),
+            _fall(f, "chi2_per_dof"),
+            _fall(f, "held_out"),
+            str(f.get("says", "")),
+        )
+        for f in findings
+    ]
+    heads = ("effect", "where", "probability", "size", "chi2/dof", "on held-out bands", "what it means")
+    return table(heads, rows) if rows else ""
+
+
+def _open(found: dict[str, Any]) -> str:
+    html = ""
+    hidden: list[dict[str, Any]] = found.get("not_decidable", [])
+    if hidden:
+        rows = [
+            (
+                str(n.get("effect")),
+                str(n.get("where")),
+                "; ".join(_size(name, size) for name, size in n.get("upper_limit", {}).items()),
+                "; ".join(f"{name} {100 * shift:+.2g} %" for name, shift in n.get("shifts", {}).items()),
+                str(n.get("would_decide", "")),
+            )
+            for n in hidden
+        ]
+        heads = ("effect", "where", "at most", "would have shifted", "would decide")
+        html = "<p>May be there unseen, because the constants absorb it:</p>" + table(heads, rows)
+    proposed: list[dict[str, Any]] = found.get("would_measure", [])
+    if proposed:
+        rows = [(str(p.get("what")), str(p.get("why")), f"{p.get('seconds', 0):.0f} s") for p in proposed]
+        html += "<p>Measurements that would decide, and were not made:</p>" + table(("what", "why", "takes"), rows)
+    return html
+
+
+def _fall(finding: dict[str, Any], name: str) -> str:
+    sides = (finding.get(f"{name}_{side}") for side in ("before", "after"))
+    return " \u2192 ".join("" if side is None else f"{side:.3g}" for side in sides)
+
+
+def _size(name: str, size: dict[str, Any]) -> str:
+    unit = size.get("unit", "")
+    return f"{name} {with_uncertainty(float(size['value']), size.get('u') or None)}{'' if unit == '1' else f' {unit}'}"

@@ -1,0 +1,89 @@
+"""A report of one sample: one HTML file that needs nothing else, for the shelf and for the colleague."""
+
+from html import escape
+
+from ....fitters.interface import FitResult
+from ....models.base.errors import CannotError
+from ....models.sweep import now_utc
+from ...samples.sample_record import SampleRecord, StepRecord
+from ..pictures import svg_pictures as draw
+from . import report_sections as sections
+from .diagnosis_section import guilty
+
+_STYLE = """
+:root { color-scheme: light; --ink: #1a1d21; --faint: #5c6470; --line: #d5d9df; }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; max-width: 72rem; margin: 0 auto;
+       padding: 1rem 2rem 4rem; }
+h1 { margin-bottom: 0; } h2 { margin-top: 2.4rem; border-bottom: 2px solid var(--line); }
+.faint { color: var(--faint); }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
+th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid var(--line); }
+section:last-child td { overflow-wrap: anywhere; }
+td:first-child, td:nth-child(3), td:nth-child(5) { white-space: nowrap; }
+th { color: var(--faint); font-weight: 600; }
+tr.held td { color: var(--faint); } tr.near td:nth-child(5) { background: #e3f3e6; }
+tr.off td:nth-child(5) { background: #fdf3d3; } tr.far td:nth-child(5) { background: #fbdcd6; }
+svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
+.verdict { font-weight: 700; }
+@media print { body { max-width: none; padding: 0; } h2 { break-after: avoid; } svg, tr { break-inside: avoid; } }
+"""
+
+
+_SCALE = "<p class='faint'>Thickness to scale; a layer too thin to be seen is drawn wider.</p>"
+
+
+class NothingToReport(CannotError):
+    """There is no fit to report."""
+
+
+def report_html(record: SampleRecord, fitter: str | None = None) -> str:
+    """Return the report of a sample: that of its last measured step with a fit, and how it came there.
+
+    `fitter`: whose fits; None takes the first that answered the last step. Raises NothingToReport.
+    """
+    chosen = _fits(record, fitter)
+    if not chosen:
+        named = f" by {fitter!r}" if fitter else ""
+        makes = f"`pzctl fit --all{f' --fitter {fitter}' if fitter else ''}` makes them"
+        raise NothingToReport(f"sample {record.name!r}: the journal holds no fit{named}; {makes}")
+    one, fit = chosen[-1]
+    fits = [result for _, result in chosen]
+    parts = [
+        ("What was measured", sections.measured(record)),
+        ("The transducer", draw.stack_svg(record.build, _present(record, one), guilty(one)) + _SCALE),
+        ("Constants", sections.constants(fit, record.build)),
+        ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
+        ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),
+        ("Mismatch, and what it means", sections.mismatch(one, fit, record.build)),
+        ("From step to step", _history(fits)),
+        ("Uncertainty budget", sections.budget(fit)),
+        ("Correlations", sections.correlations(fit)),
+        ("Provenance", sections.provenance(record, fits)),
+    ]
+    title = f"Transducer {record.name}: {' + '.join(fit.steps)}"
+    body = "".join(f"<section><h2>{escape(head)}</h2>{html}</section>" for head, html in parts if html)
+    when = now_utc()[:16].replace("T", " ")
+    made = f"fitted by {escape(fit.fitter)}, version {escape(fit.version)}; report made {when} UTC"
+    return (
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
+        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>"
+        f"<h1>{escape(title)}</h1><p class='faint'>{made}</p>{body}</body></html>"
+    )
+
+
+def _fits(record: SampleRecord, fitter: str | None) -> list[tuple[StepRecord, FitResult]]:
+    """Return the fits of one fitter, by step."""
+    answered = [one for one in record.steps if one.fits]
+    name = fitter or (answered[-1].fits[0].fitter if answered else "")
+    return [(one, fit) for one in record.steps for fit in one.fits if fit.fitter == name]
+
+
+def _present(record: SampleRecord, one: StepRecord) -> tuple[str, ...]:
+    return next(step.layers for step in record.build.steps if step.name == one.measurement.sample.step)
+
+
+def _history(fits: list[FitResult]) -> str:
+    """Return the picture of constants that more than one step's fit has."""
+    history = {name: values for name, values in draw.last_fits(fits).items() if len(values) > 1}
+    return draw.history_svg(history) if history else ""

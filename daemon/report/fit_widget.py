@@ -1,0 +1,140 @@
+"""Sliders in a notebook: the model's curve moves while one drags, then "Fit" with exactly these choices.
+
+from pzctl.daemon.samples.journal_manual_fit import of_sample
+from pzctl.daemon.report.fit_widget import sliders
+board = sliders(of_sample("S4"))
+board
+
+Needs `pip install 'pzctl[notebook]'` (ipywidgets). Everything it does, `ByHand` does without it.
+"""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from ...fitters.interface import Curve, FitResult
+from ...fitters.manual.adjustables import Handle
+from ...fitters.manual.manual_fit import ByHand, Choices, Look
+from ...models.base.errors import PzctlError
+from .tables.numbers import complex_with_uncertainty
+
+_STEPS = 400
+
+
+class NotebookError(PzctlError):
+    """What a notebook needs is not there."""
+
+
+def sliders(hand: ByHand, choices: Choices | None = None) -> Any:
+    """Return a widget with a slider and a tick for each handle, and the curve. Raises NotebookError, FitError."""
+    return Board(hand, choices or Choices()).box
+
+
+def curve_svg(look: Look) -> str:
+    """Return |Z| and phase of measurement and model over frequency, a column for each sweep, as SVG."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    width, height = max(7.0, 4.6 * len(look.curves)), 5.0
+    figure: Any = Figure(figsize=(width, height))
+    FigureCanvasSVG(figure)
+    # Margins in inches: a layout that matplotlib finds itself takes longer than all of the drawing.
+    figure.subplots_adjust(0.85 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.65 / height, wspace=0.2, hspace=0.06)
+    axes = figure.subplots(2, len(look.curves), squeeze=False, sharex="col")
+    for k, curve in enumerate(look.curves):
+        _column(axes[:, k], curve)
+    axes[0, 0].set_ylabel("|Z| (Ω)")
+    axes[1, 0].set_ylabel("phase (°)")
+    figure.suptitle(f"chi2/dof {look.chi2_per_dof:.3g}")
+    memory = io.StringIO()
+    figure.savefig(memory, format="svg")
+    return memory.getvalue()
+
+
+def _column(axes: Any, curve: Curve) -> None:
+    f = curve.frequency / 1e6
+    for z, style in ((curve.measured, {"color": "0.6", "linewidth": 2.6}), (curve.fitted, {"color": "#c8321f"})):
+        axes[0].semilogy(f, np.abs(z), **style)
+        axes[1].plot(f, np.angle(z, deg=True), **style)
+    axes[0].set_title(f"step {curve.step}")
+    axes[1].set_xlabel("frequency (MHz)")
+
+
+class Board:
+    """The widget and what it shows."""
+
+    def __init__(self, hand: ByHand, choices: Choices) -> None:
+        """Build the widget. Raises NotebookError where ipywidgets is not installed."""
+        try:
+            import ipywidgets  # type: ignore[reportMissingTypeStubs]
+        except ModuleNotFoundError:
+            raise NotebookError("ipywidgets is not installed; sliders need it: pip install 'pzctl[notebook]'") from None
+        self._widgets: Any = ipywidgets
+        self._hand, self._choices = hand, choices
+        self.result: FitResult | None = None
+        """The latest fit made here."""
+        look = hand.look(choices)
+        self._slider = {one.name: self._made(one) for one in look.handles}
+        self._tick = {
+            one.name: self._widgets.Checkbox(one.free, indent=False, layout={"width": "4em"}) for one in look.handles
+        }
+        self._button = self._widgets.Button(description="Fit", button_style="primary")
+        self._picture, self._words = self._widgets.HTML(), self._widgets.HTML()
+        for slider in self._slider.values():
+            slider.observe(self._moved, names="value")
+        self._button.on_click(self._fit)
+        rows = [self._widgets.HBox([self._tick[name], slider]) for name, slider in self._slider.items()]
+        left = self._widgets.VBox([*rows, self._button, self._words])
+        self.box = self._widgets.HBox([left, self._picture])
+        self._show()
+
+    @property
+    def choices(self) -> Choices:
+        """What is chosen now."""
+        return Choices(
+            free=tuple(name for name, tick in self._tick.items() if tick.value),
+            values={name: float(slider.value) for name, slider in self._slider.items()},
+            bands=self._choices.bands,
+            effects=self._choices.effects,
+        )
+
+    def _made(self, one: Handle) -> Any:
+        look = {
+            "description": f"{one.name} ({one.unit})",
+            "style": {"description_width": "18em"},
+            "layout": {"width": "40em"},
+        }
+        if one.scale == "linear":
+            return self._widgets.FloatSlider(
+                one.value, min=one.low, max=one.high, step=(one.high - one.low) / _STEPS, **look
+            )
+        low, high = float(np.log10(one.low)), float(np.log10(one.high))
+        return self._widgets.FloatLogSlider(one.value, min=low, max=high, step=(high - low) / _STEPS, **look)
+
+    def _moved(self, _: Any) -> None:
+        self._show()
+
+    def _show(self) -> None:
+        try:
+            self._picture.value = curve_svg(self._hand.look(self.choices))
+        except PzctlError as error:
+            self._words.value = str(error)
+
+    def _fit(self, _: Any) -> None:
+        try:
+            self.result, there = self._hand.fit(self.choices)
+        except PzctlError as error:
+            self._words.value = str(error)
+            return
+        for name, value in there.values.items():
+            self._slider[name].unobserve(self._moved, names="value")
+            self._slider[name].value = value
+            self._slider[name].observe(self._moved, names="value")
+        rows = "".join(
+            f"<tr><td>{name}</td><td>{complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im)}</td><td>{c.unit}</td></tr>"
+            for name, c in self.result.constants.items()
+            if c.free
+        )
+        self._words.value = f"chi2/dof {self.result.chi2_per_dof:.3g}<table>{rows}</table>"
+        self._show()

@@ -1,0 +1,1 @@
+"""Results as JSON objects, for `--json` and for the wire."""

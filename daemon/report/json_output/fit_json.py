@@ -1,0 +1,31 @@
+"""Fit results as the JSON object that `pzctl fit --json` prints: the one that travels over the wire."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from ....fitters.interface import Constant, FitResult
+from ...wire.frames import to_json
+from ...wire.result_messages import report_of
+
+
+def number(value: float | None) -> float | None:
+    """Return a number that JSON can hold: what is missing or infinite is null."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def constants_json(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any]]:
+    """Return constants, by name, as JSON objects."""
+    return _plain(constants)
+
+
+def fit_json(result: FitResult) -> dict[str, Any]:
+    """Return a fit result as one JSON object, without the curves."""
+    return _plain(report_of(result))
+
+
+def _plain(value: Any) -> Any:
+    """Return what a reader of the JSON gets."""
+    return msgspec.json.decode(to_json(value))

@@ -1,0 +1,1 @@
+"""Pictures of fits, diagnoses and devices."""

@@ -1,0 +1,149 @@
+"""A diagnosis as a picture: residuals before and after, the build with the guilty places, what else it could be."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....fitters.engine.noise import noise_from_smoothness
+from ....fitters.interface import Curve
+from ....models.base.arrays import Reals
+from ....models.build import Build
+from ....models.sweep import Sweep
+from .device_sketch import draw_sketch
+from .picture_file import save_picture
+
+BEFORE, AFTER, GUILTY, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
+_STRIP = 0.025
+"""Height of the strip that marks what was held out, of the axes."""
+_SMOOTH = 9
+"""Points over which the heavy line is averaged."""
+_LEAST_SPAN = 50.0
+"""Of the residuals' axis: where there is noise alone, it is to look like noise."""
+_MOST_PANELS, _MOST_BARS = 6, 9
+
+
+def diagnosis_picture(found: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
+    """Draw a diagnosis (the object of `diagnosis_json`, and its curves); return the path. Raises PictureError."""
+    return save_picture(diagnosis_figure(found, curves, build), path, dpi=160)
+
+
+def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:
+    """Return the figure. `curves` have the fit without effects as `start` and the one with them as `fitted`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = curves[:_MOST_PANELS]
+    columns = 1 if len(shown) == 1 else 2
+    rows = -(-len(shown) // columns)
+    bars = min(_MOST_BARS, sum(1 + len(_rivals(one)) for one in found["findings"])) or 1
+    bottom = max(2.1, 0.9 + 0.34 * bars)
+    figure: Any = Figure(figsize=(10.5, 2.9 * rows + bottom + 0.7), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, below = figure.subfigures(2, 1, height_ratios=[2.9 * rows + 0.7, bottom])
+    panels = above.subplots(rows, columns, squeeze=False)
+    named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
+    for k, axes in enumerate(panels.flat):
+        if k < len(shown):
+            held: Any = found["held_out_Hz"][k] if found.get("held_out_Hz") else ()  # older journals do not tell
+            _residuals(axes, shown[k], found["findings"], held, named=named, legend=k == 0)
+        else:
+            axes.set_axis_off()
+    above.suptitle(f"{build.name}: {found['says'][0]}", fontweight="bold", fontsize=11.5)
+    sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
+    draw_sketch(sketch, build, curves[-1].step, _guilty(found))
+    _candidates(chances, found["findings"])
+    return figure
+
+
+def _guilty(found: Mapping[str, Any]) -> tuple[str, ...]:
+    places = dict.fromkeys(str(finding["where"]) for finding in found["findings"])
+    return tuple(place for place in places if place != "any")
+
+
+def _rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [one for one in finding["alternatives"] if one["probability"] >= 0.005]
+
+
+def _residuals(
+    axes: Any,
+    curve: Curve,
+    findings: Sequence[Mapping[str, Any]],
+    held: Sequence[Sequence[float]],
+    *,
+    named: bool,
+    legend: bool,
+) -> None:
+    """Draw the size of the residuals over frequency: every point faint, their running mean heavy.
+
+    `held`: bands in Hz that took no part in the fits of the proof. `named`: whether something was found that the model
+    can take in.
+    """
+    f = curve.frequency / 1e6
+    noise = noise_from_smoothness(Sweep(curve.frequency, curve.measured))
+    floor = 1e-7 if noise is None else 0.2 * float(np.median(noise))
+    drawn = [(curve.start, BEFORE, "without what was found"), (curve.fitted, AFTER, "with it")]
+    if not named:
+        drawn = [(curve.fitted, AFTER, "model against recording")]
+    for Z, colour, label in drawn:
+        size = np.abs(np.log(Z / curve.measured))
+        axes.semilogy(f, np.maximum(size, floor), color=colour, linewidth=0.5, alpha=0.35)
+        axes.semilogy(f, np.maximum(_running(size), floor), color=colour, linewidth=1.5, label=label)
+    if noise is not None:
+        axes.fill_between(f, floor, np.sqrt(2) * noise, color="0.85", linewidth=0, zorder=0, label="noise")
+    _bands(axes, curve, findings, held)
+    axes.set_xlim(f[0], f[-1])
+    axes.set_ylim(floor, max(axes.get_ylim()[1], _LEAST_SPAN * floor))
+    axes.set_title(f"step {curve.step}", loc="left", fontsize=9)
+    axes.set_ylabel("|ln(model / measured)|", fontsize=9)
+    axes.set_xlabel("frequency (MHz)", fontsize=9)
+    axes.tick_params(labelsize=8.5)
+    axes.spines[["top", "right"]].set_visible(False)
+    if legend:
+        axes.legend(fontsize=8.5, frameon=False, ncols=5, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+
+
+def _bands(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], held: Sequence[Sequence[float]]) -> None:
+    """Mark where findings show, and at the foot what was held out."""
+    for finding in findings:
+        if finding["step"] == curve.step:
+            for low, high in finding["bands_Hz"]:
+                if high > curve.frequency[0] and low < curve.frequency[-1]:
+                    axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
+    for low, high in held:
+        axes.axvspan(low / 1e6, high / 1e6, ymax=_STRIP, color=HELD, linewidth=0)
+    if any(finding["bands_Hz"] for finding in findings):
+        axes.fill_between([], [], color=GUILTY, linewidth=0, label="where it shows")
+    if held:
+        axes.fill_between([], [], color=HELD, linewidth=0, label="held out for the proof")
+
+
+def _running(size: Reals) -> Reals:
+    """Return the running root mean square, shape (N,)."""
+    kernel = np.ones(_SMOOTH)
+    weight = np.convolve(np.ones_like(size), kernel, mode="same")
+    return np.sqrt(np.convolve(size**2, kernel, mode="same") / weight)
+
+
+def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
+    """Draw each finding with what else could stand in its place, and how likely each is."""
+    bars = [
+        (f"{one['effect']}, {one['where']}", one["probability"] or 0.0, MARK if one is finding else FAINT)
+        for finding in findings
+        for one in (finding, *_rivals(finding))
+    ][:_MOST_BARS]
+    if not bars:
+        axes.text(0.5, 0.5, "nothing left out\nthat this recording could show", ha="center", va="center", fontsize=10)
+        axes.set_axis_off()
+        return
+    for k, (_, size, colour) in enumerate(bars):
+        axes.barh(-k, size, color=colour, height=0.62)
+        axes.text(size + 0.015, -k, f"{size:.3f}" if size > 0.985 else f"{size:.2f}", va="center", fontsize=8.5)
+    axes.set_yticks([-k for k in range(len(bars))], [label for label, *_ in bars], fontsize=8.5)
+    axes.set_ylim(-max(len(bars), 3) + 0.5, 0.6)
+    axes.set_xlim(0, 1.1)
+    axes.set_xticks([0, 0.5, 1])
+    axes.tick_params(labelsize=8.5)
+    axes.set_xlabel("probability", fontsize=9)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,62 @@
+"""Fit results as pictures."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....fitters.interface import Curve, FitResult
+from ....models.base.arrays import Complexes, Impedances
+from .picture_file import save_picture
+
+_HEIGHT = 12.0
+"""Of the picture, inches."""
+_ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
+_MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
+_START: dict[str, Any] = {"color": "tab:green", "linewidth": 0.9, "linestyle": "--", "label": "start"}
+_FITTED: dict[str, Any] = {"color": "tab:red", "linewidth": 0.9, "label": "fitted"}
+
+
+def fit_picture(result: FitResult, path: Path) -> Path:
+    """Draw |Z|, phase, G, B and the residual of every sweep, one column each; return the path. Raises PictureError."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = len(result.curves)
+    width = max(6.0, 4.6 * columns)
+    figure: Any = Figure(figsize=(width, _HEIGHT))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
+    # Margins in inches: a layout that matplotlib finds itself takes as long as all of the drawing.
+    figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
+    for k, curve in enumerate(result.curves):
+        _column(axes[:, k], curve, result.noise.relative)
+        axes[0, k].set_title(curve.step)
+        axes[-1, k].set_xlabel("frequency (MHz)")
+    for row, label in enumerate(_ROWS):
+        axes[row, 0].set_ylabel(label)
+    axes[0, 0].legend(fontsize="small")
+    axes[-1, 0].legend(fontsize="small")
+    figure.suptitle(
+        f"{result.build} by {result.fitter}: chi2/dof {result.chi2_per_dof:.3g}, "
+        f"RMS log error {result.rms_log_error:.2g}"
+    )
+    return save_picture(figure, path, dpi=110)
+
+
+def _column(axes: Any, curve: Curve, noise: float) -> None:
+    from matplotlib.ticker import MultipleLocator
+
+    f = curve.frequency / 1e6
+    for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
+        axes[0].semilogy(f, np.abs(values), **style)
+        axes[1].plot(f, np.angle(values, deg=True), **style)
+        admittance: Impedances = 1 / values
+        axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
+        axes[3].plot(f, admittance.imag, **style)
+    axes[1].yaxis.set_major_locator(MultipleLocator(45))
+    ratio: Complexes = np.log(curve.fitted / curve.measured)
+    axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")
+    axes[4].plot(f, ratio.imag, linewidth=0.8, label="phase difference (rad)")
+    axes[4].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    axes[4].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0, label="twice the noise")

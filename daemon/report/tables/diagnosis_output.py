@@ -1,0 +1,151 @@
+"""A diagnosis as the JSON object that `pzctl diagnose --json` prints, and as words for the terminal."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+from rich.console import Console
+from rich.table import Table
+
+from ....fitters.diagnosis.data_quality.data_issues import DataCheck
+from ....fitters.diagnosis.findings import Diagnosis, Finding, Fitted
+from ....fitters.interface import Curve
+from ..json_output.fit_json import constants_json, number
+from .numbers import complex_with_uncertainty, with_uncertainty
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis as one JSON object, without the curves; a number that is missing or infinite is null."""
+    return {
+        "verdict": diagnosis.verdict,
+        "baseline": _fitted(diagnosis.baseline),
+        "final": _fitted(diagnosis.final),
+        "findings": [_finding(finding) for finding in diagnosis.findings],
+        "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
+        "data": [_check(check) for check in diagnosis.data],
+        "held_out_Hz": msgspec.to_builtins(diagnosis.held_out_Hz),
+        "others": [msgspec.to_builtins(other) | {"says": other.says} for other in diagnosis.others],
+        "leftover": msgspec.to_builtins(diagnosis.leftover) | {"chi2_per_dof": number(diagnosis.leftover.chi2_per_dof)},
+        "says": list(diagnosis.says),
+        "seconds": diagnosis.seconds,
+    }
+
+
+def _fitted(side: Fitted) -> dict[str, Any]:
+    return {
+        "chi2_per_dof": number(side.chi2_per_dof),
+        "held_out": number(side.held_out),
+        "constants": constants_json(side.constants),
+    }
+
+
+def _check(check: DataCheck) -> dict[str, Any]:
+    """Return what the gates found of one recording; each trouble with its sentence."""
+    troubles = [msgspec.to_builtins(trouble) | {"says": trouble.says} for trouble in check.troubles]
+    return msgspec.to_builtins(check) | {"troubles": troubles}
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    made = msgspec.to_builtins(finding)
+    numbers = ("chi2_per_dof_before", "chi2_per_dof_after", "held_out_before", "held_out_after", "probability")
+    return made | {name: number(made[name]) for name in numbers}
+
+
+def diagnosis_curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
+    """Return each recording with the fit without effects as `start` and the one with them as `fitted`."""
+    return tuple(
+        replace(after, start=before.fitted) for before, after in zip(diagnosis.before, diagnosis.after, strict=True)
+    )
+
+
+def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
+    """Print a diagnosis (the object of `diagnosis_json`): the verdict that anyone understands, then the evidence."""
+    console.print(found["says"][0], style="bold", highlight=False)
+    findings: list[dict[str, Any]] = found["findings"]
+    for finding in findings:
+        console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
+    for check in found["data"]:
+        for trouble in check["troubles"]:
+            says = f"recording {check['index'] + 1} of {check['step']}: {trouble['says']}"
+            console.print(f"- {says}", style="magenta", highlight=False)
+    for sentence in (*found.get("compared", ()), *(other["says"] for other in found.get("others", ()))):
+        console.print(f"- {sentence}", highlight=False)
+    if findings:
+        console.print(_findings_table(findings))
+    if found["not_decidable"]:
+        console.print("May be there unseen, because the constants absorb it:", highlight=False)
+        console.print(_open_table(found["not_decidable"]))
+    before, after = found["baseline"], found["final"]
+    held = f", on what took no part in the fit {_fall(before, after, 'held_out')}" if after["held_out"] else ""
+    console.print(f"chi2/dof {_fall(before, after, 'chi2_per_dof')}{held}; {found['seconds']:.1f} s", highlight=False)
+
+
+def print_constants(console: Console, diagnosis: Diagnosis) -> None:
+    """Print the constants without what was found, and with it; and what their uncertainties count, where it is said."""
+    table = Table(title="Constants", title_justify="left", header_style="bold")
+    found = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
+    columns = ("constant", *(("without the findings",) if found else ()), "with them" if found else "fitted", "unit")
+    for column in columns:
+        table.add_column(column)
+    for name, after in diagnosis.final.constants.items():
+        before = diagnosis.baseline.constants.get(name)
+        if after.free:
+            sides = (before, after) if found else (after,)
+            values = (complex_with_uncertainty(one.re, one.im, one.u_re, one.u_im) if one else "" for one in sides)
+            table.add_row(name, *values, after.unit)
+    console.print(table)
+    for sentence in diagnosis.says[1 + len(diagnosis.findings) :]:
+        console.print(sentence, highlight=False)
+
+
+def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(header_style="bold")
+    rivalled = any(_rivals(finding) for finding in findings)
+    for column in ("effect", "where"):
+        table.add_column(column, no_wrap=True, overflow="fold")  # a name that ends in dots is none
+    for column in ("step", "probability", "size", "chi2/dof", "bands (MHz)", *(["or else"] if rivalled else [])):
+        table.add_column(column, overflow="fold")
+    for finding in findings:
+        bands = ", ".join(f"{low / 1e6:.3g}-{high / 1e6:.3g}" for low, high in finding["bands_Hz"][:3])
+        before, after = ({"chi2": finding[f"chi2_per_dof_{side}"]} for side in ("before", "after"))
+        table.add_row(
+            finding["effect"],
+            finding["where"],
+            finding["step"],
+            f"{finding['probability'] or 0:.3f}",
+            "\n".join(f"{name} {_size(size)}" for name, size in finding["parameters"].items()),
+            _fall(before, after, "chi2"),
+            bands,
+            *(["\n".join(_rivals(finding))] if rivalled else []),
+        )
+    return table
+
+
+def _rivals(finding: Mapping[str, Any]) -> list[str]:
+    """Return what else it may be."""
+    rivals = [one for one in finding["alternatives"] if one["probability"] > 0.005]
+    return [f"{one['effect']} at {one['where']} ({one['probability']:.2f})" for one in rivals]
+
+
+def _fall(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> str:
+    return " -> ".join("infinite" if side[name] is None else f"{side[name]:.4g}" for side in (before, after))
+
+
+def _size(size: Mapping[str, Any]) -> str:
+    return f"{with_uncertainty(size['value'], size['u'])}{_unit(size)}"
+
+
+def _unit(size: Mapping[str, Any]) -> str:
+    return "" if size["unit"] == "1" else f" {size['unit']}"
+
+
+def _open_table(entries: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(header_style="bold")
+    for column in ("effect", "where", "at most", "would shift", "would decide"):
+        table.add_column(column)
+    for entry in entries:
+        limit = "\n".join(f"{name} {size['value']:.2g}{_unit(size)}" for name, size in entry["upper_limit"].items())
+        shifts = "\n".join(f"{name} {100 * shift:+.2g} %" for name, shift in list(entry["shifts"].items())[:4])
+        table.add_row(entry["effect"], entry["where"], limit, shifts, entry["would_decide"])
+    return table

@@ -1,0 +1,78 @@
+"""Fit results as tables for the terminal."""
+
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ....fitters.interface import Constant, FitResult
+from ....models.build import Build, Quantity
+from .deviation import deviation
+from .numbers import complex_with_uncertainty
+
+_COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
+_DERIVED_SHOWN = ("kt", "Qm", "tan_delta", "c33", "compliance", "delay")
+
+
+def fit_table(result: FitResult, build: Build | None) -> Table:
+    """Return the table of a fit: constants with uncertainties, beside what the data sheet says."""
+    table = Table(header_style="bold")
+    for column in ("constant", "fitted", "unit", "data sheet, build"):
+        table.add_column(column)
+    table.add_column("deviation", justify="right")
+    nominal = _nominal(build)
+    layer = ""
+    for name, constant in result.constants.items():
+        owner = name.split(".")[0]
+        if layer and owner != layer:
+            _derived_rows(table, result, layer)
+            table.add_section()
+        layer = owner
+        _row(table, name, constant, nominal.get(name))
+    _derived_rows(table, result, layer)
+    return table
+
+
+def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
+    """Print figures of merit, table, and what must be known of them."""
+    console.print(_title(result), style="bold", highlight=False)
+    console.print(fit_table(result, build))
+    for sentence in result.says:
+        console.print(f"! {sentence}", style="yellow", highlight=False)
+
+
+def _title(result: FitResult) -> str:
+    quality = f"chi2/dof {result.chi2_per_dof:.3g}, RMS log error {result.rms_log_error:.2g}"
+    noise = f"noise {result.noise.relative:.1e} ({result.noise.source})"
+    steps = " + ".join(result.steps)
+    return f"{result.build}: {steps} by {result.fitter} - {quality}, {noise}, {result.seconds:.2f} s"
+
+
+def _nominal(build: Build | None) -> dict[str, Quantity]:
+    if build is None:
+        return {}
+    return {
+        f"{layer.name}.{name}": quantity
+        for layer in build.layers
+        for name, quantity in {**layer.values, **layer.nominal}.items()
+    }
+
+
+def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) -> None:
+    fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
+    sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
+    words, verdict = deviation(constant.re, constant.u_re, nominal, constant.free)
+    away = Text(words, style=_COLOURS.get(verdict, ""))
+    table.add_row(name, fitted, constant.unit, sheet, away, style=None if constant.free else "dim")
+
+
+def _derived_rows(table: Table, result: FitResult, layer: str) -> None:
+    shown: Mapping[str, Constant] = {
+        name: constant
+        for name, constant in result.derived.items()
+        if name.startswith(f"{layer}.") and name.split(".")[1] in _DERIVED_SHOWN
+    }
+    for name, constant in shown.items():
+        fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
+        table.add_row(f"  {name}", fitted, constant.unit, "", "", style="italic")

@@ -1,0 +1,117 @@
+"""The statistics of a population as a table for the terminal, and as JSON."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from ....fitters.population.population_statistics import Part, Population, Sheet
+from ....fitters.population.random_effects import RandomEffects
+
+_COLUMNS = ("constant", "n", "mean", "variance", "sd", "between (95 %)", "within", "data sheet, build")
+_NAMED = 12
+"""Samples that the title names one by one; more are only counted."""
+
+
+def print_population(console: Console, found: Population) -> None:
+    """Print the table, then outliers, what lies outside its tolerance, and what must be known of the numbers."""
+    if found.constants:
+        console.print(population_table(found))
+    for sentence in (*_strange(found), *found.says):
+        console.print(f"! {sentence}", style="yellow", highlight=False)
+
+
+def population_table(found: Population) -> Table:
+    """Return mean, variance and standard deviation of each constant, split into between and within."""
+    n = len(found.samples)
+    named = f": {', '.join(found.samples)}" if n <= _NAMED else ""
+    title = f"{n} sample{'' if n == 1 else 's'}{named}"
+    table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in _COLUMNS:
+        table.add_column(column, justify="left" if column == "constant" else "right", overflow="fold")
+    layer = ""
+    for name, part in _parts(found):
+        owner = name.split(".")[0]
+        if layer not in ("", owner):
+            table.add_section()
+        layer = owner
+        table.add_row(name, *_cells(part))
+    return table
+
+
+def population_json(found: Population) -> dict[str, Any]:
+    """Return the statistics as plain dicts, lists, texts and numbers; `sd`, `low` and `high` written out."""
+    plain: dict[str, Any] = msgspec.to_builtins(found)
+    for name, spread in found.constants.items():
+        for key, part in (("re", spread.re), ("im", spread.im)):
+            if part is not None:
+                of_part: dict[str, Any] = plain["constants"][name][key]
+                of_part |= {"n": part.n, "sd": part.sd}
+                if part.sheet is not None:
+                    of_part["sheet"] |= {"low": part.sheet.low, "high": part.sheet.high}
+    return plain
+
+
+def _parts(found: Population) -> Iterator[tuple[str, Part]]:
+    """Yield `disk.c33D re, Pa` and its statistics; real constants without `re`."""
+    for name, spread in found.constants.items():
+        unit = "" if spread.unit == "1" else f", {spread.unit}"
+        if spread.im is None:
+            yield name + unit, spread.re
+        else:
+            yield f"{name} re{unit}", spread.re
+            yield f"{name} im{unit}", spread.im
+
+
+def _cells(part: Part) -> tuple[str, ...]:
+    scatter = _short(part.variance, 2), _short(part.sd, 3), _between(part.effects), _short(part.within, 3)
+    return str(part.n), _short(part.mean, 5), *scatter, _sheet(part.sheet)
+
+
+def _short(value: float | None, digits: int) -> str:
+    """Return `1.48e11`, or `-` where there is none."""
+    if value is None:
+        return "-"
+    mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if e else mantissa
+
+
+def _between(effects: RandomEffects | None) -> str:
+    """Return `4.6 (3.0..8.7)e9`: scatter between samples and its interval, with one exponent."""
+    if effects is None:
+        return "-"
+    largest = max(effects.tau, effects.tau_high / 10)  # of few samples the upper end lies far out
+    if largest == 0:
+        return "0"
+    exponent = math.floor(math.log10(largest))
+    shown, digits = (0, max(0, 1 - exponent)) if -2 <= exponent <= 1 else (exponent, 1)
+    tau, low, high = (f"{v / 10.0**shown:.{digits}f}" for v in (effects.tau, effects.tau_low, effects.tau_high))
+    return f"{tau} ({low}..{high})" + (f"e{shown}" if shown else "")
+
+
+def _sheet(sheet: Sheet | None) -> str:
+    if sheet is None or sheet.percent is None:
+        return ""
+    if sheet.limit is None:
+        return f"{_signed(sheet.percent)} %"
+    limit = 100 * sheet.limit / abs(sheet.nominal)
+    return f"{_signed(sheet.percent)} % of ±{limit:.{0 if limit >= 10 else 1}f} %"
+
+
+def _signed(percent: float) -> str:
+    return f"{round(percent, 1) + 0.0:+.1f}"  # + 0.0: never -0.0
+
+
+def _strange(found: Population) -> Iterator[str]:
+    """Yield a sentence for each outlier and for each constant with samples outside its tolerance."""
+    for name, part in _parts(found):
+        for sample, chance in part.outliers.items():
+            value = next(one.value for one in part.values if one.sample == sample)
+            yield f"{name}: {sample} ({value:.5g}) does not belong to the rest; by chance in {100 * chance:.1g} % only"
+        if part.sheet is not None and part.sheet.outside:
+            low, high = part.sheet.low, part.sheet.high
+            yield f"{name}: outside {low:.5g} .. {high:.5g} of the data sheet: {', '.join(part.sheet.outside)}"

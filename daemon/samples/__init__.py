@@ -1,0 +1,1 @@
+"""Samples as the journal or a folder holds them, and results written back to them."""

@@ -1,0 +1,74 @@
+"""Keeping what was found outside the daemon: a result goes into the journal, as if its fitter had answered there."""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeAlias
+
+from ...fitters.interface import FitResult
+from ...fitters.population.batch import Outcome
+from ..client.client import Client
+from ..client.location import find
+from ..files.config import journal_of, settings
+from ..files.paths import journal_folder
+from ..journal.journal_writer import Journal
+from ..wire.events import FitEvent
+from ..wire.result_messages import curve_columns, report_of
+from .sample_selection import Sample
+
+Put: TypeAlias = Callable[[str, Sequence[str], FitResult], None]
+"""Keeps a result; given the measurement's id, and those of the sweeps it is about."""
+
+
+@contextmanager
+def keeping(home: Path) -> Generator[Put]:
+    """Give a function that hands results to the daemon of this data folder, or writes them down where none runs.
+
+    A result that the same version found before from the same sweeps is there already, and not written again. Raises
+    DaemonError or JournalError.
+    """
+    where = find(home)
+    if where is not None:
+        with Client(where.events, where.requests, where.key) as client:
+            yield lambda measurement, sweeps, result: client.submit(
+                measurement, sweeps, result.fitter, result.version, result
+            )
+        return
+    journal = Journal(journal_folder(home), *journal_of(settings({})))
+    try:
+        yield lambda measurement, sweeps, result: _write(journal, measurement, sweeps, result)
+    finally:
+        journal.close()
+
+
+def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> None:
+    """Keep the results of `samples`, each for its measurement. Raises DaemonError or JournalError."""
+    of = {sample.name: sample for sample in samples}
+    with keeping(home) as put:
+        for outcome in outcomes:
+            sample = of[outcome.sample]
+            if outcome.result is not None and sample.measurement is not None:
+                put(sample.measurement, _sweeps(sample), outcome.result)
+
+
+def _sweeps(sample: Sample) -> tuple[str, ...]:
+    return tuple(sweep.id for of_step in sample.job.task.sweeps.values() for sweep in of_step) if sample.job else ()
+
+
+def _write(journal: Journal, measurement: str, sweeps: Sequence[str], result: FitResult) -> None:
+    known = journal.measurement(measurement)
+    if known is None:
+        return
+    columns, payload = curve_columns(result.curves)
+    event = FitEvent(
+        measurement=known.id,
+        sample=known.sample,
+        fitter=result.fitter,
+        version=result.version,
+        sweeps=tuple(sweeps),
+        report=report_of(result),
+        curves=tuple(curve.step for curve in result.curves),
+        columns=columns,
+    )
+    if journal.answered(event) is None:
+        journal.append(event, payload)

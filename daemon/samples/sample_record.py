@@ -1,0 +1,93 @@
+"""What the journal knows of one sample: the latest measurement of each gluing step, and what was answered to it."""
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from ...fitters.interface import Curve, FitResult
+from ...models.base.errors import PzctlError
+from ...models.build import Build
+from ...models.sweep import Sweep
+from ..client.client import fit_of
+from ..journal.journal_reader import Archive, Measurement
+from ..wire.events import DiagnosisEvent, FitEvent, SweepEvent, decode
+from ..wire.result_messages import curves_of
+
+
+class UnknownSampleError(PzctlError):
+    """The journal holds no such sample, and no such measurement."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepRecord:
+    """One measurement of one gluing step, and what was answered to it."""
+
+    measurement: Measurement
+    sweeps: tuple[Sweep, ...]
+    idn: str
+    """Who measured, as `*IDN?` said."""
+    fits: tuple[FitResult, ...]
+    """The latest result of each fitter."""
+    refusals: tuple[str, ...]
+    """Why a fitter gave none, a sentence each."""
+    diagnosis: DiagnosisEvent | None
+    """The latest; its `diagnosis` is the object of `pzctl diagnose --json`."""
+    diagnosis_curves: tuple[Curve, ...]
+    """Of its picture; none where it came without."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampleRecord:
+    """One sample as it is known now."""
+
+    name: str
+    build: Build
+    """That of the newest measurement."""
+    steps: tuple[StepRecord, ...]
+    """In the order in which they were measured."""
+
+
+def sample_record(archive: Archive, asked: str) -> SampleRecord:
+    """Return what is known of a sample, or of the one measurement with this id.
+
+    Raises UnknownSampleError, JournalError.
+    """
+    one = archive.measurement(asked)
+    found = [one] if one is not None else archive.measurements("sample = ? AND state = 'measured'", asked)
+    if not found:
+        raise UnknownSampleError(_unknown(archive, asked))
+    latest: dict[str, Measurement] = {}
+    for measurement in found:
+        latest.pop(measurement.sample.step, None)
+        latest[measurement.sample.step] = measurement
+    build = archive.build(found[-1].id)
+    order = {step.name: k for k, step in enumerate(build.steps)}
+    steps = sorted(latest.values(), key=lambda m: order.get(m.sample.step, -1))
+    return SampleRecord(found[-1].sample.name, build, tuple(_step(archive, measurement) for measurement in steps))
+
+
+def _unknown(archive: Archive, asked: str) -> str:
+    names = list(dict.fromkeys(one.sample.name for one in archive.measurements("state = 'measured'")))
+    close = get_close_matches(asked, names, n=1)
+    if close:
+        return f"sample {asked!r}: the journal holds none; did you mean {close[0]!r}?"
+    some = ", ".join(names[-8:]) or "no complete measurement"
+    return f"sample {asked!r}: the journal holds no sample and no measurement of that name; it holds {some}"
+
+
+def _step(archive: Archive, one: Measurement) -> StepRecord:
+    heard = [decode(frames) for frames in archive.sweeps(one.id)]
+    fits: dict[str, FitResult] = {}
+    refusals: dict[str, str] = {}
+    diagnosis: DiagnosisEvent | None = None
+    curves: tuple[Curve, ...] = ()
+    for answer in map(decode, archive.fits(one.id)):
+        event = answer.event
+        if isinstance(event, DiagnosisEvent):
+            diagnosis, curves = event, curves_of(event.curves, answer.arrays)
+        elif isinstance(event, FitEvent) and event.report is not None:
+            fits[event.fitter] = fit_of(answer)
+        elif isinstance(event, FitEvent):
+            refusals[event.fitter] = event.error or "no reason was given"
+    idn = next((h.event.instrument.idn for h in heard if isinstance(h.event, SweepEvent)), "")
+    sentences = tuple(f"{name}: {why}" for name, why in refusals.items() if name not in fits)
+    return StepRecord(one, tuple(h.sweep() for h in heard), idn, tuple(fits.values()), sentences, diagnosis, curves)

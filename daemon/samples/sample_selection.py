@@ -1,0 +1,178 @@
+"""Samples to be looked at together: those of the journal, or those of a folder with one subfolder for each."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...drivers.recordings import read_recording
+from ...fitters.interface import FitResult, FitTask
+from ...fitters.population.batch import Job
+from ...models.base.errors import CannotError, PzctlError
+from ...models.build import Build, Quantity
+from ...models.sweep import Sweep
+from ..client.client import fit_of
+from ..client.location import find
+from ..files.builds.build_file import read_build
+from ..files.config import journal_of, settings
+from ..files.paths import home, journal_folder
+from ..journal.journal_reader import Archive, Measurement
+from ..wire.events import FitEvent, decode
+
+BUILD = "build.toml"
+_TYPES = (".csv", ".txt", ".tsv", ".s1p", ".z1p", ".y1p")
+"""Files of a sample's folder that are taken for recordings."""
+
+
+class NoSamplesError(CannotError):
+    """Nothing is there that could be listed or fitted."""
+
+
+class FolderMissing(PzctlError):
+    """There is no folder of this name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One sample, ready to be fitted, or the sentence that says why it is not."""
+
+    name: str
+    job: Job | None
+    error: str | None = None
+    notes: tuple[str, ...] = ()
+    """What a person should know of it, a sentence each."""
+    measurement: str | None = None
+    """The journal's measurement of the last gluing step; None for a sample of a folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatestFit:
+    """The fit of a sample's newest measurement that has one."""
+
+    result: FitResult
+    measurement: Measurement
+    build: Build
+
+
+def open_journal() -> Archive:
+    """Return this user's journal, opened for reading: that of the daemon which runs, else that of the settings.
+
+    Raises NoSamplesError where nothing was ever measured.
+    """
+    running = find(home())
+    url, station = (running.journal, running.station) if running else journal_of(settings({}))
+    if url is not None:
+        return Archive(url, station)
+    folder = journal_folder(home())
+    if not (folder / "journal.sqlite").exists():
+        raise NoSamplesError(f"no journal in {folder}: nothing was measured yet; begin with `pzctl measure`")
+    return Archive(folder)
+
+
+def journal_samples(archive: Archive, free: tuple[str, ...] | None = None) -> list[Sample]:
+    """Return every sample with the latest complete measurement of each of its steps, and the build of the newest."""
+    latest: dict[str, dict[str, Measurement]] = {}
+    for one in archive.measurements("state = 'measured'"):
+        steps = latest.setdefault(one.sample.name, {})
+        steps.pop(one.sample.step, None)
+        steps[one.sample.step] = one  # so the newest of all stands last
+    if not latest:
+        raise NoSamplesError(f"the journal in {archive.name} holds no complete measurement")
+    return [_journal_sample(archive, name, steps, free) for name, steps in latest.items()]
+
+
+def _journal_sample(
+    archive: Archive, name: str, latest: dict[str, Measurement], free: tuple[str, ...] | None
+) -> Sample:
+    newest = list(latest.values())[-1].id
+    try:
+        build = archive.build(newest)
+        known = [step.name for step in build.steps if step.name in latest]
+        sweeps = {step: tuple(decode(e).sweep() for e in archive.sweeps(latest[step].id)) for step in known}
+    except PzctlError as error:
+        return Sample(name, None, str(error))
+    notes = tuple(
+        f"step {step!r} was measured with an earlier build that had it; it is left out"
+        for step in latest
+        if step not in known
+    )
+    if not known:
+        return Sample(name, None, "no step of its latest build was measured", notes)
+    return Sample(name, Job(name, FitTask(build, sweeps, free)), notes=notes, measurement=latest[known[-1]].id)
+
+
+def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sample]:
+    """Return the sample of every subfolder that holds a build.toml, called as the subfolder.
+
+    Raises NoSamplesError where there is none, FolderMissing.
+    """
+    if not folder.is_dir():
+        raise FolderMissing(f"{folder}: no such folder; one with a subfolder for each sample is needed")
+    found = sorted(path.parent for path in folder.glob(f"*/{BUILD}"))
+    if not found:
+        raise NoSamplesError(f"{folder}: no subfolder holds a {BUILD}; each sample needs {BUILD} and STEP.csv files")
+    return [folder_sample(path, free) for path in found]
+
+
+def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
+    """Return the sample of a folder with a build.toml and recordings, or what is wrong with it."""
+    try:
+        build = read_build(folder / BUILD)
+        steps = [step.name for step in build.steps]
+        files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _TYPES)
+        of_file = {path: step_of(path.stem, steps) for path in files}
+        sweeps = {step: tuple(read_recording(p) for p in files if of_file[p] == step) for step in steps}
+    except PzctlError as error:
+        return Sample(folder.name, None, str(error))
+    strange = [path for path, step in of_file.items() if step is None]
+    notes = [f"{path}: its name begins with none of the steps {', '.join(steps)}; it is left out" for path in strange]
+    notes += [f"{sweep.id}: {note}" for of_step in sweeps.values() for sweep in of_step for note in sweep.notes]
+    there: dict[str, tuple[Sweep, ...]] = {step: of_step for step, of_step in sweeps.items() if of_step}
+    if not there:
+        error = (
+            f"{folder}: no recording; files named after the steps are needed: {', '.join(f'{s}.csv' for s in steps)}"
+        )
+        return Sample(folder.name, None, error, tuple(notes))
+    return Sample(folder.name, Job(folder.name, FitTask(build, there, free)), notes=tuple(notes))
+
+
+def step_of(stem: str, steps: Sequence[str]) -> str | None:
+    """Return the step that a file's name without extension begins with, the longest where several do.
+
+    What follows must not make another word or number of it: `disk-2` and `disk2` are of step `disk`, `diskette` is
+    not, and `ml12` is not of step `ml1`.
+    """
+    for step in sorted(steps, key=len, reverse=True):
+        rest = stem.removeprefix(step)
+        if stem.startswith(step) and not (rest[:1].isalpha() or (rest[:1].isdigit() and step[-1:].isdigit())):
+            return step
+    return None
+
+
+def latest_fits(archive: Archive, fitter: str, step: str | None) -> dict[str, LatestFit]:
+    """Return the latest fit of each sample that has one: that of its newest measurement (of `step`) with a result."""
+    measured = archive.measurements("state = 'measured'")
+    found: dict[str, LatestFit | None] = {one.sample.name: None for one in measured}
+    for one in reversed(measured):
+        if found[one.sample.name] is None and step in (None, one.sample.step):
+            found[one.sample.name] = _fit_of_measurement(archive, one, fitter)
+    return {name: fit for name, fit in found.items() if fit is not None}
+
+
+def _fit_of_measurement(archive: Archive, one: Measurement, fitter: str) -> LatestFit | None:
+    if fitter not in archive.fitters(one.id):
+        return None
+    for frames in reversed(archive.fits(one.id)):
+        heard = decode(frames)
+        if isinstance(heard.event, FitEvent) and heard.event.fitter == fitter and heard.event.report is not None:
+            return LatestFit(fit_of(heard), one, archive.build(one.id))
+    return None
+
+
+def sheets_of(builds: Iterable[Build]) -> dict[str, Quantity]:
+    """Return what data sheet or build file say of each constant (`disk.c33D`), where all builds say the same."""
+    said: dict[str, list[Quantity]] = {}
+    for build in builds:
+        for layer in build.layers:
+            for name, quantity in {**layer.values, **layer.nominal}.items():
+                said.setdefault(f"{layer.name}.{name}", []).append(quantity)
+    return {name: all_[0] for name, all_ in said.items() if all(one.value == all_[0].value for one in all_)}

@@ -1,0 +1,1 @@
+"""Who may connect, who may do what, and who holds the instrument."""

@@ -1,0 +1,1 @@
+"""Events: written to the journal, then published."""

@@ -1,0 +1,107 @@
+"""Puts every event on disk, then says it; where the journal's server has gone, as soon as it is back."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from ...journal.journal_writer import Journal
+from ...journal.store import JournalAway
+from ...wire.events import Event, Payload, ProgressEvent
+from ...wire.metrics import Metrics
+from ...wire.uuid7 import uuid7
+from .spool import Unsaved
+
+log = logging.getLogger(__name__)
+
+KNOCK = 1.0
+"""Seconds between two tries to reach a server that has gone."""
+
+
+class Publisher:
+    """The way of every event. `say` takes its frames, `said` is called with what was said."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        unsaved: Unsaved,
+        metrics: Metrics,
+        say: Callable[[Sequence[bytes]], None],
+        said: Callable[[Event], None],
+    ) -> None:
+        self._journal = journal
+        self._unsaved = unsaved
+        self._metrics = metrics
+        self._say = say
+        self._said = said
+        self._there = asyncio.Event()
+        self._there.set()
+
+    @property
+    def is_away(self) -> bool:
+        """Whether the journal's server has gone, or is still to be given what it missed."""
+        return not self._there.is_set()
+
+    async def there(self) -> None:
+        """Wait until the journal takes events."""
+        await self._there.wait()
+
+    def publish(self, event: Event, payload: Payload) -> None:
+        """Put an event on disk, then say it. Raises JournalError, and then nothing was said.
+
+        Where the journal's server has gone, it is kept in the data folder and said when the server is back.
+        """
+        named = msgspec.structs.replace(event, id=event.id or uuid7())
+        if not self._there.is_set():
+            self._put_off(named, payload)
+            return
+        try:
+            self._keep_and_say(named, payload)
+        except JournalAway as error:
+            log.error("%s", error)
+            self._there.clear()
+            self._put_off(named, payload)
+
+    def catch_up(self) -> None:
+        """Publish what was put off, of an earlier run as well. Raises JournalError."""
+        while self._unsaved:
+            event, payload = self._unsaved.first()
+            frames = self._journal.said(event.id)
+            if frames is None:
+                self._keep_and_say(event, payload)
+            else:  # the server had taken it, and went before it could say so
+                self._say(frames)
+                self._said(event)
+            self._unsaved.drop()
+
+    async def mend(self) -> None:
+        """Look for ever whether the journal's server is there; come back to it, and catch up.
+
+        Raises JournalError where it is not the journal that it was.
+        """
+        while True:
+            await asyncio.sleep(KNOCK)
+            if self._there.is_set() and not self._journal.store.gone:
+                continue
+            self._there.clear()
+            try:
+                self._journal.resume(await asyncio.to_thread(self._journal.reopened))
+                self.catch_up()
+            except JournalAway as error:
+                log.warning("%s", error)
+                continue
+            log.info("%s: the journal's server is back", self._journal.name)
+            self._there.set()
+
+    def _keep_and_say(self, event: Event, payload: Payload) -> None:
+        began = time.monotonic()
+        stamped, frames = self._journal.append(event, payload)
+        self._say(frames)
+        self._metrics.lasted("publish", time.monotonic() - began)
+        self._said(stamped)
+
+    def _put_off(self, event: Event, payload: Payload) -> None:
+        if not isinstance(event, ProgressEvent):  # of no use to anybody later
+            self._unsaved.put(event, payload)

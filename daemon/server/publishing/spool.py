@@ -1,0 +1,55 @@
+"""Events that the journal's server was not there to take: in files of the data folder until it is back."""
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from ...journal.store import JournalError
+from ...wire.events import AnyEvent, Event, Payload
+from ...wire.frames import to_json
+
+_FORM = ".event"
+
+
+class Unsaved:
+    """A queue of events that outlives this process. Raises JournalError where the disk does not take or give them."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._waiting = sorted(folder.glob(f"*{_FORM}"))
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, event: Event, payload: Payload) -> None:
+        """Keep an event, synced, behind those that are kept already."""
+        number = int(self._waiting[-1].stem) + 1 if self._waiting else 0
+        path = self._folder / f"{number:09d}{_FORM}"
+        part = path.with_suffix(".part")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with part.open("wb") as file:
+                file.write(msgspec.msgpack.encode((to_json(event), payload)))
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except OSError as error:
+            raise JournalError(f"{path}: what the journal's server did not take cannot be kept: {error}") from error
+        self._waiting.append(path)
+
+    def first(self) -> tuple[AnyEvent, Payload]:
+        """Return the oldest one."""
+        try:
+            header, payload = _form.decode(self._waiting[0].read_bytes())
+            return _event.decode(header), payload
+        except (OSError, msgspec.MsgspecError) as error:
+            raise JournalError(f"{self._waiting[0]}: an event that was kept here cannot be read: {error}") from error
+
+    def drop(self) -> None:
+        """Forget the oldest one: it is in the journal."""
+        self._waiting.pop(0).unlink(missing_ok=True)
+
+
+_form = msgspec.msgpack.Decoder(tuple[bytes, tuple[bytes, ...]])
+_event = msgspec.json.Decoder(AnyEvent)

@@ -1,0 +1,271 @@
+"""Answers every request but `bench`: looks things up, changes the queue, keeps what fitters hand in."""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cache, singledispatchmethod
+from importlib.metadata import entry_points, version
+from typing import Any
+
+from ....models.base.names import among
+from ...journal.journal_reader import History, Measurement
+from ...journal.journal_writer import Journal
+from ...wire import replies as reply
+from ...wire import requests as ask
+from ...wire.events import WIRE, Event, Instrument, Payload, Sample, StateEvent
+from ...wire.metrics import Metrics
+from ..access.lease import Lease
+from ..acquisition import Acquisition, Job
+from ..workers.fitter_worker import GROUP
+from ..workers.job_runner import Errand, Errands
+from ..workers.job_worker import diagnosis_version
+from ..workers.supervisor import Supervisor
+from .request_errors import RequestError
+from .submissions import checked
+
+MOST_FITTERS = 100
+"""Fitters that are listed."""
+
+MOST_WAITING = 1000
+"""Measurements in the queue."""
+
+
+VERSION = version("pzctl")
+"""Of this package; looked up once, it is read from a file."""
+
+
+@dataclass
+class Desk:
+    """The daemon's answers. Every method takes the request and its raw columns and returns the answer's frames."""
+
+    journal: Journal
+    acquisition: Acquisition
+    supervisor: Supervisor
+    errands: Errands
+    instrument: Instrument
+    endpoints: tuple[str, str]
+    bench: str | None
+    settings: dict[str, Any]
+    publish: Callable[[Event, Payload], None]
+    shutdown: Callable[[], None]
+    metrics: Metrics
+    lease: Lease = field(default_factory=Lease)
+
+    @singledispatchmethod
+    def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        """Return the answer and the frames behind it. Raises RequestError, JournalError or WireError."""
+        raise NotImplementedError(type(request).__name__)
+
+    @answer.register
+    def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        if request.fitter is not None:
+            known = self.supervisor.states
+            if request.fitter not in known and len(known) >= MOST_FITTERS:
+                raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
+            self.supervisor.ready(request.fitter, request.version or "")
+        return (
+            reply.HelloAnswer(
+                id=request.id,
+                wire=WIRE,
+                version=VERSION,
+                pid=os.getpid(),
+                run=self.journal.run,
+                seq=self.journal.last_seq,
+                instrument=self.instrument,
+                events=self.endpoints[0],
+                requests=self.endpoints[1],
+                bench=self.bench,
+                fitters=tuple(self.supervisor.states.values()),
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Status, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        job = self.acquisition.current
+        return (
+            reply.StatusAnswer(
+                id=request.id,
+                run=self.journal.run,
+                seq=self.journal.last_seq,
+                measuring=job.measurement if job else None,
+                sample=job.sample if job else None,
+                queue=tuple(waiting.measurement for waiting in self.acquisition.waiting),
+                fitters=tuple(self.supervisor.states.values()),
+                garbage=self.metrics.counts["garbage"],
+                lease=self.lease.holder,
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Metrics, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        found = self.metrics
+        return (
+            reply.MetricsAnswer(
+                id=request.id,
+                uptime=time.monotonic() - found.began,
+                counts=dict(found.counts),
+                queue=len(self.acquisition.waiting),
+                errands=len(self.errands.running),
+                seconds=found.spreads(),
+            ),
+            [],
+        )
+
+    @answer.register
+    def _(self, request: ask.Settings, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        return reply.SettingsAnswer(id=request.id, settings=self.settings), []
+
+    @answer.register
+    def _(self, request: ask.Measure, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        steps = [step.name for step in request.build.steps]
+        if request.step not in steps:
+            raise RequestError(
+                "no-such-step", f"build {request.build.name!r} has no step {request.step!r}; it has {', '.join(steps)}"
+            )
+        plan = request.plan or request.build.plan
+        if plan is None:
+            raise RequestError(
+                "no-plan",
+                f"neither the request nor build {request.build.name!r} says what to sweep",
+                "give a plan, or a [sweep] table in build.toml",
+            )
+        if request.decides is not None:
+            self._check_decides(request.decides, Sample(request.build.name, request.step))
+        self.lease.check(request.lease)
+        if len(self.acquisition.waiting) >= MOST_WAITING:
+            raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
+        measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
+        if new:
+            job = Job(measurement, request.build, request.step, plan, request.priority, request.decides)
+            self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
+            self.acquisition.add(job)
+        return reply.MeasureAnswer(id=request.id, measurement=measurement), []
+
+    @answer.register
+    def _(self, request: ask.Lease, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
+        lease, held = self.lease.take(request.owner, request.seconds, request.lease, busy=busy)
+        return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
+
+    @answer.register
+    def _(self, request: ask.Release, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        self.lease.give_back(request.lease)
+        return reply.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        if not self.acquisition.cancel(request.measurement):
+            named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
+            raise RequestError("nothing-to-cancel", named or "nothing is being measured")
+        return reply.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
+        events = self.journal.replay(request.since, until, request.max)
+        self.metrics.counts["replayed"] += len(events)
+        return _events(request.id, events, more=len(events) == request.max)
+
+    @answer.register
+    def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        found: dict[str, list[reply.MeasuredStep]] = {}
+        with closing(self.journal.reader()) as archive:  # another thread looks this up: it may be all there is
+            for one in archive.histories(request.name):
+                found.setdefault(one.measurement.sample.name, []).append(_measured(one))
+        samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in found.items())
+        return reply.SamplesAnswer(id=request.id, samples=samples), []
+
+    @answer.register
+    def _(self, request: ask.Sweeps, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        known = self._known(request.measurement)
+        steps = [step.name for step in self.journal.build(known.id).steps]
+        earlier = (
+            self.journal.latest(known.sample.name, step, known.id) for step in steps[: steps.index(known.sample.step)]
+        )
+        measurements = [*(found for found in earlier if found), known.id]
+        return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
+
+    @answer.register
+    def _(self, request: ask.Fits, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        return _events(request.id, self.journal.fits(self._known(request.measurement).id))
+
+    @answer.register
+    def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        installed = sorted({*_installed(), *self.supervisor.states})
+        if request.fitter not in installed:  # a name from a message is never imported as it is
+            raise RequestError(
+                "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
+            )
+        return self._errand(request.id, Errand(request.measurement, request.fitter), None), []
+
+    @answer.register
+    def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        for other in request.also:
+            self._known(other)
+        effects = tuple(sorted({*request.effects})) if request.effects else None
+        errand = Errand(request.measurement, None, effects, request.also, request.propose)
+        return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
+
+    @answer.register
+    def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        open_ones = tuple(self.journal.unanswered(request.fitter))
+        return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
+
+    @answer.register
+    def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        known = self._known(request.measurement)
+        event = checked(self.journal, known, request, raw)
+        if event is not None:
+            self.journal.store.check_room()  # answers without end must not take what measurements need
+            self.publish(event, tuple(raw))
+        return reply.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+        self.shutdown()
+        return reply.Answer(id=request.id), []
+
+    def _errand(self, request: str, errand: Errand, version: str | None) -> reply.ErrandAnswer:
+        """Begin an errand on a complete measurement."""
+        known = self._known(errand.measurement)
+        if known.state != "measured":
+            raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
+        if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
+            raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
+        return reply.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+
+    def _check_decides(self, measurement: str, sample: Sample) -> None:
+        of = self._known(measurement).sample
+        if of != sample:
+            raise RequestError(
+                "no-such-measurement",
+                f"measurement {measurement!r} is of {of.name!r} at step {of.step!r}; one of {sample.name!r} at step "
+                f"{sample.step!r} is decided by measuring that step",
+            )
+
+    def _known(self, measurement: str) -> Measurement:
+        found = self.journal.measurement(measurement)
+        if found is None:
+            raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
+        return found
+
+
+def _measured(one: History) -> reply.MeasuredStep:
+    known = one.measurement
+    return reply.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
+
+
+@cache
+def _installed() -> frozenset[str]:
+    """Return the names of the installed fitters; looking takes tens of milliseconds, so it is done once."""
+    return frozenset(entry_points(group=GROUP).names)
+
+
+def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[reply.Answer, list[bytes]]:
+    """Return the answer that carries events as they were published."""
+    answer = reply.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
+    return answer, [frame for event in events for frame in event]

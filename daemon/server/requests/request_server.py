@@ -1,0 +1,250 @@
+"""The requests socket: reads what comes, lets the desk answer, does nothing twice."""
+
+import asyncio
+import logging
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeAlias
+
+import msgspec
+import zmq.asyncio
+
+from ....models.base.errors import PzctlError
+from ....models.base.names import among
+from ....sim.bench.bench_control import bench_command
+from ...journal.store import JournalError
+from ...wire import replies as reply
+from ...wire import requests as ask
+from ...wire.events import WIRE
+from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
+from ..access.access_control import Gate
+from ..access.connection_guard import Intake
+from .request_errors import RequestError
+from .request_handlers import Desk
+
+log = logging.getLogger(__name__)
+
+REMEMBERED = 1000
+"""Answers kept, so that a request that is sent again is answered again and not done again."""
+
+AT_ONCE = 100
+"""Requests that somebody else has to do something for; the next are read when one of them has been answered."""
+
+TURN = 0.002
+"""Seconds of answering after which others have their turn. Where there was nonsense among what was answered, as long
+is waited: who floods the daemon does not take a whole core, and so what is asked properly finds it awake."""
+
+ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
+"""Requests that change something each time they are done; the others may be answered anew."""
+
+LONG = (ask.Bench, ask.Lease, ask.Diagnose, ask.Samples)
+"""Those that others than the desk have a part in, or that look through the whole journal."""
+
+Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
+"""The frames of an answer, or of one that takes a while."""
+
+
+class Reception:
+    """Answers requests for as long as `serve` runs.
+
+    The socket is read and written without waiting: a ROUTER drops what somebody does not take.
+    """
+
+    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk, gate: Gate | None, intake: Intake) -> None:
+        self._coming = socket
+        self._socket: zmq.Socket[bytes] = zmq.Socket(shadow=socket)
+        self._gate = gate
+        self._desk = desk
+        self._intake = intake
+        self._done: OrderedDict[str, Said] = OrderedDict()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._looking = ThreadPoolExecutor(1, "looking")
+
+    async def serve(self) -> None:
+        """Answer for ever."""
+        counts = self._desk.metrics.counts
+        while True:
+            await self._coming.poll()
+            garbage, until = counts["garbage"], time.monotonic() + TURN
+            while self._answer_next() and time.monotonic() < until:
+                pass
+            nonsense = counts["garbage"] > garbage and time.monotonic() >= until
+            await asyncio.sleep(TURN if nonsense else 0)
+            while len(self._tasks) >= AT_ONCE:
+                await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
+
+    def _answer_next(self) -> bool:
+        """Answer the next request; return False where none is there."""
+        received = self._receive()
+        if received is None:
+            return False
+        began, last = time.monotonic(), received[-1]
+        handle, key = _property(last, "__fd"), _property(last, "User-Id") if self._gate else None
+        if handle:
+            self._intake.heard(int(handle))
+        sender, *frames = [frame.bytes for frame in received]
+        envelope = [sender]
+        if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
+            envelope.append(frames.pop(0))
+        answer = self._answer(frames, key)
+        if isinstance(answer, list):
+            self._send(envelope, answer, began)
+        else:
+            task = asyncio.create_task(self._send_later(envelope, answer, began))
+            self._tasks.add(task)  # the loop itself keeps no hold of a task
+            task.add_done_callback(self._tasks.discard)
+        return True
+
+    def _receive(self) -> list[zmq.Frame] | None:
+        """Return a message, of one that has too many frames the first and the last; None where none is there."""
+        try:
+            frames = [self._socket.recv(zmq.NOBLOCK, copy=False)]
+        except zmq.Again:
+            return None
+        while frames[-1].more:
+            following = self._socket.recv(zmq.NOBLOCK, copy=False)
+            if len(frames) > MOST_FRAMES + 2:
+                frames.pop()
+            frames.append(following)
+        return frames
+
+    def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float) -> None:
+        self._desk.metrics.counts["requests"] += 1
+        self._desk.metrics.lasted("request", time.monotonic() - began)
+        self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
+
+    async def _send_later(self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float) -> None:
+        self._send(envelope, await answer, began)
+
+    def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
+        """Return the answer: whatever came, somebody who asked hears why not."""
+        try:
+            request = _read(frames)
+            if self._gate:
+                self._gate.check(key, request)
+        except PzctlError as error:
+            return self._why_not(_id_of(frames), error)
+        if request.id in self._done:
+            return self._done[request.id]
+        if isinstance(request, LONG):
+            said = asyncio.ensure_future(self._arrange(request))
+        else:
+            try:
+                answer, more = self._desk.answer(request, frames[1:])
+                said = [to_json(answer), *more]
+            except Exception as error:
+                said = self._why_not(request.id, error)
+                if isinstance(error, JournalError):  # asked again, it may be done
+                    return said
+        if isinstance(request, ONCE):
+            self._done[request.id] = said
+            if len(self._done) > REMEMBERED:
+                self._done.popitem(last=False)
+        return said
+
+    async def _arrange(self, request: ask.Bench | ask.Lease | ask.Diagnose | ask.Samples) -> list[bytes]:
+        """Answer what takes others: the bench, the instrument, the catalogue of effects, a thread that reads."""
+        try:
+            if isinstance(request, ask.Bench):
+                return [to_json(await self._bench(request))]
+            if isinstance(request, ask.Diagnose) and request.effects:
+                _check_effects(request.effects, await self._desk.errands.effects())
+            if isinstance(request, ask.Samples):
+                loop = asyncio.get_running_loop()
+                answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, ())
+            else:
+                answer, more = self._desk.answer(request, ())
+            if isinstance(request, ask.Lease):
+                await self._desk.acquisition.let_go()
+            header = to_json(answer)
+            if len(header) > LARGEST_FRAME:
+                says = f"the answer would have {len(header)} bytes; at most {LARGEST_FRAME} are allowed"
+                raise RequestError("too-much", says, "ask for one sample")
+            return [header, *more]
+        except Exception as error:
+            if isinstance(error, JournalError):
+                self._done.pop(request.id, None)
+            return self._why_not(request.id, error)
+
+    def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
+        """Return the refusal that an error becomes, and count it."""
+        counts = self._desk.metrics.counts
+        if isinstance(error, RequestError):
+            counts["refused"] += 1
+            return _refusal(request, error.problem)
+        if isinstance(error, WireError):
+            counts["garbage"] += 1
+            return _refusal(request, reply.Problem("bad-request", str(error), "see docs/wire.md"))
+        if isinstance(error, JournalError):
+            return _refusal(request, reply.Problem("journal", str(error)))
+        log.error("request %s", request, exc_info=error)
+        return _refusal(request, reply.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
+
+    async def _bench(self, request: ask.Bench) -> reply.BenchAnswer:
+        """Pass a command on to the simulator's bench. Raises RequestError."""
+        if self._desk.bench is None:
+            raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
+        if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
+            raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
+        host, _, port = self._desk.bench.rpartition(":")
+        try:
+            answer = await asyncio.to_thread(bench_command, host, int(port), **request.command)
+        except PzctlError as error:
+            raise RequestError("bench-failed", str(error)) from None
+        return reply.BenchAnswer(id=request.id, answer=answer)
+
+
+class _Named(msgspec.Struct):
+    id: str | None = None
+    request: str | None = None
+
+
+NAMES = tuple(str(kind.__struct_config__.tag) for kind in ask.AnyRequest.__args__)
+"""Of the requests."""
+
+_request = msgspec.json.Decoder(ask.AnyRequest)
+_named = msgspec.json.Decoder(_Named)
+
+
+def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
+    """Return the request. Raises WireError with a sentence, whatever the bytes are."""
+    if not 1 <= len(frames) <= MOST_FRAMES:
+        raise WireError(f"request: {len(frames)} frame(s); 1 to {MOST_FRAMES} are allowed")
+    name = from_json(frames[0], _named).request
+    if name not in NAMES:
+        raise WireError(f"request: {name!r} is not known; known are {', '.join(NAMES)}")
+    request = from_json(frames[0], _request)
+    if request.v != WIRE:
+        raise WireError(
+            f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
+        )
+    return request
+
+
+def _check_effects(asked: Sequence[str], known: frozenset[str]) -> None:
+    """Raise RequestError where the catalogue has no such effect."""
+    unknown = sorted({*asked} - known)
+    if unknown:
+        raise RequestError("no-such-effect", f"effect {unknown[0]!r} is not known; {among(unknown[0], sorted(known))}")
+
+
+def _property(frame: zmq.Frame, name: str) -> str | None:
+    """Return what libzmq knows of the connection that a frame came over: its descriptor, whose key it came in with."""
+    try:
+        return str(frame.get(name))
+    except zmq.ZMQError:
+        return None
+
+
+def _id_of(frames: Sequence[bytes]) -> str | None:
+    """Return the id of what is no request, where it has one."""
+    try:
+        return from_json(frames[0], _named).id if frames else None
+    except WireError:
+        return None
+
+
+def _refusal(request: str | None, problem: reply.Problem) -> list[bytes]:
+    return [to_json(reply.Refusal(id=request, error=problem))]

@@ -1,0 +1,53 @@
+"""What fitters hand in, checked before it is kept: whole, about sweeps that there are, and not without end."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ...journal.journal_reader import Measurement
+from ...journal.journal_writer import Journal
+from ...wire import requests as ask
+from ...wire.events import DiagnosisEvent, FitEvent
+from ...wire.frames import unpack
+from ...wire.result_messages import curves_of
+from .request_errors import RequestError
+
+MOST_ANSWERS = 100
+"""Answers of one fitter to one measurement, each of another version or of other sweeps."""
+
+
+def checked(
+    journal: Journal, known: Measurement, request: ask.Submit, raw: Sequence[bytes]
+) -> FitEvent | DiagnosisEvent | None:
+    """Return the event that a submission becomes, or None where the same was handed in before.
+
+    Raises RequestError where it is no answer, WireError where its columns are not what the header says.
+    """
+    event = _event(request, known)
+    unknown = [sweep for sweep in request.sweeps if not journal.has_sweep(sweep)]
+    if unknown or not request.sweeps:
+        named = f"the journal holds no sweep {unknown[0]!r}" if unknown else "no sweep is named"
+        raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {named}")
+    curves_of(request.curves, unpack(request.columns, raw))
+    if journal.answered(event) is not None:
+        return None
+    if journal.answers(known.id, request.fitter) >= MOST_ANSWERS:
+        raise RequestError(
+            "too-many-answers", f"fitter {request.fitter!r} answered this measurement {MOST_ANSWERS} times already"
+        )
+    return event
+
+
+def _event(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent:
+    """Return the event that a fitter's answer becomes. Raises RequestError where it is not one answer."""
+    given = [name for name in ("report", "error", "diagnosis") if getattr(request, name) is not None]
+    if len(given) != 1:
+        raise RequestError(
+            "bad-answer",
+            f"answer of {request.fitter!r} holds {' and '.join(given) or 'nothing'}; "
+            "exactly one of report, error, diagnosis is needed",
+        )
+    said: dict[str, Any] = {"measurement": known.id, "sample": known.sample}
+    said |= {name: getattr(request, name) for name in ("fitter", "version", "sweeps", "curves", "columns")}
+    if request.diagnosis is not None:
+        return DiagnosisEvent(**said, diagnosis=request.diagnosis)
+    return FitEvent(**said, report=request.report, error=request.error)

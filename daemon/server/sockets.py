@@ -1,0 +1,151 @@
+"""The daemon's two sockets, and who may reach them: from outside this machine only those with a key."""
+
+import ipaddress
+import socket
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import zmq
+import zmq.asyncio
+
+from ...models.base.errors import PzctlError
+from ..wire.curve_keys import ClientKey, KeyFileError
+from ..wire.events import WELCOME
+from ..wire.frames import LARGEST_FRAME
+from .access.access_control import DOMAIN, Gate
+
+LARGEST_SUBSCRIPTION = 512
+"""Bytes; long enough for CURVE's handshake, which counts as well."""
+
+HIGH_WATER = 1000
+"""Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
+
+REQUESTS_KEPT = 10
+"""Requests of one connection that wait to be read; its TCP connection holds back what comes then."""
+
+RECEIVE_BUFFER = 128 << 10
+"""Bytes of one connection that the kernel holds: one thread of libzmq's reads all of them, and the next one waits."""
+
+ANSWERS_KEPT = 50
+"""Answers kept for who asks and does not read; one of them may carry 50 sweeps."""
+
+
+class EndpointError(PzctlError):
+    """An address the daemon cannot, or must not, be reached at."""
+
+
+def is_loopback(endpoint: str) -> bool:
+    """Return whether an endpoint can be reached from this machine only."""
+    if endpoint.startswith(("inproc://", "ipc://")):
+        return True
+    host = urlsplit(endpoint).hostname
+    if host is None:
+        return False
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name, `*`, an interface: all that it means must be loopback
+        try:
+            found = socket.getaddrinfo(host, None)
+        except OSError:
+            return False
+        return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
+
+
+def gate_for(endpoints: Sequence[str], keys: Path) -> Gate | None:
+    """Return what guards these endpoints; None where they can be reached from this machine only.
+
+    Raises EndpointError for what is no endpoint, and where a guard is needed and there are no keys.
+    """
+    for endpoint in endpoints:
+        if not endpoint.startswith(("tcp://", "ipc://", "inproc://")):
+            raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for a port that is free")
+    outside = [endpoint for endpoint in endpoints if not is_loopback(endpoint)]
+    if not outside:
+        return None
+    try:
+        return Gate(keys)
+    except KeyFileError as error:
+        raise EndpointError(
+            f"endpoint {outside[0]!r} can be reached from other machines; that needs keys (`pzctl keys server`, then "
+            f"`pzctl keys client NAME`): {error}"
+        ) from None
+
+
+def from_here(endpoint: str) -> str:
+    """Return a bound address as it is reached from this machine."""
+    return endpoint.replace("//0.0.0.0:", "//127.0.0.1:").replace("//[::]:", "//[::1]:")
+
+
+def bind_events(
+    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: Gate | None
+) -> tuple["zmq.Socket[bytes]", str]:
+    """Bind the socket that publishes; return it and the address it got. Raises EndpointError."""
+    events = context.socket(zmq.PUB)
+    events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
+    return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
+
+
+def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
+    """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
+    requests = context.socket(zmq.ROUTER)
+    plain: zmq.Socket[bytes] = zmq.Socket(shadow=requests)
+    return requests, _bind(plain, endpoint, gate, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
+
+
+def port_of(endpoint: str) -> int:
+    """Return the port of a bound address; 0 where it has none."""
+    return urlsplit(endpoint).port or 0
+
+
+def limit(any_socket: "zmq.Socket[bytes]") -> None:
+    """Set what every socket of this wire sets: limits, life signs, no waiting at the end."""
+    any_socket.set(zmq.LINGER, 0)
+    any_socket.set(zmq.SNDHWM, HIGH_WATER)
+    any_socket.set(zmq.RCVHWM, HIGH_WATER)
+    any_socket.set(zmq.MAXMSGSIZE, LARGEST_FRAME)
+    any_socket.set(zmq.HEARTBEAT_IVL, 1000)
+    any_socket.set(zmq.HEARTBEAT_TIMEOUT, 3000)
+    any_socket.set(zmq.TCP_KEEPALIVE, 1)
+
+
+def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
+    """Set the key that lets a client's socket in, where the daemon asks for one."""
+    if key is not None:
+        any_socket.set(zmq.CURVE_SERVERKEY, key.server.encode())
+        any_socket.set(zmq.CURVE_PUBLICKEY, key.public.encode())
+        any_socket.set(zmq.CURVE_SECRETKEY, key.secret.encode())
+
+
+def _bind(
+    any_socket: "zmq.Socket[bytes]",
+    endpoint: str,
+    gate: Gate | None,
+    *,
+    kept: int = HIGH_WATER,
+    waiting: int = HIGH_WATER,
+    longest: int = LARGEST_FRAME,
+) -> str:
+    """Bind, to a loopback address where there is no gate, or close the socket and say why not."""
+    limit(any_socket)
+    any_socket.set(zmq.SNDHWM, kept)
+    any_socket.set(zmq.RCVHWM, waiting)
+    any_socket.set(zmq.MAXMSGSIZE, longest)
+    any_socket.set(zmq.RCVBUF, RECEIVE_BUFFER)
+    if gate is not None:
+        any_socket.set(zmq.CURVE_SERVER, 1)
+        any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())
+        any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())
+        any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)
+    any_socket.set(zmq.LINGER, 500)  # the last words of a daemon that ends are still sent
+    try:
+        if gate is None and not is_loopback(endpoint):
+            raise EndpointError(f"endpoint {endpoint!r} can be reached from other machines; that needs keys")
+        any_socket.bind(endpoint)
+    except zmq.ZMQError as error:
+        any_socket.close()
+        raise EndpointError(f"endpoint {endpoint!r} cannot be bound: {error.strerror}") from None
+    except EndpointError:
+        any_socket.close()
+        raise
+    return str(any_socket.getsockopt_string(zmq.LAST_ENDPOINT)).rstrip("\0")

@@ -1,0 +1,1 @@
+"""Fitters and diagnoses, each in a process of its own."""

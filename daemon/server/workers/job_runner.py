@@ -1,0 +1,123 @@
+"""Fits and diagnoses that were asked for: a process for each, few at a time, each limited in time and memory."""
+
+import asyncio
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...files.auto_diagnosis import DIAGNOSIS
+from ...files.paths import log_file
+from ...files.worker_limits import Limits
+from ...journal.journal_reader import Measurement
+from ...wire.curve_keys import ClientKey
+from ...wire.events import FitEvent
+from .process_runner import tend
+
+AT_ONCE = 2
+"""Errands that run side by side; the others wait."""
+
+MOST = 100
+"""Errands that run or wait."""
+
+
+NAMES = "from pzctl.models.effects import catalogue; print(*(effect.name for effect in catalogue()))"
+"""A program that prints the names of the effects: the catalogue brings SciPy along, and loading that would hold up
+everybody who asks the daemon, so another process does."""
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What is to be done: a fit by `fitter`, or a diagnosis that considers `effects` where fitter is None."""
+
+    measurement: str
+    fitter: str | None
+    effects: tuple[str, ...] | None = None
+    also: tuple[str, ...] = ()
+    """Measurements that were made to decide the diagnosis."""
+    propose: bool = False
+
+    @property
+    def name(self) -> str:
+        """The fitter's name on the answer."""
+        return self.fitter or DIAGNOSIS
+
+    @property
+    def arguments(self) -> list[str]:
+        """For `daemon/server/workers/job_worker.py`."""
+        fitter = [] if self.fitter is None else ["--fitter", self.fitter]
+        effects = ["--effects", ",".join(self.effects)] if self.effects else []
+        also = ["--also", ",".join(self.also)] if self.also else []
+        return [self.measurement, *fitter, *effects, *also, *(["--propose"] if self.propose else [])]
+
+
+@dataclass
+class Errands:
+    """Carries errands out. An errand that ends without an answer is answered here, with the reason."""
+
+    home: Path
+    events: str
+    requests: str
+    key: ClientKey | None
+    limits: Limits
+    publish: Callable[[FitEvent], None]
+    running: dict[Errand, "asyncio.Task[None]"] = field(default_factory=dict[Errand, "asyncio.Task[None]"])
+    _effects: "asyncio.Task[frozenset[str]] | None" = None
+    _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
+
+    def begin(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> bool:
+        """Begin an errand, unless it runs already; return False where too many do."""
+        if errand in self.running:
+            return True
+        if len(self.running) >= MOST:
+            return False
+        task = asyncio.get_running_loop().create_task(self._do(errand, of, sweeps))
+        self.running[errand] = task
+        task.add_done_callback(lambda _: self.running.pop(errand, None))
+        return True
+
+    async def effects(self) -> frozenset[str]:
+        """Return the names of the effects that a diagnosis can be limited to; looked up once."""
+        if self._effects is None:
+            self._effects = asyncio.create_task(asyncio.to_thread(_effects))
+        return await asyncio.shield(self._effects)
+
+    async def end(self) -> None:
+        """End what runs."""
+        tasks = list(self.running.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _do(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> None:
+        async with self._slots:
+            began, most = time.monotonic(), self.limits.seconds
+            arguments = [*errand.arguments, "--events", self.events, "--requests", self.requests]
+            log = log_file(self.home, f"errand-{errand.measurement}")
+            end = await tend(
+                "pzctl.daemon.server.workers.job_worker",
+                [*arguments, "--memory-MB", str(self.limits.memory_MB)],
+                log,
+                self.key,
+                lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
+            )
+        if end.code == 0:
+            log.unlink(missing_ok=True)
+            return
+        self.publish(
+            FitEvent(
+                measurement=of.id,
+                sample=of.sample,
+                fitter=errand.name,
+                version="",
+                sweeps=sweeps,
+                error=f"{errand.name} of measurement {of.id}: {end.says}",
+            )
+        )
+
+
+def _effects() -> frozenset[str]:
+    printed = subprocess.run([sys.executable, "-c", NAMES], capture_output=True, text=True, check=True)  # noqa: S603
+    return frozenset(printed.stdout.split())

@@ -1,0 +1,1 @@
+"""Messages on the two sockets: their types, frames, ids and keys."""

@@ -1,0 +1,135 @@
+"""Keys of the daemon and of those who may reach it from other machines (CURVE), as files their owner alone can read.
+
+`keys/server.json` is the daemon's pair; `keys/clients/NAME.json` says which public key may do what; the file that
+`make_client` returns the content of is what the client itself keeps.
+"""
+
+import os
+import re
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import msgspec
+import zmq
+
+from ...models.base.errors import PzctlError
+from .frames import WireError, from_json, to_json
+
+Right = Literal["watch", "measure", "bench", "admin"]
+"""What a client may do; each includes those before it."""
+
+RIGHTS: tuple[Right, ...] = ("watch", "measure", "bench", "admin")
+
+T = TypeVar("T")
+
+NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+"""What a client may be called; nothing that leads out of the folder."""
+
+
+class KeyFileError(PzctlError):
+    """A key that is not there, that others may read, or that is no key."""
+
+
+class ServerKey(msgspec.Struct, frozen=True):
+    """The daemon's pair, in Z85."""
+
+    public: str
+    secret: str
+
+
+class Client(msgspec.Struct, frozen=True):
+    """Who may come in, and what for."""
+
+    name: str
+    public: str
+    right: Right
+
+
+class ClientKey(msgspec.Struct, frozen=True):
+    """What a client needs to come in: the daemon's public key, and its own pair; in Z85."""
+
+    server: str
+    public: str
+    secret: str
+
+
+def make_server(folder: Path) -> ServerKey:
+    """Make the daemon's pair. Raises KeyFileError where there is one: every client would have to be told anew."""
+    public, secret = zmq.curve_keypair()
+    made = ServerKey(public.decode(), secret.decode())
+    write_secret(folder / "server.json", to_json(made))
+    return made
+
+
+def server_key(folder: Path) -> ServerKey:
+    """Return the daemon's pair. Raises KeyFileError."""
+    return _parsed(folder / "server.json", _server)
+
+
+def make_client(folder: Path, name: str, right: Right) -> ClientKey:
+    """Let a client in; return its key. Raises KeyFileError where there is a client or no server of this name."""
+    if not NAME.fullmatch(name):
+        raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
+    server = server_key(folder)
+    public, secret = zmq.curve_keypair()
+    write_secret(_file(folder, name), to_json(Client(name, public.decode(), right)))
+    return ClientKey(server.public, public.decode(), secret.decode())
+
+
+def clients(folder: Path) -> tuple[Client, ...]:
+    """Return who may come in, by name. Raises KeyFileError."""
+    return tuple(_parsed(path, _client) for path in sorted((folder / "clients").glob("*.json")))
+
+
+def revoke(folder: Path, name: str) -> None:
+    """Bar a client: it can ask for nothing from now on. Raises KeyFileError where there is none of this name."""
+    known = [one.name for one in clients(folder)]
+    if name not in known:
+        raise KeyFileError(f"client {name!r} is not known; there are {', '.join(known) or 'none'}")
+    _file(folder, name).unlink()
+
+
+def read_client_key(path: Path) -> ClientKey:
+    """Return a client's own key. Raises KeyFileError."""
+    return _parsed(path, _own)
+
+
+def write_secret(path: Path, text: bytes) -> None:
+    """Write a new file that its owner alone can read. Raises KeyFileError where it is there already."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise KeyFileError(f"{path.parent}: this folder cannot be made: {error.strerror}") from None
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise KeyFileError(f"{path} is there already; remove it first if nobody needs it any more") from None
+    except OSError as error:
+        raise KeyFileError(f"{path} cannot be written: {error.strerror}") from None
+    with os.fdopen(handle, "wb") as file:
+        file.write(text)
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / "clients" / f"{name}.json"
+
+
+def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
+    try:
+        mode = path.stat().st_mode
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise KeyFileError(f"there is no key {path}; `pzctl keys --help` says how to make one") from None
+    except OSError as error:
+        raise KeyFileError(f"{path} cannot be read: {error.strerror}") from None
+    if os.name == "posix" and mode & 0o077:
+        raise KeyFileError(f"{path}: others than its owner may read this key; `chmod 600` it, or make a new one")
+    try:
+        return from_json(text, decoder)
+    except WireError as error:
+        raise KeyFileError(f"{path} is no key: {error}") from None
+
+
+_server = msgspec.json.Decoder(ServerKey)
+_client = msgspec.json.Decoder(Client)
+_own = msgspec.json.Decoder(ClientKey)

@@ -1,0 +1,92 @@
+"""Raw columns behind a JSON header: packed little-endian, unpacked without trusting what the header claims."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.base.errors import PzctlError
+
+MOST_FRAMES = 256
+"""Frames in one message; more is no message of ours."""
+
+LARGEST_HEADER = 1 << 20
+"""Bytes of one JSON header that comes from anybody."""
+
+LARGEST_FRAME = 8 << 20
+"""Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read. An answer's header may be as
+long: it comes from the daemon."""
+
+Array: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
+"""One column: real or complex doubles."""
+
+T = TypeVar("T")
+
+
+class WireError(PzctlError):
+    """Bytes that are no message of this wire."""
+
+
+class Column(msgspec.Struct, frozen=True):
+    """What one raw frame holds: C order, little-endian; `<c16` is pairs of doubles re, im, re, im ..."""
+
+    name: str
+    unit: str
+    dtype: Literal["<f8", "<c16"]
+    shape: tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
+
+
+def pack(name: str, unit: str, array: Array) -> tuple[Column, bytes]:
+    """Return the description of an array and its bytes."""
+    dtype: Literal["<f8", "<c16"] = "<c16" if np.iscomplexobj(array) else "<f8"
+    return Column(name, unit, dtype, array.shape), np.ascontiguousarray(array, dtype=dtype).tobytes()
+
+
+def unpack(columns: Sequence[Column], frames: Sequence[bytes]) -> dict[str, Array]:
+    """Return the arrays by name, read-only views of the frames. Raises WireError.
+
+    Sizes are compared as whole numbers before an array is made: what a header claims is never allocated.
+    """
+    if len(columns) != len(frames):
+        raise WireError(f"message: {len(frames)} raw frame(s) behind a header that names {len(columns)} column(s)")
+    arrays: dict[str, Array] = {}
+    for column, frame in zip(columns, frames, strict=True):
+        claimed = math.prod(column.shape) * np.dtype(column.dtype).itemsize
+        if claimed != len(frame):
+            raise WireError(
+                f"message: column {column.name!r} has {len(frame)} bytes; "
+                f"its shape {list(column.shape)} of {column.dtype} needs {claimed}"
+            )
+        if column.name in arrays:
+            raise WireError(f"message: two columns are called {column.name!r}; names must differ")
+        arrays[column.name] = np.frombuffer(frame, dtype=column.dtype).reshape(column.shape)
+    return arrays
+
+
+def to_json(header: Any) -> bytes:
+    """Return a header as UTF-8 JSON; numbers of NumPy count as numbers, one that is not finite becomes null."""
+    return msgspec.json.encode(header, enc_hook=_plain)
+
+
+def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]", most: int = LARGEST_HEADER) -> T:
+    """Return the header. Raises WireError with the path of what is wrong."""
+    if len(text) > most:
+        raise WireError(f"message: header of {len(text)} bytes; at most {most} are allowed")
+    try:
+        return decoder.decode(text)
+    except RecursionError:
+        raise WireError("message: the header is nested too deep") from None
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise WireError(f"message: the header is not what it should be: {error}") from None
+    except PzctlError as error:  # a value that its own type refuses: a segment that stops before it starts
+        raise WireError(f"message: {error}") from None
+
+
+def _plain(value: object) -> Any:
+    """Turn what msgspec does not know into what it does: NumPy's numbers and arrays."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

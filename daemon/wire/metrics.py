@@ -1,0 +1,57 @@
+"""What the daemon counts and times, readable by request."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Iterable
+
+import msgspec
+
+from .events import Event, FitEvent, StateEvent
+
+KEPT = 1000
+"""Latest durations of each kind that the figures are taken from."""
+
+
+class Spread(msgspec.Struct, frozen=True):
+    """How long something took lately; seconds."""
+
+    count: int
+    """How many of the latest were looked at."""
+    median: float | None
+    p99: float | None
+
+
+class Metrics:
+    """Counters since the start of the daemon, and durations of late."""
+
+    def __init__(self) -> None:
+        self.began = time.monotonic()
+        self.counts: Counter[str] = Counter()
+        self._durations: dict[str, deque[float]] = {}
+        self._measured: dict[str, float] = {}
+
+    def lasted(self, what: str, seconds: float) -> None:
+        """Note how long something took."""
+        self._durations.setdefault(what, deque(maxlen=KEPT)).append(seconds)
+
+    def note(self, event: Event) -> None:
+        """Count an event; of a fit, note how long after the end of its measurement it came."""
+        kind = str(event.__struct_config__.tag)
+        self.counts[kind if not isinstance(event, StateEvent) else f"state-{event.state}"] += 1
+        if isinstance(event, StateEvent) and event.state == "measured" and event.measurement:
+            self._measured[event.measurement] = time.monotonic()
+            if len(self._measured) > KEPT:
+                del self._measured[next(iter(self._measured))]
+        if isinstance(event, FitEvent) and event.measurement in self._measured:
+            self.lasted("fit", time.monotonic() - self._measured[event.measurement])
+
+    def spreads(self) -> dict[str, Spread]:
+        """Return the figures of every kind of duration."""
+        return {what: _spread(found) for what, found in self._durations.items()}
+
+
+def _spread(durations: Iterable[float]) -> Spread:
+    ordered = sorted(durations)
+    if not ordered:
+        return Spread(0, None, None)
+    return Spread(len(ordered), ordered[len(ordered) // 2], ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))])

@@ -1,0 +1,82 @@
+"""What a fitter found, as JSON: the object of `pzctl fit --json`; the curves travel as raw columns."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from ...fitters.interface import Budget, Constant, Curve, FitResult, Noise
+from .frames import Array, Column, WireError, pack
+
+CURVE_PARTS = ("frequency", "measured", "start", "fitted")
+"""The columns of one curve; Hz, then ohm."""
+
+T = TypeVar("T")
+
+
+class NoiseReport(msgspec.Struct, frozen=True):
+    """Relative noise per point, and where the figure is from."""
+
+    relative: float
+    source: str = msgspec.field(name="from")
+
+
+class FitReport(msgspec.Struct, frozen=True):
+    """A fit's result; SI units."""
+
+    build: str
+    fitter: str
+    version: str
+    steps: tuple[str, ...]
+    noise: NoiseReport
+    chi2_per_dof: float
+    constants: dict[str, Constant]
+    derived: dict[str, Constant]
+    correlation: tuple[tuple[str, str, float], ...]
+    rms_log_error: float
+    converged: bool
+    evaluations: int
+    seconds: float
+    says: tuple[str, ...] = ()
+    budget: Budget | None = None
+    """What makes up the uncertainties; None where the fitter does not tell."""
+    chosen: dict[str, Any] | None = None
+    """Of a fit by hand: `by`, `free`, `values`, `bands` (Hz), `effects`."""
+
+
+def report_of(result: FitResult) -> FitReport:
+    """Return the result without its curves."""
+    fields = {name: getattr(result, name) for name in FitReport.__struct_fields__ if name != "noise"}
+    return FitReport(noise=NoiseReport(result.noise.relative, result.noise.source), **fields)
+
+
+def result_of(report: FitReport, curves: Sequence[Curve] = ()) -> FitResult:
+    """Return the report and its curves as the fitter's own type."""
+    fields: dict[str, Any] = {name: getattr(report, name) for name in FitReport.__struct_fields__}
+    fields["noise"] = Noise(report.noise.relative, report.noise.source)
+    return FitResult(**fields, curves=tuple(curves))
+
+
+def curve_columns(curves: Sequence[Curve]) -> tuple[tuple[Column, ...], tuple[bytes, ...]]:
+    """Return the columns of all curves, named `0.frequency`, `0.measured` ..., and their bytes."""
+    packed = [
+        pack(f"{k}.{part}", "Hz" if part == "frequency" else "ohm", getattr(curve, part))
+        for k, curve in enumerate(curves)
+        for part in CURVE_PARTS
+    ]
+    return tuple(column for column, _ in packed), tuple(frame for _, frame in packed)
+
+
+def curves_of(steps: Sequence[str], arrays: Mapping[str, Array]) -> tuple[Curve, ...]:
+    """Return the curves. Raises WireError where a column is missing, or of another length than its frequencies."""
+    curves: list[Curve] = []
+    for k, step in enumerate(steps):
+        missing = [part for part in CURVE_PARTS if f"{k}.{part}" not in arrays]
+        if missing:
+            raise WireError(f"message: curve {k} ({step}) has no column {missing[0]!r}")
+        f, *z = (arrays[f"{k}.{part}"] for part in CURVE_PARTS)
+        if any(f.ndim != 1 or part.shape != f.shape for part in z):
+            raise WireError(f"message: the columns of curve {k} ({step}) differ in length")
+        curves.append(Curve(step, f.real, *(np.asarray(part, dtype=np.complex128) for part in z)))
+    return tuple(curves)

@@ -1,0 +1,1 @@
+"""Fixture compensation of the 4294A: open, short, load."""

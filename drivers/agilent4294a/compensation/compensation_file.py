@@ -1,0 +1,57 @@
+"""A compensation kept in a file: JSON that says whose it is, when it was taken, and every number exactly."""
+
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from ...base.analyzer import InstrumentError
+from .standards import Compensation, Standard
+
+
+class _Stored(msgspec.Struct, forbid_unknown_fields=True):
+    """What stands in the file; `arrays` holds pairs of real and imaginary part, in siemens (open) or ohm."""
+
+    kind: Literal["4294A compensation"]
+    version: Literal[1]
+    instrument: str
+    adapter: Literal["OFF", "M1", "M2", "APC7", "PROBE"]
+    taken: str
+    arrays: dict[Standard, list[tuple[float, float]]]
+
+
+def save(path: Path, compensation: Compensation) -> None:
+    """Write `compensation` to `path`, whole or not at all. Raises InstrumentError where it cannot be written."""
+    arrays = {name: [(z.real, z.imag) for z in values.tolist()] for name, values in compensation.arrays.items()}
+    content = {
+        "kind": "4294A compensation",
+        "version": 1,
+        "instrument": compensation.instrument,
+        "adapter": compensation.adapter,
+        "taken": compensation.taken,
+        "arrays": arrays,
+    }
+    beside = path.with_name(path.name + ".part")
+    try:
+        beside.write_bytes(msgspec.json.encode(content))
+        beside.replace(path)
+    except OSError as error:
+        raise InstrumentError(f"{path}: the compensation cannot be written: {error.strerror}") from None
+
+
+def load(path: Path) -> Compensation:
+    """Return the compensation in the file at `path`. Raises InstrumentError where it is none."""
+    try:
+        stored = msgspec.json.decode(path.read_bytes(), type=_Stored)
+    except OSError as error:
+        raise InstrumentError(f"{path}: the compensation cannot be read: {error.strerror}") from None
+    except msgspec.MsgspecError as error:
+        raise InstrumentError(f"{path}: this is no compensation: {error}") from None
+    empty = [name for name, pairs in stored.arrays.items() if not pairs]
+    if empty or not stored.arrays:
+        raise InstrumentError(f"{path}: the compensation holds no values{' for ' + empty[0] if empty else ''}")
+    arrays: dict[Standard, np.ndarray] = {
+        name: np.array([complex(*pair) for pair in pairs]) for name, pairs in stored.arrays.items()
+    }
+    return Compensation(arrays, stored.adapter, stored.taken, stored.instrument)

@@ -1,0 +1,59 @@
+"""Files of the instrument: its screen as TIFF, its last sweep in its own formats.
+
+It saves to its RAM disk, and hands a file over in blocks of at most 16384 bytes (Programming Manual p.83, p.113).
+Saving to a name that exists is an error; so the name is cleared first, and again when the file has been read.
+"""
+
+from typing import Literal
+
+from ..base.analyzer import InstrumentError
+from ..visa import replies
+from ..visa.connection import Link
+from .protocol import error_queue as errorqueue
+
+BLOCK_BYTES = 16_384
+
+Kind = Literal["screen", "ascii", "binary", "touchstone"]
+
+_SAVE: dict[Kind, tuple[str, str]] = {
+    "screen": ("PRIC VARI;SAVDTIF", "pzctl.tif"),
+    "ascii": ("SAVDASC", "pzctl.txt"),
+    "binary": ("SAVDDAT", "pzctl.dat"),
+    "touchstone": ("SAVDS1P", "pzctl.s1p"),
+}
+"""How each kind is saved, and under which name (8.3)."""
+
+
+def fetch(link: Link, kind: Kind) -> bytes:
+    """Return the file that the instrument makes of its screen or of its last sweep. Raises InstrumentError."""
+    if kind not in _SAVE:
+        raise InstrumentError(f"{link.name}: no file of kind {kind!r}; there are {', '.join(_SAVE)}")
+    command, name = _SAVE[kind]
+    _purge(link, name)
+    link.ask(f'{command} "{name}";*OPC?')
+    errorqueue.check(link, f"after {command}")
+    data = read(link, name)
+    _purge(link, name)
+    return data
+
+
+def read(link: Link, name: str) -> bytes:
+    """Return the content of the file `name` on the RAM disk. Raises InstrumentError."""
+    what = f'{link.name}: FSIZE? "{name}"'
+    size = replies.integer(link.ask(f'STOD MEMO;ROPEN "{name}";FSIZE? "{name}"'), what)
+    data = bytearray()
+    while len(data) < size:
+        block = link.ask_block("READ?", BLOCK_BYTES)
+        if not block:
+            raise InstrumentError(f"{link.name}: {name} ends after {len(data)} bytes; {size} bytes were announced")
+        data += block
+    errorqueue.check(link, f"after reading {name}")
+    if len(data) != size:
+        raise InstrumentError(f"{link.name}: {len(data)} bytes of {name} came; {size} bytes were announced")
+    return bytes(data)
+
+
+def _purge(link: Link, name: str) -> None:
+    """Remove the file `name` where it exists. That it does not is the one error that may be met here."""
+    link.ask(f'STOD MEMO;PURG "{name}";*OPC?')
+    errorqueue.drain(link)

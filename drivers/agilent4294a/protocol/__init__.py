@@ -1,0 +1,1 @@
+"""The 4294A's settings, replies, error queue and status."""

@@ -1,0 +1,66 @@
+"""The instrument left as found: what it was set to before, and the way back there.
+
+Not everything goes back. The bias stays off, whatever was found: it may have been on for a device that is no longer
+in the jig. The output format has no query; FORM4, which is the power-on default, is left. The event enable register
+goes back to 0, its power-on value too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...base.analyzer import InstrumentError
+from ...visa import replies
+from ...visa.connection import Link
+from . import settings
+
+NOT_RESTORED = ("DCO",)
+
+
+@dataclass(frozen=True)
+class Found:
+    """How the instrument was found."""
+
+    continuous: bool
+    """It was sweeping by itself."""
+    values: Mapping[str, settings.Value]
+
+
+def take(link: Link) -> Found:
+    """Stop the sweep (HOLD) and return how the instrument was found. Raises InstrumentError."""
+    continuous = replies.flag(link.ask("CONT?"), f"{link.name}: CONT?")
+    if replies.flag(link.ask("HOLD;CONT?"), f"{link.name}: CONT?"):
+        raise InstrumentError(f"{link.name}: it goes on sweeping after HOLD")
+    sweep_type = settings.query(link, "SWPT")
+    if sweep_type == "LIST":  # in list mode STAR, POIN ... speak of a segment, not of the sweep
+        settings.put(link, "SWPT", "LIN")
+    return Found(continuous, settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type})
+
+
+def bias_off(link: Link) -> None:
+    """Stop the sweep, switch the bias off, and see that it is. Raises InstrumentError."""
+    if replies.flag(link.ask("HOLD;DCO OFF;DCO?"), f"{link.name}: bias (DCO?)"):
+        raise InstrumentError(f"{link.name}: the DC bias is still ON after DCO OFF; switch it off at the front panel")
+
+
+def give_back(link: Link, found: Found, resume: bool) -> None:
+    """Set everything that differs from `found` back; with `resume`, let it sweep again where it did.
+
+    One range may push the other (START beyond STOP), so there are two passes, and only the second one must succeed.
+    Raises InstrumentError where a setting does not go back.
+    """
+    link.ask("FORM4;ESNB 0;*SRE 0;*STB?")
+    wanted = {name: value for name, value in found.values.items() if name not in NOT_RESTORED}
+    in_list = wanted["SWPT"] == "LIST"
+    if in_list:
+        wanted["SWPT"] = "LIN"
+    for must in (False, True):
+        for name, value in wanted.items():
+            if settings.query(link, name) != value:
+                if must:
+                    settings.put(link, name, value)
+                else:
+                    link.ask(f"{name} {settings.text_of(value)};{name}?")
+    if in_list:
+        settings.put(link, "SWPT", "LIST")
+    if resume and found.continuous and not replies.flag(link.ask("CONT;CONT?"), f"{link.name}: CONT?"):
+        raise InstrumentError(f"{link.name}: it does not go on sweeping after CONT")

@@ -1,0 +1,149 @@
+"""The settings of a 4294A: how each is written, read back, and compared.
+
+The instrument takes the nearest possible value without a word (Programming Manual, out-of-range rule), and scripts
+have measured for years with settings that were never taken. So every setting is sent with its own query in one
+message (`POIN 801;POIN?`), and what comes back must be what was asked.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ...base.analyzer import InstrumentError
+from ...visa import replies
+from ...visa.connection import Link
+
+Value = float | bool | str
+
+
+@dataclass(frozen=True)
+class Number:
+    """A setting that is a number: what people call it, its unit, and how exactly it must come back."""
+
+    words: str
+    unit: str = ""
+    relative: float = 1e-6
+    absolute: float = 0.0
+
+    def read(self, text: str, what: str) -> float:
+        """Return the value that `text` says. Raises InstrumentError."""
+        return replies.number(text, what)
+
+    def agrees(self, asked: Value, got: Value) -> bool:
+        """Tell whether `got` is what was asked, to the digits an answer may have (never further off than a tenth)."""
+        absolute = min(self.absolute, abs(float(asked)) / 10)
+        return math.isclose(float(asked), float(got), rel_tol=self.relative, abs_tol=absolute)
+
+
+@dataclass(frozen=True)
+class Flag:
+    """A setting that is on or off."""
+
+    words: str
+    unit: str = ""
+
+    def read(self, text: str, what: str) -> bool:
+        """Return whether `text` says on. Raises InstrumentError."""
+        return replies.flag(text, what)
+
+    def agrees(self, asked: Value, got: Value) -> bool:
+        """Tell whether `got` is what was asked."""
+        return asked == got
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A setting that is one of some words."""
+
+    words: str
+    allowed: tuple[str, ...]
+    unit: str = ""
+
+    def read(self, text: str, what: str) -> str:
+        """Return the word that `text` is. Raises InstrumentError."""
+        return replies.word(text, what, self.allowed)
+
+    def agrees(self, asked: Value, got: Value) -> bool:
+        """Tell whether `got` is what was asked."""
+        return asked == got
+
+
+Kind = Number | Flag | Choice
+
+# The order is that of restoring: what a later value depends on stands before it.
+SETTINGS: dict[str, Kind] = {
+    "SWPP": Choice("sweep parameter", ("FREQ", "OLEV", "DCB")),
+    "SWPT": Choice("sweep type", ("LIN", "LOG", "LIST")),
+    "STAR": Number("start", "Hz", absolute=1e-3),
+    "STOP": Number("stop", "Hz", absolute=1e-3),
+    "POIN": Number("number of points", relative=0),
+    "SWED": Choice("sweep direction", ("UP", "DOWN")),
+    "SDELT": Number("sweep delay", "s"),
+    "PDELT": Number("point delay", "s"),
+    "BWFACT": Number("bandwidth", relative=0),
+    "PAVER": Flag("point averaging"),
+    "PAVERFACT": Number("point averaging factor", relative=0),
+    "AVER": Flag("sweep averaging"),
+    "AVERFACT": Number("sweep averaging factor", relative=0),
+    "POWMOD": Choice("oscillator mode", ("VOLT", "CURR")),
+    # The level is set in steps of about 1 mV; the recording keeps what was read back.
+    "POWE": Number("oscillator level", absolute=6e-4),
+    "DCMOD": Choice("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
+    "DCRNG": Choice("bias range", ("M1", "M10", "M100")),
+    "DCV": Number("bias", "V", relative=1e-3, absolute=2e-3),
+    "DCO": Flag("bias output"),
+    "TRGS": Choice("trigger source", ("INT", "EXT", "BUS", "MAN")),
+}
+"""Every setting the driver sets, by mnemonic."""
+
+CONDITIONS: dict[str, Kind] = {
+    "CALP": Choice("points of compensation", ("FIXED", "USER")),
+    "E4TP": Choice("adapter", ("OFF", "M1", "M2", "APC7", "PROBE")),
+    "CALST": Flag("user calibration"),
+    "COMSTA": Flag("open compensation"),
+    "COMSTB": Flag("short compensation"),
+    "COMSTC": Flag("load compensation"),
+}
+"""What belongs to the bench: recorded with every sweep, never changed by one."""
+
+_KINDS = SETTINGS | CONDITIONS
+
+
+def text_of(value: Value) -> str:
+    """Return `value` as the instrument wants it: a decimal point whatever the locale, 1 mHz kept at 110 MHz."""
+    if isinstance(value, bool):
+        return "ON" if value else "OFF"
+    return value if isinstance(value, str) else f"{value:.12g}"
+
+
+def query(link: Link, mnemonic: str) -> Value:
+    """Return the setting or condition `mnemonic` as the instrument has it. Raises InstrumentError."""
+    kind = _KINDS[mnemonic]
+    return kind.read(link.ask(f"{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
+
+
+def put(link: Link, mnemonic: str, value: Value) -> Value:
+    """Set `mnemonic` to `value` and return what is read back. Raises InstrumentError where it was not taken."""
+    kind = _KINDS[mnemonic]
+    got = kind.read(link.ask(f"{mnemonic} {text_of(value)};{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
+    if not kind.agrees(value, got):
+        unit = f" {kind.unit}" if kind.unit else ""
+        raise InstrumentError(
+            f"{link.name}: {kind.words} ({mnemonic}) was set to {text_of(value)}{unit} but reads back "
+            f"{text_of(got)}{unit}; the instrument did not take it"
+        )
+    return got
+
+
+def snapshot(link: Link, mnemonics: Iterable[str]) -> dict[str, Value]:
+    """Return the present value of each of `mnemonics`. Raises InstrumentError."""
+    return {mnemonic: query(link, mnemonic) for mnemonic in mnemonics}
+
+
+def compare(link: Link, wanted: Mapping[str, Value], got: Mapping[str, Value], what: str) -> None:
+    """Raise InstrumentError, saying `what` happened to the setting, where one `got` is not as `wanted`."""
+    for mnemonic, value in wanted.items():
+        kind = _KINDS[mnemonic]
+        if not kind.agrees(value, got[mnemonic]):
+            found = f"{kind.words} ({mnemonic}) was {text_of(value)}, is {text_of(got[mnemonic])}"
+            raise InstrumentError(f"{link.name}: {found}: {what}")

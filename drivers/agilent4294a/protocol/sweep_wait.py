@@ -1,0 +1,67 @@
+"""The wait for the end of a sweep, with progress, and open to being cancelled.
+
+`*OPC?` alone blocks the instrument's parser until the sweep is over: nothing could be cancelled. So the status byte
+is looked at until the sweep's own event shows in it, by serial poll on GPIB and by `*STB?` elsewhere; then `*OPC?`
+confirms. On GPIB the same bit raises SRQ, which is waited for between two looks where the path tells of it.
+Programming Manual p.474-480: bit 0 of the instrument event register, enabled by `ESNB 1`, is summed up in bit 2 of
+the status byte; `*CLS` clears it, so it must come before the sweep.
+"""
+
+import time
+from collections.abc import Callable
+
+from ...base.analyzer import InstrumentError
+from ...visa import replies
+from ...visa.connection import Link
+from .. import sweep_time
+from . import error_queue as errorqueue
+
+EVENT = 0b100
+"""Bit 2 of the status byte: the enabled instrument event."""
+
+SWEEP_END = 1
+"""Bit 0 of the instrument event register: a single sweep, or a number of them, is complete."""
+STANDARD_END = 256
+"""Bit 8: a standard of calibration or compensation has been measured."""
+
+ERRORS = 0b111100
+"""Bits 2 to 5 of the standard event register: query, device, execution and command error."""
+POWER_ON = 0b10000000
+
+SLOWEST_POLL_SECONDS = 0.25
+FASTEST_POLL_SECONDS = 0.005
+
+
+def start(link: Link, command: str, end: int = SWEEP_END) -> None:
+    """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...), which ends in the instrument event `end`.
+
+    Raises InstrumentError where it is refused.
+    """
+    events = replies.integer(link.ask(f"ESNB {end};*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
+    if events & ERRORS:
+        errorqueue.check(link, f"after {command}")
+        raise InstrumentError(f"{link.name}: {command} was refused (event status register {events})")
+
+
+def finish(link: Link, seconds: float, tick: Callable[[float], None], what: str) -> None:
+    """Return when what was started is over; it should take `seconds`.
+
+    `tick` is told the seconds that have passed, several times a second, and may raise to give up.
+    Raises InstrumentError where the end does not come in time, or errors were met on the way.
+    """
+    begun = time.monotonic()
+    limit = sweep_time.timeout(seconds)
+    while not link.status_byte() & EVENT:
+        passed = time.monotonic() - begun
+        if passed > limit:
+            late = f"did not end within {limit:.0f} s; {seconds:.0f} s were expected"
+            raise InstrumentError(f"{link.name}: {what} {late}")
+        tick(passed)
+        blind = min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10))
+        link.rest(SLOWEST_POLL_SECONDS if link.hears_requests else blind)
+    if (answer := link.ask("*OPC?")) not in ("1", "+1"):
+        raise InstrumentError(f"{link.name}: *OPC? is answered by {replies.quote(answer)}; 1 is expected")
+    events = replies.integer(link.ask("*ESR?"), f"{link.name}: *ESR?")
+    if events & POWER_ON:
+        raise InstrumentError(f"{link.name}: the instrument was switched off and on while {what} ran")
+    errorqueue.check(link, f"after {what}")

@@ -1,0 +1,1 @@
+"""What an analyzer is, whichever it is."""

@@ -1,0 +1,70 @@
+"""What every analyzer can do, whether it is a 4294A, a simulated one, or a recording that is played."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from ...models.base.errors import PzctlError
+from ...models.sweep import Sweep
+from ...models.sweep_plan import SweepPlan
+
+
+class InstrumentError(PzctlError):
+    """The instrument, or the way to it, does not do what was asked."""
+
+
+class Cancelled(InstrumentError):
+    """The measurement was cancelled; the instrument is in HOLD with its bias off."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who answered."""
+
+    name: str
+    """What people call it: the resource string."""
+    idn: str
+    """The answer to `*IDN?`."""
+    model: str
+    serial: str
+    firmware: str
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a measurement is."""
+
+    fraction: float
+    """0 to 1."""
+    seconds_left: float
+    what: str
+    """A few words: `sweep 1 of 2`."""
+
+
+class Analyzer(Protocol):
+    """An impedance analyzer. One thread at a time."""
+
+    def identify(self) -> Identity:
+        """Ask who is there. Raises InstrumentError where the answer is not of this analyzer."""
+        ...
+
+    def estimated_seconds(self, plan: SweepPlan) -> float:
+        """Return how long the plan will take. Raises PlanError where the instrument cannot do it."""
+        ...
+
+    def measure(
+        self,
+        plan: SweepPlan,
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+    ) -> tuple[Sweep, ...]:
+        """Carry out the plan: one Sweep for each segment, in order; a single one where the plan joins them.
+
+        Raises PlanError before anything is sent, Cancelled, or InstrumentError. On every way out the bias is off
+        and the instrument is left as found.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the instrument."""
+        ...

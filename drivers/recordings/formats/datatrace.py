@@ -1,0 +1,43 @@
+"""The 4294A's binary data trace (`data_dt.dat` of its FTP server). It holds two traces and no frequency at all."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ....models.base.arrays import Frequencies
+from ....models.sweep import Sweep
+from ..assemble import Points, assemble
+from ..columns import sign_lost, weak_resistance
+from ..convert import CONVERSIONS, SIGN_LOST, to_impedance
+from ..text_file import Page, RecordingError, read_bytes
+
+_PREAMBLE, _GAP, _POINT = 29, 10, 16
+"""Bytes before trace A, between the traces, and of one complex point (float64, big-endian)."""
+
+
+def read_data_trace(path: Path, frequency: Frequencies, parameter: str) -> Sweep:
+    """Return the recording in a binary data trace.
+
+    `frequency` in Hz, shape (N,), and `parameter` (the 4294A's mnemonic, as `IMPH`) are what the instrument was set
+    to; the file does not hold them. Raises RecordingError.
+    """
+    page = Page(path, ())
+    data = read_bytes(path)
+    body = len(data) - _PREAMBLE - _GAP
+    count = body // (2 * _POINT)
+    if body <= 0 or body % (2 * _POINT):
+        raise RecordingError(f"{path}: {len(data)} bytes are not those of two whole traces; this is no data trace")
+    if frequency.shape != (count,):
+        raise RecordingError(f"{path}: {count} points found for {frequency.size} frequencies; both must agree")
+    a, b = (
+        np.frombuffer(data, ">c16", count, start).astype(np.complex128)
+        for start in (_PREAMBLE, _PREAMBLE + count * _POINT + _GAP)
+    )
+    if parameter in SIGN_LOST:
+        raise RecordingError(f"{path}: {sign_lost(parameter)}")
+    if parameter != "COMP" and parameter not in CONVERSIONS:
+        raise RecordingError(f"{path}: measurement parameter {parameter!r} is not known; IMPH is one")
+    phase = np.pi / 180 if parameter in ("IMPH", "AMPH") else 1.0
+    z = a if parameter == "COMP" else to_impedance(parameter, frequency, a.real, phase * b.real)
+    points = Points(range(1, count + 1), np.asarray(frequency, dtype=np.float64), z)
+    return assemble(page, points, {}, notes=weak_resistance(parameter))

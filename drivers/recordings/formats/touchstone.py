@@ -1,0 +1,118 @@
+"""Touchstone 1 for one port: `.s1p`, `.z1p`, `.y1p`.
+
+Own reader and writer of some hundred lines rather than scikit-rf, which brings pandas with it and cannot say which
+line is wrong; scikit-rf reads what is written here, and reads the same files alike, in the tests.
+The trap of the format: Z and Y of Touchstone 1 are normalised to the R of the option line. So S is written, which
+every program reads alike, and Z or Y that was read is multiplied out and said.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....models.base.arrays import Impedances, Reals
+from ....models.sweep import Sweep
+from ..assemble import Points, assemble
+from ..provenance import FORMAT, Provenance, check_points, provenance_lines, read_provenance
+from ..text_file import Page, RecordingError, clipped
+
+_UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
+_REFERENCE = 50.0
+SUFFIXES = (".s1p", ".z1p", ".y1p")
+
+
+@dataclass(frozen=True)
+class Options:
+    """The option line; where it is silent, the standard's own values."""
+
+    unit: float = 1e9
+    kind: str = "S"
+    form: str = "MA"
+    reference: float = 50.0
+    """ohm."""
+
+
+def read_touchstone(page: Page) -> tuple[Sweep, None]:
+    """Return the recording in a Touchstone file of one port. Raises RecordingError."""
+    options: Options | None = None
+    comments: list[tuple[int, str]] = []
+    found: list[tuple[int, list[float]]] = []
+    for n, line in enumerate(page.lines, 1):
+        text, mark, comment = line.partition("!")
+        if mark and not text.strip():
+            comments.append((n, comment))
+        text = text.strip()
+        if text.startswith("["):
+            raise page.error(n, f"{clipped(text)!r} belongs to Touchstone 2; save as Touchstone 1")
+        if text.startswith("#"):
+            options = options or _options(page, text, n)
+        elif text and options is None:
+            raise page.error(n, "numbers before the option line; a line like `# Hz S RI R 50` comes first")
+        elif text:
+            found.append((n, page.row(text.split(), ("frequency", "first number", "second number"), n, range(3))))
+    if options is None:
+        raise page.error(None, "no option line found; a line like `# Hz S RI R 50` says what the numbers are")
+    said = _own_provenance(page, comments)
+    check_points(page, said.rows, len(found))
+    numbers = np.array([row for _, row in found], dtype=np.float64).reshape(len(found), 3)
+    points = Points([n for n, _ in found], options.unit * numbers[:, 0], _impedance(options, numbers))
+    notes = [] if options.kind == "S" else [_normalised(options)]
+    return assemble(page, points, said.settings, said.time, said.id, (*said.notes, *notes)), None
+
+
+def _normalised(options: Options) -> str:
+    return f"{options.kind} of Touchstone 1 is normalised to {options.reference:g} ohm; it was multiplied out."
+
+
+def _own_provenance(page: Page, comments: list[tuple[int, str]]) -> Provenance:
+    """Return what our own comments say; those of other programs are for people."""
+    if any(text.strip() == f"format: {FORMAT}" for _, text in comments):
+        return read_provenance(page, comments)
+    return Provenance()
+
+
+def _options(page: Page, text: str, line: int) -> Options:
+    words = text[1:].upper().split()
+    options: dict[str, float | str] = {}
+    while words:
+        word = words.pop(0)
+        if word in _UNITS:
+            options["unit"] = _UNITS[word]
+        elif word in ("S", "Y", "Z"):
+            options["kind"] = word
+        elif word in ("MA", "DB", "RI"):
+            options["form"] = word
+        elif word == "R" and words:
+            options["reference"] = page.number(words.pop(0), "the reference R", line)
+        else:
+            raise page.error(line, f"{clipped(word)!r} in the option line is not understood; `# Hz S RI R 50` is")
+    made = Options(**options)  # type: ignore[arg-type]
+    if made.reference <= 0:
+        raise page.error(line, f"the reference R is {made.reference:g} ohm; a positive one is needed")
+    return made
+
+
+def _impedance(options: Options, numbers: Reals) -> Impedances:
+    """Return Z in ohm, shape (N,), from frequency and number pairs, shape (N, 3); not finite where S = 1."""
+    a, b = numbers[:, 1], numbers[:, 2]
+    with np.errstate(all="ignore"):
+        if options.form == "RI":
+            value = np.asarray(a + 1j * b, dtype=np.complex128)
+        else:
+            size = a if options.form == "MA" else 10 ** (a / 20)
+            value = np.asarray(size * np.exp(1j * np.radians(b)), dtype=np.complex128)
+        if options.kind == "S":
+            return options.reference * (1 + value) / (1 - value)
+        return options.reference * value if options.kind == "Z" else options.reference / value
+
+
+def touchstone_text(sweep: Sweep) -> str:
+    """Return the recording as Touchstone 1, reflection at 50 ohm. Raises RecordingError where there is none."""
+    z = sweep.impedance
+    if np.any(z == -_REFERENCE):
+        raise RecordingError("an impedance of -50 ohm has no reflection at 50 ohm; write CSV instead")
+    s = (z - _REFERENCE) / (z + _REFERENCE)
+    lines = [f"! {line}" for line in provenance_lines(sweep, z.size)]
+    lines.append(f"# Hz S RI R {_REFERENCE:g}")
+    lines += [f"{f!r} {v.real!r} {v.imag!r}" for f, v in zip(sweep.frequency.tolist(), s.tolist(), strict=True)]
+    return "\n".join(lines) + "\n"

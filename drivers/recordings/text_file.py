@@ -1,0 +1,107 @@
+"""A recording file as lines of text, and the numbers on them: every complaint names file and line."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...models.base.errors import PzctlError
+
+LARGEST = 100_000_000
+"""Bytes. A sweep of a million points has some 50 MB; more is no recording of an impedance analyzer."""
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?")
+_NO_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|n/?a|1\.#\w+|-+)?", re.IGNORECASE)
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffe]")
+
+
+class RecordingError(PzctlError):
+    """A file that is no recording, or a damaged one; or a recording that cannot be written."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """The lines of a text file, numbered from 1 where people read of them."""
+
+    path: Path
+    lines: tuple[str, ...]
+
+    def error(self, line: int | None, says: str) -> RecordingError:
+        """Return an error about a line (from 1), or about the file as a whole."""
+        where = f"{self.path}, line {line}" if line is not None else f"{self.path}"
+        return RecordingError(f"{where}: {says}")
+
+    def number(self, cell: str, what: str, line: int) -> float:
+        """Return the number in a cell; `what` is what stands there. Raises RecordingError."""
+        cell = cell.strip()
+        if not _NUMBER.fullmatch(cell):
+            raise self.error(line, self._no_number(cell, what))
+        number = float(cell)
+        if not math.isfinite(number):
+            raise self.error(line, f"{what} is {clipped(cell)}, too large for a number")
+        return number
+
+    @staticmethod
+    def _no_number(cell: str, what: str) -> str:
+        if _DECIMAL_COMMA.fullmatch(cell):
+            return f"{what} is {clipped(cell)!r}, with a decimal comma; write numbers with a point"
+        if not cell:
+            return f"{what} is missing; a number is needed at every point"
+        if _NO_NUMBER.fullmatch(cell):
+            return f"{what} is {clipped(cell)}; only finite numbers are allowed"
+        return f"{what} is {clipped(cell)!r}; a number is needed"
+
+    def row(self, cells: Sequence[str], names: Sequence[str], line: int, needed: Sequence[int]) -> list[float]:
+        """Return the numbers in the `needed` ones of a row's cells. Raises RecordingError."""
+        if len(cells) != len(names):
+            hint = ""
+            if len(cells) > len(names) and all(cell.strip().lstrip("+-").isdigit() for cell in cells[:2]):
+                hint = "; if these are decimal commas, write numbers with a point"
+            if line == len(self.lines) and len(cells) < len(names):
+                hint = "; the file seems to be cut off here"
+            raise self.error(line, f"{len(cells)} values found under {len(names)} columns{hint}")
+        return [self.number(cells[k], clipped(names[k]), line) for k in needed]
+
+
+def clipped(text: str) -> str:
+    """Return a text from a file on one line, cut to a length that a sentence can carry."""
+    text = "".join(letter if letter.isprintable() else "?" for letter in text)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file. Raises RecordingError where there is none, or a folder, or nothing in it."""
+    try:
+        if path.is_dir():
+            raise RecordingError(f"{path}: this is a folder; the file of one recording is needed")
+        if path.stat().st_size > LARGEST:
+            raise RecordingError(f"{path}: {path.stat().st_size} bytes is no recording; at most {LARGEST} are read")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise RecordingError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not data.strip():
+        raise RecordingError(f"{path}: the file is empty")
+    return data
+
+
+def read_page(path: Path) -> Page:
+    """Return a text file as lines, whatever ends them. Raises RecordingError for what is no text."""
+    data = read_bytes(path)
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise RecordingError(f"{path}: this is UTF-16 text; save it as UTF-8 or plain CSV")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # a degree sign from an older program; binary is caught below
+    if _CONTROL.search(text):
+        raise RecordingError(f"{path}: this is binary data, not the text of a recording")
+    return Page(path, tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
+
+
+def file_time(path: Path) -> str:
+    """Return when the file was last written, RFC 3339, UTC."""
+    moment = datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

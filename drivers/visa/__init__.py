@@ -1,0 +1,1 @@
+"""VISA: resource strings, sessions, and the line to one instrument."""

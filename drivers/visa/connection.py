@@ -1,0 +1,220 @@
+"""The line to one instrument: messages out, whole answers in, never out of step.
+
+Why not plain `resource.query`: pyvisa throws away the bytes that came before a timeout, so an answer awaited in
+slices (to show progress, to be cancelled) would lose its head and every later answer would be the one before.
+Here each slice's bytes go to a buffer of our own, and an answer ends where it ends: at the newline, or, in a block,
+where its length says (0x0A occurs inside blocks).
+"""
+
+import contextlib
+import time
+from collections.abc import Callable, Generator
+from typing import Any
+
+from pyvisa import VisaIOError
+from pyvisa.constants import InterfaceType, StatusCode
+from pyvisa.errors import InvalidSession
+
+from ..base.analyzer import InstrumentError
+from . import replies, service_request
+from .session import Session, hung_up, prepared
+
+SLICE_SECONDS = 0.25
+"""Over a network an answer is awaited in slices this long; between them a lost connection is noticed."""
+
+CHUNK_BYTES = 4096
+
+LONGEST_LINE_BYTES = 4096
+"""No ASCII answer the driver asks for is longer (an `OUTPERRO?` text is the longest)."""
+
+
+class ConnectionLost(InstrumentError):
+    """Nobody is at the other end any more; a new session may find somebody."""
+
+
+class Link:
+    """One VISA session, opened by `opener`, which is called again where the connection must be made anew.
+
+    Every failure is an InstrumentError whose sentence starts with `name`.
+    """
+
+    def __init__(self, name: str, opener: Callable[[], Session], timeout_seconds: float) -> None:
+        self.name = name
+        """What people call the instrument: the resource string."""
+        self.timeout_seconds = timeout_seconds
+        """How long a single answer may take."""
+        self._opener = opener
+        self._buffer = bytearray()
+        self._doubtful = False
+        self._open()
+
+    def close(self) -> None:
+        """Let go of the session."""
+        for resource in (self._resource, self._bridge):
+            if resource is not None:
+                with contextlib.suppress(VisaIOError, OSError, InvalidSession):
+                    resource.close()
+
+    def doubt(self) -> None:
+        """Have the session renewed before its next use: an answer made no sense, so later ones may be out of step."""
+        self._doubtful = True
+
+    def ask(self, message: str) -> str:
+        """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError.
+
+        There is no way to send a message without a query: only an answer tells that a message arrived.
+        """
+        with self._exchange():
+            return self._line(message)
+
+    def _line(self, message: str) -> str:
+        self._send(message)
+        until = time.monotonic() + self.timeout_seconds
+        while b"\n" not in self._buffer:
+            if len(self._buffer) > LONGEST_LINE_BYTES:
+                raise InstrumentError(
+                    f"{self.name}: the answer to {_short(message)} does not end; garbage on the line?"
+                )
+            self._receive(CHUNK_BYTES, until, message)
+        line, _, rest = bytes(self._buffer).partition(b"\n")
+        self._buffer[:] = rest
+        self._nothing_left(message)
+        try:
+            return line.removesuffix(b"\r").decode("ascii")
+        except UnicodeDecodeError:
+            shown = replies.quote(line.decode("latin-1"))
+            raise InstrumentError(
+                f"{self.name}: the answer to {_short(message)} is {shown}; plain text is expected"
+            ) from None
+
+    def ask_block(self, message: str, most_bytes: int) -> bytes:
+        """Send `message`; return the data of the `#6` block it is answered with.
+
+        Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
+        a newline.
+        """
+        with self._exchange():
+            return self._block(message, most_bytes)
+
+    def _block(self, message: str, most_bytes: int) -> bytes:
+        self._send(message)
+        what = f"{self.name}: {_short(message)}"
+        length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
+        if length > most_bytes:
+            raise InstrumentError(f"{what}: {length} bytes are announced; at most {most_bytes} are expected")
+        data = self._exactly(length, message)
+        end = self._exactly(1, message)
+        if end != b"\n":
+            raise InstrumentError(f"{what}: after {length} bytes comes {end!r}; a newline is expected")
+        return data
+
+    def status_byte(self) -> int:
+        """Return the status byte, 0-255: by serial poll on GPIB, by `*STB?` elsewhere. Raises InstrumentError."""
+        if self._is_gpib:
+            with self._exchange():
+                status = self._guarded("serial poll", self._resource.read_stb)
+        else:
+            status = replies.integer(self.ask("*STB?"), f"{self.name}: *STB?")
+        if not 0 <= status <= 255:
+            raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
+        return status
+
+    @property
+    def hears_requests(self) -> bool:
+        """Whether this path tells of a service request."""
+        return self._wait is not None
+
+    def rest(self, seconds: float) -> None:
+        """Return after `seconds`, or as soon as service is requested. Raises InstrumentError."""
+        if self._wait is None:
+            time.sleep(seconds)
+            return
+        wait = self._wait
+        with self._exchange():
+            self._guarded("waiting for the service request", lambda: wait(seconds))
+
+    @contextlib.contextmanager
+    def _exchange(self) -> Generator[None]:
+        """Around a question and its answer. Where one failed or was broken off, the next one gets a new session."""
+        if self._doubtful:
+            self._renew()
+        self._doubtful = True
+        yield
+        self._doubtful = False
+
+    def _renew(self) -> None:
+        """Get back in step: a new session, and on GPIB a device clear. Raises InstrumentError."""
+        self._buffer.clear()
+        self.close()
+        self._open()
+        if self._is_gpib:
+            self._guarded("device clear", self._resource.clear)
+
+    def _open(self) -> None:
+        self._resource, self._bridge = self._opener()
+        self._socket = prepared(self._resource, self._bridge)
+        self._wait = service_request.waiter(self._resource, self._bridge)
+
+    def _send(self, message: str) -> None:
+        data = message.encode("ascii") + b"\n"
+        self._guarded(f"sending {_short(message)}", lambda: self._resource.write_raw(data))
+
+    @property
+    def _is_gpib(self) -> bool:
+        return self._resource.interface_type == InterfaceType.gpib
+
+    def _exactly(self, count: int, message: str) -> bytes:
+        until = time.monotonic() + self.timeout_seconds
+        while len(self._buffer) < count:
+            self._receive(count - len(self._buffer), until, message)
+        data = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        return data
+
+    def _receive(self, count: int, until: float, message: str) -> None:
+        """Move what comes within one slice, at most `count` bytes, to the buffer."""
+        seconds = until - time.monotonic()
+        if seconds <= 0:
+            came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
+            late = f"no answer to {_short(message)} within {self.timeout_seconds:g} s{came}"
+            raise InstrumentError(f"{self.name}: {late}; is it on and set up?")
+        if self._socket is not None:  # elsewhere a slice that ends in mid-answer would lose what came
+            seconds = min(SLICE_SECONDS, seconds)
+        for resource in (self._resource, self._bridge):
+            if resource is not None:
+                resource.timeout = max(1, round(1000 * seconds))
+        lost = f"{self.name}: while awaiting the answer to {_short(message)}"
+        try:
+            library, session = self._resource.visalib, self._resource.session
+            with library.ignore_warning(session, StatusCode.success_max_count_read):
+                self._buffer += library.read(session, count)[0]
+        except VisaIOError as error:
+            if error.error_code != StatusCode.error_timeout:
+                raise ConnectionLost(f"{lost}: {_plain(error)}") from None
+            if hung_up(self._socket):
+                raise ConnectionLost(f"{lost}: the connection was lost") from None
+        except OSError as error:
+            raise ConnectionLost(f"{lost}: {_plain(error)}") from None
+
+    def _nothing_left(self, message: str) -> None:
+        if self._buffer:
+            shown = replies.quote(self._buffer.decode("latin-1"))
+            raise InstrumentError(
+                f"{self.name}: after the answer to {_short(message)} comes {shown}; nothing is expected"
+            )
+
+    def _guarded(self, doing: str, action: Callable[[], Any]) -> Any:
+        try:
+            return action()
+        except (VisaIOError, OSError, ValueError, InvalidSession) as error:
+            raise ConnectionLost(f"{self.name}: {doing} failed: {_plain(error)}") from None
+
+
+def _short(message: str) -> str:
+    """Return `message` as an error names it: an array that is sent would fill a page."""
+    return message if len(message) <= replies.QUOTED_CHARACTERS else message[: replies.QUOTED_CHARACTERS] + "..."
+
+
+def _plain(error: Exception) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split())

@@ -1,0 +1,125 @@
+"""Instruments that can be found: what VISA lists, who answers there, and what could not be looked at, and why.
+
+Listing VISA resources may hang for ever (a GPIB adapter with an instrument that is off does it), so it runs in a
+process of its own that is ended after a time limit.
+"""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+from ..base.analyzer import InstrumentError
+from .connection import Link
+from .resources import open_session, resource_name
+
+LIBRARIES = {"@py": "pyvisa-py", "@ivi": "a vendor's VISA library"}
+
+MISSING = {
+    "psutil": "network cards beside the first one (pip install psutil)",
+    "zeroconf": "instruments that announce themselves on the network (pip install zeroconf)",
+    "serial": "serial ports, with Prologix adapters on them (pip install pyserial)",
+    "gpib_ctypes": "GPIB cards without a vendor's VISA library (pip install gpib-ctypes, and linux-gpib)",
+}
+"""What pyvisa-py leaves out where a module is not installed."""
+
+# What runs in the children; each prints one JSON object.
+_LIST = """
+import json, sys, warnings
+warnings.simplefilter("ignore")
+try:
+    from pyvisa import ResourceManager
+    print(json.dumps({"found": list(ResourceManager(sys.argv[1]).list_resources("?*"))}))
+except Exception as error:
+    print(json.dumps({"error": " ".join(str(error).split()) or type(error).__name__}))
+"""
+_ASK = """
+import json, sys
+from pzctl.drivers.visa.discover import identity_of
+print(json.dumps(identity_of(sys.argv[1], float(sys.argv[2]))))
+"""
+
+STARTING_SECONDS = 10.0
+"""What a child may take besides, to start and to open a session."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """One resource that VISA lists."""
+
+    resource: str
+    idn: str
+    """The answer to `*IDN?`; "" where there was none."""
+    says: str
+    """Why there was none; "" where there was one."""
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What was found, and what was not looked at."""
+
+    found: tuple[Found, ...]
+    not_scanned: tuple[str, ...]
+    """A clause each, with the remedy."""
+
+
+def discover(list_seconds: float = 10.0, answer_seconds: float = 2.0) -> Discovery:
+    """Look for instruments. Never hangs, never raises: what fails is said in the result.
+
+    An instrument on the network's raw socket cannot be listed by any VISA library; it is tried by its address.
+    """
+    resources: list[str] = []
+    skipped = ["raw sockets: name the analyzer's address, as HOST:5025"]
+    for library, words in LIBRARIES.items():
+        listed = _in_child(_LIST, [library], list_seconds)
+        if "found" in listed:
+            resources += [name for name in listed["found"] if name not in resources]
+        else:
+            skipped.append(f"what {words} would list: {listed['error'].rstrip(': ')}")
+    skipped += [what for module, what in MISSING.items() if importlib.util.find_spec(module) is None]
+    return Discovery(tuple(_identified(name, answer_seconds) for name in resources), tuple(skipped))
+
+
+def identity_of(resource: str, seconds: float) -> dict[str, str]:
+    """Return `{"idn": ...}`, or `{"error": ...}` with one sentence. Meant for a process of its own: it may hang."""
+    try:
+        link = Link(resource, lambda: open_session(resource_name(resource)), seconds)
+    except InstrumentError as error:
+        return {"error": str(error)}
+    try:
+        return {"idn": link.ask("*IDN?").strip()}
+    except InstrumentError as error:
+        return {"error": str(error)}
+    finally:
+        link.close()
+
+
+def _identified(resource: str, seconds: float) -> Found:
+    """Ask who answers; only where a 4294A can be: other things may take a question amiss."""
+    try:
+        resource_name(resource)
+    except InstrumentError:
+        return Found(resource, "", "not asked: no 4294A is reached that way")
+    answer = _in_child(_ASK, [resource, str(seconds)], seconds + STARTING_SECONDS)
+    return Found(resource, answer.get("idn", ""), answer.get("error", ""))
+
+
+def _in_child(program: str, arguments: list[str], seconds: float) -> dict[str, Any]:
+    """Return the JSON object that `program` prints in a Python of its own, or `{"error": ...}`.
+
+    `-P` keeps the working directory out of the search path: in a checkout its folders would hide modules.
+    """
+    command = [sys.executable, "-P", "-c", program, *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, text=True)  # noqa: S603
+    except subprocess.TimeoutExpired:
+        return {"error": f"nothing came within {seconds:g} s; is an adapter connected to an instrument that is off?"}
+    except OSError as error:
+        return {"error": f"no further process could be started: {error.strerror}"}
+    try:
+        return json.loads(done.stdout.splitlines()[-1])
+    except (ValueError, IndexError):
+        last = (done.stderr.strip().splitlines() or ["nothing was printed"])[-1]
+        return {"error": f"the search ended with {last}"}

@@ -1,0 +1,117 @@
+"""All gates, one after the other: what is wrong with the data is put right or left out, and said."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.sweep import Sweep
+from ...engine.noise import noise_from_smoothness
+from .data_issues import DataCheck, Trouble
+from .matched_filters import Flaw
+from .passivity import active_bands
+from .polarity import put_right
+from .pole_fit import MOST_POLES, PoleFit
+from .repeats import differences
+from .sampling import points_per_linewidth
+from .steps_and_glitches import find_abrupt, repaired
+
+_LEAST = 60
+"""Points below which abruptness and causality cannot be told from noise."""
+_SMOOTH = 15
+_EXCESS, _LEAST_RMS = 6.0, 2e-3
+"""Mean chi2 over `_SMOOTH` points beside the best fit of poles, and root mean square of ln Z: where both are above, no
+linear device could be so. Less than that may be poles that the fit did not get."""
+_COARSE = 3.0
+"""Points per linewidth below which a resonance is hardly seen at all."""
+
+
+@dataclass(frozen=True)
+class Gated:
+    """Recordings as the fits get them, and what was found of them."""
+
+    sweeps: dict[str, tuple[Sweep, ...]]
+    """By step: polarity put right, gain steps taken out, glitches left out."""
+    checks: tuple[DataCheck, ...]
+    """One for each recording, in order."""
+
+    @property
+    def bad(self) -> tuple[DataCheck, ...]:
+        """Recordings with something abrupt in them that is no physics of a device."""
+        return tuple(check for check in self.checks if check.abrupt)
+
+    @property
+    def turned(self) -> dict[str, str]:
+        """How recordings were turned, by step."""
+        return {check.step: check.turned for check in self.checks if check.turned}
+
+
+def gate(sweeps: Mapping[str, tuple[Sweep, ...]]) -> Gated:
+    """Return the recordings put right, and a check of each; some 0.2 s for 801 points."""
+    right, turned = put_right(sweeps)
+    made: dict[str, tuple[Sweep, ...]] = {}
+    checks: list[DataCheck] = []
+    for step, of_step in right.items():
+        pairs = [_checked(step, k, sweep, turned.get(step, "")) for k, sweep in enumerate(of_step)]
+        made[step] = tuple(sweep for sweep, _ in pairs)
+        own = [check for _, check in pairs]
+        checks += [
+            replace(check, troubles=(*check.troubles, *more))
+            for check, more in zip(own, differences(made[step]), strict=True)
+        ]
+    return Gated(made, tuple(checks))
+
+
+def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, DataCheck]:
+    noise = noise_from_smoothness(sweep)
+    check = DataCheck(step, index, sweep.frequency.size, turned=turned)
+    if noise is None or sweep.frequency.size < _LEAST:
+        return sweep, check
+    found = find_abrupt(sweep, noise)
+    density = points_per_linewidth(found.fit, sweep.frequency)
+    troubles = [
+        *(_trouble(sweep, flaw) for flaw in found.flaws),
+        *(Trouble("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
+        *(Trouble("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
+    ]
+    if density is not None and density[0] < _COARSE:
+        troubles.append(Trouble("too coarse", (density[1], density[1]), None, density[0]))
+    put = replace(sweep, frequency=sweep.frequency[found.good], impedance=repaired(sweep, found.flaws)[found.good])
+    made = replace(
+        check,
+        noise=float(np.median(noise)),
+        causal_chi2_per_dof=found.fit.chi2_per_dof,
+        points_per_linewidth=density[0] if density is not None else None,
+        troubles=tuple(troubles),
+    )
+    return put, made
+
+
+def _trouble(sweep: Sweep, flaw: Flaw) -> Trouble:
+    f, step = sweep.frequency, flaw.is_step(sweep.frequency.size)
+    band = (float(f[flaw.first - 1]), float(f[flaw.first])) if step else (float(f[flaw.first]), float(f[flaw.stop - 1]))
+    return Trouble("step" if step else "glitch", band, _when(sweep, band), abs(flaw.amplitude))
+
+
+def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:
+    """Return when in its sweep a band was passed, in seconds since it began; None where nobody knows its pace."""
+    seconds = float(sweep.settings.get("sweep_seconds") or 0.0)
+    if seconds <= 0:
+        return None
+    part = float(np.interp(band[0], sweep.frequency, np.linspace(0.0, 1.0, sweep.frequency.size)))
+    return seconds * (1 - part if sweep.settings.get("direction") == "down" else part)
+
+
+def _not_causal(sweep: Sweep, noise: Reals, fit: PoleFit) -> list[tuple[float, float]]:
+    """Return the bands in which even poles leave far more than noise, the worst first, three at most."""
+    if fit.poles.size == MOST_POLES:
+        return []  # more resonances than poles: a wide, thick disk is no broken law
+    n = sweep.frequency.size
+    excess: Reals = (fit.residual[:n] ** 2 + fit.residual[n:] ** 2) / 2
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    relative = np.convolve(excess * noise**2, kernel, mode="same")
+    guilty = (np.convolve(excess, kernel, mode="same") > _EXCESS) & (relative > _LEAST_RMS**2)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8))).reshape(-1, 2)
+    ranked = sorted(edges.tolist(), key=lambda edge: -float(np.sum(excess[edge[0] : edge[1]])))[:3]
+    return [(float(sweep.frequency[a]), float(sweep.frequency[b - 1])) for a, b in ranked]

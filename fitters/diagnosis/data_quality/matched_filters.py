@@ -1,0 +1,174 @@
+"""Steps and short glitches held against what a fit of poles leaves: generalised likelihood ratios at every place.
+
+A step multiplies Z by 1 + a from one point on, a glitch for some points; `a` is complex. What the poles could imitate
+of it is taken off first, so that nothing is called a step that a resonance may be.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....models.base.arrays import Complexes, Reals
+from .pole_fit import PoleFit, stacked
+
+_Number = TypeVar("_Number", np.float64, np.complex128)
+Indices = NDArray[np.intp]
+_LENGTHS = (1, 2, 3, 4, 6, 8, 12)
+"""Of glitches, in points; longer ones are two steps."""
+_NEAR = 25
+"""Points on either side over which a flaw is held against what is left over."""
+_EDGE = 4
+_STEP_SURVIVES, _GLITCH_SURVIVES = 1e-4, 0.03
+"""Least part of a template's square that the poles must not be able to imitate."""
+_BY_CHANCE = 0.2
+"""Correlation of neighbours that some fifty points of white noise may show."""
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """Something abrupt in a recording."""
+
+    first: int
+    """Index of the first point that has it."""
+    stop: int
+    """Index after the last one; the number of points for a step, which lasts."""
+    amplitude: complex
+    """What Z is multiplied by there, less 1."""
+    raw: float
+    """Fall of chi2 that it brings."""
+    score: float
+    """The same in units of what is left over near it, and for as many points as are worth counting."""
+    plain: bool = False
+    """Whether it stands out against its own neighbourhood, without any fit of poles."""
+
+    def is_step(self, points: int) -> bool:
+        """Return whether it lasts to the end of a recording with this many points."""
+        return self.stop == points
+
+
+def strongest(fit: PoleFit) -> list[Flaw]:
+    """Return the best place of a step, and of a glitch of every length, the most significant first."""
+    search = _Search.of(fit)
+    n = search.residual.size
+    found = [search.best(np.arange(_EDGE, n - _EDGE), np.full(n - 2 * _EDGE, n), _STEP_SURVIVES)]
+    for length in _LENGTHS:
+        first = np.arange(n - length + 1)
+        found.append(search.best(first, first + length, _GLITCH_SURVIVES))
+    return sorted(found, key=lambda flaw: -flaw.score)
+
+
+def standing(fit: PoleFit, flaw: Flaw) -> Flaw:
+    """Return a flaw scored anew by a fit that was made with it: a step taken out, a glitch's points still in."""
+    search = _Search.of(fit)
+    if not flaw.is_step(search.residual.size):
+        return search.best(np.array([flaw.first]), np.array([flaw.stop]), _GLITCH_SURVIVES)
+    aa, bb, ab = (float(part[0]) for part in search.information(np.array([flaw.first]), np.array([flaw.stop])))
+    a, b = flaw.amplitude.real, flaw.amplitude.imag
+    raw = aa * a**2 + 2 * ab * a * b + bb * b**2
+    near = slice(max(0, flaw.first - _NEAR), flaw.first + _NEAR)
+    return replace(flaw, raw=raw, score=raw / _worth(search.residual[near][fit.frame.inverse[near] > 0]))
+
+
+def adjusted(fit: PoleFit, flaws: Sequence[Flaw]) -> list[Flaw]:
+    """Return the flaws, their steps as high as the fit, which was made without them, would have them all at once."""
+    n = fit.frame.inverse.size
+    steps = [flaw for flaw in flaws if flaw.is_step(n)]
+    basis = _Search.of(fit).basis
+    after = np.stack([np.where(np.arange(n) >= flaw.first, fit.frame.inverse, 0.0) for flaw in steps], axis=1)
+    columns = np.hstack([stacked(after + 0j), stacked(1j * after)])
+    outside = columns - basis @ (basis.T @ columns)
+    x = np.linalg.lstsq(outside, fit.residual, rcond=1e-6)[0]
+    found = dict(zip((flaw.first for flaw in steps), -x[: len(steps)] - 1j * x[len(steps) :], strict=True))
+    return [
+        replace(flaw, amplitude=flaw.amplitude + _held(complex(found[flaw.first]), flaw)) if flaw in steps else flaw
+        for flaw in flaws
+    ]
+
+
+def _held(change: complex, flaw: Flaw) -> complex:
+    """Return the change of a step's height, kept to half of it: the fit may be bad yet."""
+    return change * min(1.0, 0.5 * abs(flaw.amplitude) / max(abs(change), 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Running sums of everything that scores of contiguous templates need."""
+
+    fit: PoleFit
+    basis: Reals
+    """Orthonormal, the fit's tangent included, shape (2N, M)."""
+    residual: Complexes
+    """Shape (N,)."""
+    real: Reals
+    imag: Reals
+    """Running sums of basis rows over noise, shape (N + 1, M)."""
+    left: Complexes
+    """Of residuals over noise, shape (N + 1,)."""
+    squares: Reals
+    """Of 1 / noise^2, shape (N + 1,)."""
+
+    @classmethod
+    def of(cls, fit: PoleFit) -> "_Search":
+        inverse, n = fit.frame.inverse, fit.frame.inverse.size
+        basis = np.hstack([fit.basis, _directions(fit.tangent())])
+        r = fit.residual - basis @ (basis.T @ fit.residual)
+        residual = r[:n] + 1j * r[n:]
+        real, imag = (_running(basis[half] * inverse[:, None]) for half in (slice(0, n), slice(n, 2 * n)))
+        return cls(fit, basis, residual, real, imag, _running(residual * inverse), _running(inverse**2))
+
+    def information(self, first: Indices, stop: Indices) -> tuple[Reals, Reals, Reals]:
+        """Return what templates [first, stop) tell of Re and Im of their height, and of both together."""
+        R, X = self.real[stop] - self.real[first], self.imag[stop] - self.imag[first]
+        whole = self.squares[stop] - self.squares[first]
+        return whole - np.sum(R**2, axis=1), whole - np.sum(X**2, axis=1), -np.sum(R * X, axis=1)
+
+    def best(self, first: Indices, stop: Indices, survives: float) -> Flaw:
+        """Return the best of the templates [first, stop)."""
+        whole, pull = self.squares[stop] - self.squares[first], self.left[stop] - self.left[first]
+        aa, bb, ab = self.information(first, stop)
+        det = aa * bb - ab**2
+        seen = (whole > 0) & (np.minimum(aa, bb) > survives * whole) & (det > 1e-6 * whole**2 * survives)
+        a = np.where(seen, bb * pull.real - ab * pull.imag, 0.0) / np.where(seen, det, 1.0)
+        b = np.where(seen, aa * pull.imag - ab * pull.real, 0.0) / np.where(seen, det, 1.0)
+        raw = a * pull.real + b * pull.imag
+        k = int(np.argmax(raw))
+        # residuals are 1 - Y_fit / Y: a Z that is too large makes them negative
+        return self._weighed(int(first[k]), int(stop[k]), -complex(a[k], b[k]), float(raw[k]))
+
+    def _weighed(self, first: int, stop: int, amplitude: complex, raw: float) -> Flaw:
+        n, inverse = self.residual.size, self.fit.frame.inverse
+        template = np.zeros(n, np.complex128)
+        template[first:stop] = -amplitude * inverse[first:stop]
+        seen = stacked(template)
+        outside = seen - self.basis @ (self.basis.T @ seen)
+        left = self.residual - (outside[:n] + 1j * outside[n:])
+        last = first if stop == n else stop
+        low, high = max(0, first - _NEAR), min(n, last + _NEAR)
+        near = left[low:high][inverse[low:high] > 0]
+        return Flaw(first, stop, amplitude, raw, raw / _worth(near))
+
+
+def _worth(near: Complexes) -> float:
+    """Return chi2 per point of residuals, times how many of them are worth one."""
+    total = float(np.sum(np.abs(near) ** 2))
+    if total == 0:
+        return 1.0
+    rho = float(np.real(np.sum(near[1:] * np.conj(near[:-1])))) / total
+    rho = min(max(0.0, rho - _BY_CHANCE), 0.99)
+    return max(1.0, total / (2 * near.size)) * (1 + rho) / (1 - rho)
+
+
+def _directions(J: Reals) -> Reals:
+    """Return orthonormal columns of all that the columns of J can do, without those that are rounding alone."""
+    felt = J[:, np.linalg.norm(J, axis=0) > 1e-6]
+    if not felt.size:
+        return felt
+    u, size, _ = np.linalg.svd(felt / np.linalg.norm(felt, axis=0), full_matrices=False)
+    return np.asarray(u[:, size > 1e-6 * size[0]], np.float64)
+
+
+def _running(values: NDArray[_Number]) -> NDArray[_Number]:
+    return np.concatenate([np.zeros((1, *values.shape[1:]), values.dtype), np.cumsum(values, axis=0)])

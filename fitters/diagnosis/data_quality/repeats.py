@@ -1,0 +1,34 @@
+"""Sweeps of one step on one grid, upwards, downwards or again, held against each other: what is not the same twice."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ....models.sweep import Sweep
+from ...engine.noise import noise_from_smoothness
+from .data_issues import Trouble
+
+_OVER = 15
+_BEYOND = 8.0
+"""Mean chi2 over `_OVER` points of the difference of two sweeps, from which they are not the same."""
+
+
+def differences(sweeps: Sequence[Sweep]) -> list[tuple[Trouble, ...]]:
+    """Return, for each sweep, where it differs from the one before on the same points; the first has none before it."""
+    found: list[tuple[Trouble, ...]] = [()] if sweeps else []
+    return [*found, *(_difference(before, after) for before, after in pairwise(sweeps))]
+
+
+def _difference(before: Sweep, after: Sweep) -> tuple[Trouble, ...]:
+    common, i, j = np.intersect1d(before.frequency, after.frequency, return_indices=True)
+    first, second = noise_from_smoothness(before), noise_from_smoothness(after)
+    if first is None or second is None or common.size < before.frequency.size / 2:
+        return ()
+    excess = np.abs(np.log(after.impedance[j] / before.impedance[i])) ** 2 / (first[i] ** 2 + second[j] ** 2) / 2
+    smooth = np.convolve(excess, np.ones(_OVER) / _OVER, mode="same")
+    guilty = np.flatnonzero(smooth > _BEYOND)
+    if not guilty.size:
+        return ()
+    band = float(common[guilty[0]]), float(common[guilty[-1]])
+    return (Trouble("not repeated", band, None, float(np.mean(excess))),)

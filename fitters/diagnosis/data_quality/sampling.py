@@ -1,0 +1,26 @@
+"""How many points fall within the width of the sharpest resonance."""
+
+import numpy as np
+
+from ....models.base.arrays import Frequencies
+from .pole_fit import PoleFit, linear_fit
+
+_PAYS = 100.0
+"""Fall of chi2 that makes a pole a resonance one can be sure of."""
+_INSIDE = 2
+"""Points that a resonance has on either side: a pole beside the first point mends what poles beyond the band leave."""
+
+
+def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, float] | None:
+    """Return the least number of points within f/Q of any resonance in the band, and its Hz; None for no resonance."""
+    s = np.asarray(fit.frame.s.imag, np.float64)
+    steps = 2 * fit.frame.least_width
+    best: tuple[float, float] | None = None
+    for k in np.flatnonzero((fit.poles.imag > s[_INSIDE - 1]) & (fit.poles.imag < s[-_INSIDE])):
+        pole = complex(fit.poles[int(k)])
+        points = float(-2 * pole.real / np.interp(pole.imag, s, steps))
+        if best is not None and points >= best[0]:
+            continue
+        if linear_fit(fit.frame, np.delete(fit.poles, int(k))).cost - fit.cost > _PAYS * max(1.0, fit.chi2_per_dof):
+            best = points, float(np.interp(pole.imag, s, frequency))
+    return best

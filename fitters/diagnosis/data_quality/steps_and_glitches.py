@@ -1,0 +1,209 @@
+"""Steps and glitches of a recording, told from resonances: found one by one, checked once more when all are known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from ....models.base.arrays import Complexes, Reals
+from ....models.sweep import Sweep
+from ...engine.noise import resolution
+from .matched_filters import Flaw, adjusted, standing, strongest
+from .pole_fit import Frame, PoleFit, fit_poles, linear_fit, refined
+
+_SIGNIFICANT = 50.0
+"""Score of a flaw. Two numbers at some 6000 places of white noise reach 45 once in a million recordings."""
+_UNCLEAR = 15.0
+"""What is left near a flaw, in noise and for correlated points, from which poles describe too little to judge by."""
+_MOST = 40
+_ROUNDS = 10
+_OF_SLOPE = 0.3
+"""Least amplitude, in changes of ln Z from point to point near it: less would be the frequency of a resonance that
+wavers by a third of a step."""
+_OF_ROUNDING = 1.5
+"""Least amplitude in steps of the digits that were written down."""
+_SLOPE_OVER = 5
+_HALF = 8
+_LOCAL = 120.0
+"""Score of a step within sixteen points, against a cubic through them; left over are 22 numbers."""
+_NARROW = 6.0
+"""Half width in steps of frequency below which a pole may stand for a glitch."""
+_FAINT = 1e5
+"""Fall of chi2 above which a pole is no glitch: what is larger than that, no pole describes."""
+_BESIDE = 8
+_PER_POLE, _PART = 15.0, 0.03
+"""What poles may bring beyond a glitch, for each of them or as a part, and still have stood for it."""
+_ADJUSTED = 6
+_GOOD = 10.0
+"""chi2 per degree of freedom of a fit that knows the heights of steps better than their own neighbourhood does."""
+
+
+@dataclass(frozen=True, eq=False)
+class Abrupt:
+    """What is abrupt in a recording, and the fit of poles beside it."""
+
+    flaws: tuple[Flaw, ...]
+    fit: PoleFit
+    good: NDArray[np.bool_]
+    """Points that no glitch has, shape (N,)."""
+
+
+def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
+    """Return the flaws of a recording with this noise of Re and Im of ln Z, shape (N,)."""
+    flaws = _local_steps(sweep, np.log(sweep.impedance * sweep.frequency), noise, [])
+    flaws = [replace(flaw, plain=True) for flaw in flaws]
+    flaws, fit = _settled(sweep, noise, flaws, None)
+    for _ in range(_ROUNDS):
+        new, fit = _look(sweep, noise, flaws, fit)
+        if not new or len(flaws) >= _MOST:
+            break
+        poles = fit.poles
+        trials = [_settled(sweep, noise, [*flaws, *some], poles) for some in new]
+        flaws, fit = min(trials, key=lambda trial: trial[1].cost)
+    sure = [again for flaw in flaws if (again := _checked(sweep, noise, flaws, flaw, fit)) is not None]
+    if len(sure) < len(flaws):
+        fit = fit_poles(_frame(sweep, noise, sure))
+    return Abrupt(tuple(sorted(sure, key=lambda flaw: flaw.first)), fit, good_points(sweep, sure))
+
+
+def _settled(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], poles: Complexes | None) -> tuple[list[Flaw], PoleFit]:
+    """Return the flaws, the heights of the steps adjusted to the fit of poles and that to them."""
+    fit = fit_poles(_frame(sweep, noise, flaws), poles)
+    now = list(flaws)
+    stepped = any(flaw.is_step(sweep.frequency.size) for flaw in now)
+    for _ in range(_ADJUSTED if stepped and fit.chi2_per_dof < _GOOD else 0):
+        trial = adjusted(fit, now)
+        again = refined(linear_fit(_frame(sweep, noise, trial), fit.poles))
+        if again.cost > fit.cost:
+            break
+        gained, now, fit = fit.cost - again.cost, trial, again
+        if gained < 1e-3 * fit.cost:
+            break
+    return now, fit
+
+
+def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], fit: PoleFit) -> tuple[list[list[Flaw]], PoleFit]:
+    """Return what may be the next flaws, one guess or two, and the fit: without the pole that stood for them.
+
+    On the flank of a resonance a step and a glitch look alike until they are tried, so one of each is returned.
+    """
+    n = sweep.frequency.size
+    local = _local_steps(sweep, np.log(1 - (fit.residual[:n] + 1j * fit.residual[n:]) * noise), noise, flaws)
+    if local:
+        return [local], fit
+    found = [flaw for flaw in strongest(fit) if _possible(sweep, flaw) and _is_new(flaw, flaws)]
+    if found and found[0].score > _SIGNIFICANT:
+        step = next((flaw for flaw in found if flaw.is_step(n)), None)
+        glitch = next((flaw for flaw in found if not flaw.is_step(n)), None)
+        return [[flaw] for flaw in (step, glitch) if flaw is not None], fit
+    for group in _narrow(fit):
+        without = refined(linear_fit(fit.frame, np.delete(fit.poles, group)))
+        brings = without.cost - fit.cost
+        spared = max(_PER_POLE * len(group), _PART * brings)
+        at = int(np.argmin(np.abs(fit.frame.s.imag - fit.poles[group[0]].imag)))
+        for flaw in strongest(without):
+            beside = min(abs(flaw.first - at), abs(flaw.stop - at)) < _BESIDE
+            if beside and flaw.score > _SIGNIFICANT and flaw.raw > brings - spared and _possible(sweep, flaw):
+                return [[flaw]], without
+    return [], fit
+
+
+def _is_new(flaw: Flaw, known: Sequence[Flaw]) -> bool:
+    return all((flaw.first, flaw.stop) != (one.first, one.stop) for one in known)
+
+
+def _narrow(fit: PoleFit) -> list[list[int]]:
+    """Return groups of poles in the band that may stand for a glitch: so narrow, so close, and bringing so little."""
+    s, width = fit.frame.s.imag, -fit.poles.real
+    step = np.interp(fit.poles.imag, s, 2 * fit.frame.least_width)
+    inside = (fit.poles.imag > s[0]) & (fit.poles.imag < s[-1]) & (width < _NARROW * step)
+    groups: list[list[int]] = []
+    for k in np.flatnonzero(inside).tolist():
+        near = np.flatnonzero(inside & (np.abs(fit.poles.imag - fit.poles.imag[k]) < _BESIDE * step)).tolist()
+        group = sorted({k, *near})
+        faint = linear_fit(fit.frame, np.delete(fit.poles, group)).cost - fit.cost < _FAINT
+        if faint and group not in groups:
+            groups.append(group)
+    return groups
+
+
+def _possible(sweep: Sweep, flaw: Flaw) -> bool:
+    """Return whether a flaw is larger than what a wavering resonance or rounding would make."""
+    slopes = np.abs(np.diff(np.log(sweep.impedance * sweep.frequency)))
+    last = flaw.first if flaw.is_step(sweep.frequency.size) else flaw.stop
+    near = slopes[max(0, flaw.first - _SLOPE_OVER) : last + _SLOPE_OVER]
+    rounding = float(np.sqrt(12) * np.median(resolution(sweep)[flaw.first : max(last, flaw.first + 1)]))
+    return abs(flaw.amplitude) > max(_OF_SLOPE * float(np.median(near)), _OF_ROUNDING * rounding)
+
+
+def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], flaw: Flaw, fit: PoleFit) -> Flaw | None:
+    """Return the flaw as it stands when all others are known; None where it does not stand."""
+    if flaw.is_step(sweep.frequency.size):
+        again = standing(fit, flaw)
+    else:
+        rest = [one for one in flaws if one is not flaw]
+        again = standing(linear_fit(_frame(sweep, noise, rest), fit.poles), flaw)
+    clear = flaw.plain or again.raw < _UNCLEAR * again.score
+    # Where poles leave more than noise, what is left has bumps of its own, and roundings decide which of them reach 50.
+    least = _SIGNIFICANT * max(1.0, fit.chi2_per_dof)
+    return again if clear and again.score > least and _possible(sweep, again) else None
+
+
+def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw]) -> Frame:
+    return Frame.of(replace(sweep, impedance=repaired(sweep, flaws)), noise, good_points(sweep, flaws))
+
+
+def good_points(sweep: Sweep, flaws: Sequence[Flaw]) -> NDArray[np.bool_]:
+    """Return which points no glitch has, shape (N,)."""
+    good = np.ones(sweep.frequency.size, np.bool_)
+    for flaw in flaws:
+        if not flaw.is_step(good.size):
+            good[flaw.first : flaw.stop] = False
+    return good
+
+
+def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[Flaw]) -> list[Flaw]:
+    """Return steps of ln Z that stand out against a cubic through eight points on either side; the surest first.
+
+    `course`, shape (N,), is ln Z less something smooth: at first only what a capacitor does, later a fit of poles.
+
+    Many of them, as from an analyzer that switches its range to and fro, would spoil the first fit of poles.
+    """
+    n, size = sweep.frequency.size, 2 * _HALF
+    windows: Complexes = sliding_window_view(course, size)
+    windows = windows - 2j * np.pi * np.round((windows.imag - windows.imag[:, :1]) / (2 * np.pi))
+    x = np.linspace(-1, 1, size)
+    smooth = np.linalg.qr(np.vander(x, 4))[0]
+    step = np.where(np.arange(size) >= _HALF, 1.0, 0.0)
+    step -= smooth @ (smooth.T @ step)
+    left = windows - (windows @ smooth) @ smooth.T
+    amplitude = left @ step / (step @ step)
+    raw = np.abs(amplitude) ** 2 * (step @ step)
+    rest = np.sum(np.abs(left) ** 2, axis=1) - raw
+    floor = sliding_window_view(noise, size).mean(axis=1) ** 2
+    score = raw / np.maximum(floor, rest / (2 * size - 10))
+    found: list[Flaw] = []
+    for k in np.argsort(-score):
+        first = int(k) + _HALF
+        flaw = Flaw(first, n, complex(np.exp(amplitude[int(k)]) - 1), float(raw[k] / floor[k]), float(score[k]))
+        if score[k] < _LOCAL or len(found) >= _MOST:
+            break
+        if all(abs(first - one.first) >= _HALF for one in (*found, *known)) and _possible(sweep, flaw):
+            found.append(flaw)
+    return found
+
+
+def repaired(sweep: Sweep, flaws: Sequence[Flaw]) -> Complexes:
+    """Return the impedance without its steps: all stretches as high as the longest one; ohm, shape (N,).
+
+    Which stretch is right, nobody knows; a factor over all of it is what area and permittivity absorb.
+    """
+    n = sweep.frequency.size
+    level = np.ones(n, np.complex128)
+    for flaw in flaws:
+        if flaw.is_step(n):
+            level[flaw.first :] *= 1 + flaw.amplitude
+    values, counts = np.unique(level, return_counts=True)
+    return np.asarray(sweep.impedance / level * values[int(np.argmax(counts))], np.complex128)

@@ -1,0 +1,1 @@
+"""Which further measurement would decide between explanations."""

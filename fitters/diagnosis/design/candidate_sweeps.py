@@ -1,0 +1,122 @@
+"""What an impedance analyzer can do differently: another level, bandwidth, direction, band, or the same once more."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ....models.base.arrays import Frequencies
+from ....models.sweep import Sweep
+from ....models.sweep_plan import Segment, SweepPlan
+
+_LOWEST_V, _HIGHEST_V = 5e-3, 1.0
+_HIGHEST_HZ, _LOWEST_HZ = 110e6, 40.0
+_LEVEL_STEP = 5.0
+_SLOW, _FAST = 5, 1
+_MOST_POINTS, _DENSER = 801, 3
+"""Of a sweep over a wider band: a resonance must not fall between its points."""
+_OVERTONE = 3.3
+"""The third harmonic and what lies above it, from the stop of a sweep over the fundamental."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One further sweep."""
+
+    kind: str
+    """`lower level`, `higher level`, `bandwidth`, `direction`, `repeat`, `wider band`, `finer band`."""
+    says: str
+    """What is done, as a clause: `sweep down instead of up`."""
+    plan: SweepPlan
+
+
+def experiments(sweeps: Sequence[Sweep]) -> tuple[Experiment, ...]:
+    """Return what can be tried of a step that was recorded in `sweeps`; the narrowest of them is varied."""
+    sweep = min(sweeps, key=lambda one: float(one.frequency[-1] / one.frequency[0]))
+    base = plan_of(sweep)
+    found = [_other_bandwidth(base), _other_direction(base), _wider(base), _finer(base, sweep)]
+    found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base)]
+    return tuple(one for one in found if one is not None)
+
+
+def plan_of(sweep: Sweep) -> SweepPlan:
+    """Return the plan that a sweep was measured by, as its settings say; what they do not say is as usual."""
+    said = sweep.settings
+    f = sweep.frequency
+    spacing = "log" if said.get("spacing") == "log" else "linear"
+    usual = SweepPlan((Segment(float(f[0]), float(f[-1]), int(f.size), spacing),))
+    names = ("bandwidth", "point_average", "sweep_average", "direction", "bias_V")
+    given = {name: said[name] for name in names if said.get(name) is not None}
+    level = {"oscillator_A": said["oscillator_A"]} if said.get("oscillator_A") else {}
+    if said.get("oscillator_V"):
+        level["oscillator_V"] = said["oscillator_V"]
+    return replace(usual, **given, **level)
+
+
+def settings_of(plan: SweepPlan) -> dict[str, Any]:
+    """Return what the settings of a sweep by this plan would say, as far as they count."""
+    return {
+        "direction": plan.direction,
+        "oscillator_V": None if plan.oscillator_A else plan.oscillator_V,
+        "bandwidth": plan.bandwidth,
+    }
+
+
+def frequencies(plan: SweepPlan) -> Frequencies:
+    """Return the frequencies of a plan of one segment, Hz, shape (N,)."""
+    (segment,) = plan.segments
+    space = np.geomspace if segment.spacing == "log" else np.linspace
+    return np.asarray(space(segment.start_Hz, segment.stop_Hz, segment.points), np.float64)
+
+
+def _other_levels(base: SweepPlan) -> list[Experiment]:
+    if base.oscillator_A is not None:
+        return []
+    V = base.oscillator_V
+    made: list[Experiment] = []
+    if V / _LEVEL_STEP >= _LOWEST_V:
+        low = round(V / _LEVEL_STEP, 4)
+        made.append(
+            Experiment("lower level", f"sweep at {low:g} V instead of {V:g} V", replace(base, oscillator_V=low))
+        )
+    if V <= _HIGHEST_V / 2:
+        says = f"sweep at {_HIGHEST_V:g} V instead of {V:g} V"
+        made.append(Experiment("higher level", says, replace(base, oscillator_V=_HIGHEST_V)))
+    return made
+
+
+def _other_bandwidth(base: SweepPlan) -> Experiment:
+    other, word = (_FAST, "faster") if base.bandwidth == _SLOW else (_SLOW, "slower")
+    says = f"sweep {word}, with bandwidth {other} instead of {base.bandwidth}"
+    return Experiment("bandwidth", says, replace(base, bandwidth=other))
+
+
+def _other_direction(base: SweepPlan) -> Experiment:
+    other = "down" if base.direction == "up" else "up"
+    return Experiment("direction", f"sweep {other} instead of {base.direction}", replace(base, direction=other))
+
+
+def _wider(base: SweepPlan) -> Experiment | None:
+    (one,) = base.segments
+    low, high = max(one.start_Hz / 2, _LOWEST_HZ), min(_OVERTONE * one.stop_Hz, _HIGHEST_HZ)
+    if high <= one.stop_Hz:
+        return None
+    return _over(base, "wider band", low, high, max(one.points, min(_MOST_POINTS, _DENSER * one.points)))
+
+
+def _finer(base: SweepPlan, sweep: Sweep) -> Experiment | None:
+    """Return as many points around the strongest resonance and its antiresonance."""
+    (one,) = base.segments
+    G, R = (1 / sweep.impedance).real / sweep.frequency, sweep.impedance.real * sweep.frequency
+    edges = sorted(float(sweep.frequency[int(np.argmax(part))]) for part in (G, R))
+    width = max(edges[1] - edges[0], 0.02 * edges[0])
+    low, high = max(edges[0] - width / 2, one.start_Hz), min(edges[1] + width / 2, one.stop_Hz)
+    return _over(base, "finer band", low, high, one.points) if high - low < 0.5 * (one.stop_Hz - one.start_Hz) else None
+
+
+def _over(base: SweepPlan, kind: str, low: float, high: float, points: int) -> Experiment:
+    (one,) = base.segments
+    low, high = float(f"{low:.4g}"), float(f"{high:.4g}")
+    says = f"sweep from {low / 1e6:.4g} to {high / 1e6:.4g} MHz with {points} points"
+    return Experiment(kind, says, replace(base, segments=(replace(one, start_Hz=low, stop_Hz=high, points=points),)))

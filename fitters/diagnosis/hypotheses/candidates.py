@@ -1,0 +1,69 @@
+"""Every effect of the catalogue at every place of a build where it could sit."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from ....models.effects import Device, Effect, Knob, catalogue
+from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
+from .instrument_artefacts import ANY, FLAWS
+from .problem import Candidate, Problem
+
+
+def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
+    """Return all candidates, of all effects or of those called `names`.
+
+    What sits in a layer, at an interface or on the back is there in every step that has it. What sits at the terminals
+    may be there in all steps, from one on (another clip), or in one; what sits in the sweep in all or in one. The front
+    of a step is inside the next one, so it is its own.
+    """
+    wanted = None if names is None else set(names)
+    considered = [effect for effect in catalogue() if wanted is None or effect.name in wanted]
+    return tuple(found for effect in considered for found in _of_effect(problem, effect))
+
+
+def flaws(problem: Problem) -> tuple[Candidate, ...]:
+    """Return what may be wrong with the instrument."""
+    return tuple(found for flaw in FLAWS for found in _of_effect(problem, flaw))
+
+
+def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
+    places: dict[str, list[str]] = {}
+    devices = {recording.step: recording.model for recording in problem.recordings}
+    for step, device in devices.items():
+        if isinstance(device, Device):
+            for where in effect.places(device.bare):
+                places.setdefault(where, []).append(step)
+    found: list[Candidate] = []
+    for where, steps in places.items():
+        device = devices[steps[-1]]
+        if not isinstance(device, Device):
+            continue
+        knobs = effect.knobs(device.bare, where)
+        if not knobs:
+            continue
+        knobs = tuple(_recorded(problem, knob) for knob in knobs)
+        groups = _groups(where, steps)
+        found += [Candidate(effect, where, group, knobs) for group in groups]
+    return found
+
+
+def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
+    """Return the sets of steps in which something at a place may be."""
+    single = [(step,) for step in steps]
+    if where == FACES[1]:
+        return single
+    if where == TERMINALS:
+        later = [tuple(steps[k:]) for k in range(len(steps) - 1)]
+        return [*later, *single]
+    return [tuple(steps), *single] if where in (SWEEP, ANY) and len(steps) > 1 else [tuple(steps)]
+
+
+def _recorded(problem: Problem, knob: Knob) -> Knob:
+    """Return a knob that is a frequency within the recorded band: what lies beyond it shows no line."""
+    if knob.name != "frequency" or knob.unit != "Hz":
+        return knob
+    low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
+    high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+    return replace(knob, lower=low, upper=high, null=float(np.clip(knob.null, 1.01 * low, 0.99 * high)))

@@ -1,0 +1,1 @@
+"""How probable each explanation is, and what could stay hidden."""

@@ -1,0 +1,142 @@
+"""Refits with effects: everything free again, from several sizes of the effect."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Reals
+from ....models.effects import Knob
+from ...engine.descent import Descent, chi2_per_point, descend
+from ...engine.objective import Objective
+from ..hypotheses.problem import Candidate, Problem
+
+ROUGH = 1e-3
+_SIZED = 3.0
+AGAIN = 60
+"""Evaluations of a fit that begins near its minimum."""
+_AT_THE_END = 0.01
+"""Part of a band, at either end, in which a line shows no top."""
+_ROUGHLY = 25
+"""Evaluations that a candidate gets to show what it can do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A fit with some effects, everything else free as before."""
+
+    effects: tuple[Candidate, ...]
+    descent: Descent
+    chi2: tuple[float, ...]
+    """By recording: mean |ln(Z_model/Z)|^2 over its expectation from noise alone."""
+    against: float
+    """How far what was known beforehand had to be stretched: the sum of squares of the priors' residuals."""
+
+    @property
+    def objective(self) -> Objective:
+        """The objective at whose minimum it is."""
+        return self.descent.objective
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every model parameter at the minimum."""
+        return self.objective.coordinates.forward(self.descent.x)[0]
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Misfit over all recordings and its degrees of freedom."""
+        sizes = np.array([recording.sweep.frequency.size for recording in self.objective.recordings])
+        total = float(np.sum(2 * sizes * np.array(self.chi2)))
+        return total / max(1.0, 2.0 * float(sizes.sum()) - self.descent.x.size)
+
+    @property
+    def in_noise(self) -> tuple[Complexes, ...]:
+        """ln(Z_model/Z) of every recording in units of its noise, each of shape (N,)."""
+        ratios = self.objective.log_ratios(self.descent.x)
+        return tuple(ratio / one.noise for one, ratio in zip(self.objective.recordings, ratios, strict=True))
+
+
+def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
+    """Return a descent as a refit."""
+    ratios = descent.objective.log_ratios(descent.x)
+    chi2 = tuple(
+        chi2_per_point(recording, ratio) for recording, ratio in zip(descent.objective.recordings, ratios, strict=True)
+    )
+    beforehand = descent.objective.residual(descent.x)[2 * descent.objective.points :]
+    return Refit(tuple(effects), descent, chi2, float(np.sum(beforehand**2)))
+
+
+def refit(
+    problem: Problem,
+    effects: Sequence[Candidate],
+    values: Mapping[str, float],
+    guess: float | None,
+    tolerance: float = ROUGH,
+) -> Refit:
+    """Fit with `effects`, the last of them new: from `values`, and from several sizes of the new one's first knob.
+
+    `guess` is a first size of it (from the score test); None means that all knobs are in `values` already.
+    """
+    new = effects[-1] if effects else None
+    if guess is None or new is None:
+        objective = problem.objective(effects, values)
+        return finished(effects, descend(objective, objective.coordinates.x, tolerance, AGAIN))
+    elsewhere = any(values.get(name, knob.null) != knob.null for name, knob in new.sizes[1:])
+    sizes = _sizes(guess, new.knobs[0])
+    starts = [{**values, new.parameters[0]: size} for size in ([*sizes, guess] if elsewhere else sizes)]
+    objectives = [problem.objective(effects, start) for start in starts]
+    best = min(objectives, key=lambda one: float(np.sum(one.residual(one.coordinates.x) ** 2)))
+    return finished(effects, descend(best, best.coordinates.x, tolerance, _ROUGHLY))
+
+
+def _sizes(guess: float, knob: Knob) -> list[float]:
+    """Return first guesses of a size: that of the score test, and one that is plausible whatever the score says."""
+    plausible = knob.typical if guess >= 0 else -knob.typical
+    sizes = [guess, plausible] if guess != knob.null else [plausible]
+    return [float(np.clip(size, knob.lower, knob.upper)) for size in sizes]
+
+
+def shift_of(objective: Objective, x: Reals, change: Reals) -> dict[str, float]:
+    """Return the change of every model parameter that a change of the moving coordinates makes."""
+    _, chain = objective.coordinates.forward(x)
+    return dict(zip(objective.coordinates.parameters, (chain @ change).tolist(), strict=True))
+
+
+def all_there(found: Refit) -> bool:
+    """Return whether every effect has a size."""
+    return all(is_there(found, one) for one in found.effects)
+
+
+def is_there(found: Refit, effect: Candidate | None = None) -> bool:
+    """Return whether an effect, the newest unless told, has a size: without, it would be another effect's other knobs.
+
+    All its sizes together are held against null, in standard uncertainties, everything else free; but what only shapes
+    the effect is held: a cable is there although a short one's impedance is open. A line whose top no sweep shows is
+    none: what rises towards the end of a band may be anything.
+    """
+    asked = effect or found.effects[-1]
+    if not _in_sight(found, asked):
+        return False
+    coordinates = found.objective.coordinates
+    columns = [coordinates.free.index(name) for name, _ in asked.sizes]
+    shapes = {one for one, knob in zip(asked.parameters, asked.knobs, strict=True) if not knob.from_nothing}
+    J = found.objective.jacobian(found.descent.x)
+    others = [k for k, name in enumerate(coordinates.free) if k not in columns and name not in shapes]
+    own = J[:, columns] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, columns], rcond=1e-12)[0]
+    values, chain = coordinates.forward(found.descent.x)
+    # in sizes, not in coordinates, which bend towards null
+    slopes = [chain[coordinates.parameters.index(name), k] for (name, _), k in zip(asked.sizes, columns, strict=True)]
+    away = [values[name] - knob.null for name, knob in asked.sizes]
+    steps = [far / slope if slope else 0.0 for far, slope in zip(away, slopes, strict=True)]
+    return float(np.linalg.norm(own @ np.array(steps))) > _SIZED
+
+
+def _in_sight(found: Refit, effect: Candidate) -> bool:
+    """Return whether the frequencies of an effect lie within a sweep that shows it, and not at its very end."""
+    bands = [
+        (float(recording.sweep.frequency[0]), float(recording.sweep.frequency[-1]))
+        for recording in found.objective.recordings
+        if recording.step in effect.steps
+    ]
+    own = [found.values[name] for name in effect.lines]
+    return all(any(_AT_THE_END * (b - a) < f - a < (1 - _AT_THE_END) * (b - a) for a, b in bands) for f in own)

@@ -1,0 +1,1 @@
+"""Held-out data, whiteness of residuals, other samples."""

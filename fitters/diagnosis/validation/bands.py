@@ -1,0 +1,36 @@
+"""Contiguous stretches of frequency in which a mismatch sits."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Frequencies, Reals
+
+_SMOOTH = 15
+_GUILTY = 4.0
+_OF_WORST = 0.01
+"""A stretch counts as guilty where its mean squared residual over `_SMOOTH` points is above four times the noise, and
+above a hundredth of the worst: a large mismatch reaches far, and people need to know where it sits."""
+
+
+def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, float], ...]:
+    """Return the bands where `excess`, 1 on average where all is well, stands out; the worst first, five at most."""
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    smooth = np.convolve(excess, kernel, mode="same")
+    guilty = smooth > max(_GUILTY, _OF_WORST * float(np.max(smooth, initial=0.0)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8)))
+    bands = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    merged: list[tuple[int, int]] = []
+    for a, b in bands:
+        if merged and a - merged[-1][1] < _SMOOTH:
+            merged[-1] = (merged[-1][0], b)
+        else:
+            merged.append((a, b))
+    merged.sort(key=lambda band: -float(np.sum(excess[band[0] : band[1]])))
+    last = frequency.size - 1
+    return tuple((float(frequency[a]), float(frequency[min(b, last)])) for a, b in merged[:5])
+
+
+def excess_of(before: Sequence[Complexes], after: Sequence[Complexes]) -> tuple[Reals, ...]:
+    """Return how much the squared residuals fell at each point, in units of noise, by recording."""
+    return tuple((np.abs(b) ** 2 - np.abs(a) ** 2) / 2 for b, a in zip(before, after, strict=True))

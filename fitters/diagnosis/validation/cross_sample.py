@@ -1,0 +1,80 @@
+"""The proof on another sample: what was found in one, carried over to the next, whose constants alone are free."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...engine.descent import descend
+from ...engine.multi_step_fit import solve
+from ...engine.objective import Objective
+from ...engine.recording import Posterior
+from ...interface import FitError, FitTask
+from ..data_quality.data_gates import gate
+from ..findings import OtherSample
+from ..hypotheses.candidates import candidates
+from ..hypotheses.problem import Candidate, Problem
+from ..search.refit import ROUGH, Refit, finished
+from ..search.trial_fits import null_refit, polish, resoftened
+
+_FINE = 1e-8
+
+
+def carried_over(
+    problem: Problem, final: Refit, sample: str, task: FitTask, progress: Callable[[str], None]
+) -> OtherSample:
+    """Return how the effects of a final fit do in another sample, whose own constants alone are free.
+
+    Their sizes are known there as the first sample's fit tells them, with all correlations (Chow's test of a forecast,
+    Econometrica 28 (1960) 591). Raises FitError where the other sample cannot be fitted.
+    """
+    progress(f"carrying over to {sample}")
+    try:
+        other = Problem.of(solve(replace(task, sweeps=gate(task.sweeps).sweeps), progress), task.free)
+    except FitError as error:
+        raise FitError(f"{sample}: {error}") from error
+    null = polish(other, null_refit(other), _FINE)
+    there = {one: twin for one in final.effects for twin in _twins(other, one)}
+    before = _per_dof(other, null)
+    names = tuple(f"{one.effect.name} at {one.where}" for one in there)
+    if not there:
+        return OtherSample(sample, other.steps, (), before, before)
+    effects, told = tuple(there.values()), _told(problem, final, tuple(there))
+    values = {**null.values, **{name: final.values[name] for one in there for name in one.parameters}}
+    coordinates = other.coordinates(effects, values)  # the same for both: what is told is told in these
+    softly, strictly = (
+        Objective(one.with_effects(effects), coordinates, (*one.priors, told))
+        for one in (resoftened(other, null), other)
+    )
+    roughly = descend(softly, coordinates.x, ROUGH)
+    again = finished(effects, descend(strictly, roughly.x, _FINE))
+    return OtherSample(sample, other.steps, names, before, _per_dof(other, again))
+
+
+def _twins(other: Problem, found: Candidate) -> list[Candidate]:
+    """Return the same effect at the same place in the other sample, in as many of the same steps; at most one."""
+    same = [
+        one
+        for one in candidates(other, (found.effect.name,))
+        if one.where == found.where and set(one.steps) <= set(found.steps)
+    ]
+    longest = max(same, key=lambda one: len(one.steps), default=None)
+    return [] if longest is None else [replace(longest, knobs=found.knobs)]
+
+
+def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Posterior:
+    """Return what a fit tells of the sizes of some of its effects, everything else free."""
+    objective = resoftened(problem, final).objective(final.effects, final.values)
+    x, free = objective.coordinates.x, objective.coordinates.free
+    names = tuple(name for one in effects for name in one.parameters)
+    own = [free.index(name) for name in names]
+    J = objective.jacobian(x)
+    rest = np.delete(J, own, axis=1)
+    alone = J[:, own] - rest @ np.linalg.lstsq(rest, J[:, own], rcond=1e-12)[0]
+    return Posterior(names, objective.straight(x)[0][own], np.linalg.qr(alone).R)
+
+
+def _per_dof(problem: Problem, found: Refit) -> float:
+    """Return the misfit in units of noise, with what was told beforehand stretched, for each degree of freedom."""
+    sizes = [one.sweep.frequency.size for one in problem.recordings]
+    return float(np.dot(sizes, found.chi2)) / sum(sizes) + found.against / (2.0 * sum(sizes))

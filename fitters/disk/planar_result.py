@@ -1,0 +1,214 @@
+"""The answer of least squares on a bare disk: constants with uncertainties carried along to all that follows."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ...models.base.model import Model
+from ...models.constants.passivity import passivity_margin
+from ...models.constants.piezo_constants import Radial
+from ..engine.covariance import Estimate, estimate
+from ..engine.descent import Descent
+from ..engine.parameters.assembly import UNITS, between_bounds, is_held
+from ..engine.parameters.coordinates import Block, Coordinates, positive
+from ..engine.plausibility import strange
+from ..engine.recording import Prior
+from ..interface import Constant, FitResult, TaskError
+from ..uncertainty.derived import DERIVED_UNITS
+from ..uncertainty.fit_result import curves_of, strong_correlations
+from .bare_disk import RADIAL_UNITS, BareDisk
+
+RADIAL_ALL_UNITS = {**RADIAL_UNITS, "Qm_radial": "1", "tan_delta_T": "1"}
+_TENSOR_UNITS = {
+    **dict.fromkeys(("c11E", "c12E", "c13E", "c33E", "c44E"), "Pa"),
+    **dict.fromkeys(("e31", "e33", "e15"), "C/m2"),
+    "eps11S": "F/m",
+}
+PLANAR_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "alpha": "1", "d33f": "C/N"}
+_DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
+_ALPHA, _U_ALPHA = 0.75, 0.09
+_D33F, _U_D33F = 1.3e-10, 0.2e-10
+# c13E/c33E is 0.66 to 0.83 and e33/c33E 1.05e-10 to 1.45e-10 C/N for the ceramics of the library. Two sets of one and
+# the same ceramic differ by as much, so that a library value is no better known.
+_MISFIT = 1.5
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Named:
+    """Who answers."""
+
+    name: str
+    version: str
+
+
+def plate_priors(disk: BareDisk) -> dict[str, float]:
+    """Return c13E/c33E and e33/c33E (C/N) as library or build have them, else those of the usual ceramics."""
+    v = disk.layer.values
+    known = "c33E" in v
+    return {
+        f"{disk.layer.name}.alpha": v["c13E"].re / v["c33E"].re if known and "c13E" in v else _ALPHA,
+        f"{disk.layer.name}.d33f": v["e33"].re / v["c33E"].re if known and "e33" in v else _D33F,
+    }
+
+
+def disk_priors(disk: BareDisk, constants: tuple[str, ...]) -> tuple[Prior, ...]:
+    """Return what is known beforehand of sizes, of `constants`, and of motion through the thickness."""
+    at = disk.layer.name
+    plate = plate_priors(disk)
+    priors = [
+        Prior(f"{at}.alpha", plate[f"{at}.alpha"], _U_ALPHA),
+        Prior(f"{at}.d33f", plate[f"{at}.d33f"], _U_D33F),
+    ]
+    priors += [Prior(disk.size_name(name), q.re, q.u) for name, q in disk.sizes.items() if q.u > 0]
+    for name in constants:
+        q = disk.layer.values.get(name)
+        if q is not None and q.u > 0:
+            priors.append(Prior(f"{at}.{name}.re", q.re, q.u))
+    return tuple(priors)
+
+
+def planar_coordinates(
+    disk: BareDisk,
+    fitter: str,
+    blocks: tuple[Block, ...],
+    model: Model,
+    constants: tuple[str, ...],
+    together: tuple[str, ...],
+    free: tuple[str, ...] | None,
+) -> Coordinates:
+    """Return the coordinates of a fit of the disk's `constants`, its sizes, and motion through the thickness.
+
+    `together`: constants in whose place a combination moves, such as Poisson's ratio for s12E; they have no bounds.
+
+    What is held stands where the build has it, not where the recording's peaks would. Raises FitError for a name that
+    the fitter does not have, or a bound that it cannot keep.
+    """
+    at, plate = disk.layer.name, _plate(disk)
+    quantities = {f"{at}.{name}": disk.layer.values[name] for name in constants if name in disk.layer.values}
+    sizes = {disk.size_name(name): quantity for name, quantity in disk.sizes.items()}
+    known = {*(f"{at}.{name}" for name in constants), *sizes, *plate}
+    held = {name for name, quantity in quantities.items() if is_held(quantity, piezo_constant=True)}
+    held |= {name for name, quantity in sizes.items() if quantity.u == 0}
+    moving = known - held if free is None else set(free)
+    if not moving <= known:
+        raise TaskError(f"cannot free {min(moving - known)!r}: `{fitter}` has {', '.join(sorted(known))}")
+    bounds = {name: q.bounds for name, q in (quantities | sizes).items() if q.bounds is not None and name in moving}
+    blocks = (*blocks, *(positive(name) for name in sizes))
+    for name in bounds:
+        if name.removeprefix(f"{at}.") in together:
+            raise TaskError(f"cannot bound {name!r}: `{fitter}` moves it together with others; give it a prior instead")
+    blocks = tuple(
+        between_bounds(block, {name: ends for name, ends in bounds.items() if name in block.coordinates})
+        for block in blocks
+    )
+    wanted = tuple(variant for name in moving for variant in (name, f"{name}.loss"))
+    stated = {f"{name}.{part}": getattr(q, part) for name, q in quantities.items() for part in ("re", "im")}
+    stated |= {name: quantity.re for name, quantity in sizes.items()} | plate_priors(disk)
+    start = model.parameters()
+    return Coordinates(blocks, start, wanted).held_at({**start, **stated})
+
+
+def _plate(disk: BareDisk) -> tuple[str, str]:
+    return f"{disk.layer.name}.alpha", f"{disk.layer.name}.d33f"
+
+
+def radial_of(values: Mapping[str, float], layer: str) -> Radial:
+    """Return the radial constants among model parameters."""
+    return Radial(
+        *(complex(values[f"{layer}.{n}.re"], values[f"{layer}.{n}.im"]) for n in ("s11E", "s12E", "d31", "eps33T"))
+    )
+
+
+def radial_named(layer: str, found: Radial) -> dict[str, complex]:
+    """Return all radial constants by full name, SI; `Qm_radial` is c11p'/c11p'', `tan_delta_T` that of eps33T."""
+    own = {name: complex(getattr(found, "eps33p" if name == "eps33P" else name)) for name in RADIAL_UNITS}
+    own |= {"Qm_radial": complex(found.Qm), "tan_delta_T": complex(-found.eps33T.imag / found.eps33T.real)}
+    return {f"{layer}.{name}": value for name, value in own.items()}
+
+
+def propagated(
+    make: Callable[[Mapping[str, float]], Mapping[str, complex]],
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    covariance: Reals,
+) -> dict[str, tuple[float, float]]:
+    """Return the standard uncertainties of real and imaginary part of all that `make` makes of the parameters."""
+    there = make(values)
+    gradients = {name: np.zeros(len(names), np.complex128) for name in there}
+    for k, name in enumerate(names):
+        if covariance[k, k] == 0:
+            continue
+        step = min(_STEP * abs(values[name]) or _STEP, math.sqrt(covariance[k, k]))
+        up, down = (make({**values, name: values[name] + side * step}) for side in (1, -1))
+        for made in there:
+            gradients[made][k] = (up[made] - down[made]) / (2 * step)
+
+    def size(g: Reals) -> float:
+        return math.sqrt(max(0.0, float(g @ covariance @ g)))
+
+    return {name: (size(g.real), size(g.imag)) for name, g in gradients.items()}
+
+
+def planar_answer(
+    fitter: Named,
+    disk: BareDisk,
+    descent: Descent,
+    make: Callable[[Mapping[str, float]], Mapping[str, complex]],
+    says: tuple[str, ...],
+    seconds: float,
+) -> FitResult:
+    """Return the answer; `make` makes all complex constants of the model's parameters."""
+    objective, result = descent.objective, estimate(descent)
+    coordinates = objective.coordinates
+    values, _ = coordinates.forward(result.x)
+    names = coordinates.parameters
+    u = propagated(make, values, names, result.covariance)
+    made: dict[str, Constant] = {}
+    for name, x in make(values).items():
+        made[name] = Constant(x.real, x.imag, *u[name], PLANAR_UNITS[name.split(".")[1]], free=u[name][0] > 0)
+    for k, name in enumerate(names):
+        if name.split(".")[-1] in PLANAR_UNITS:
+            spread = math.sqrt(max(0.0, float(result.covariance[k, k])))
+            made[name] = Constant(values[name], 0.0, spread, 0.0, PLANAR_UNITS[name.split(".")[-1]], free=spread > 0)
+    derived = {name for name in made if name.split(".")[-1] in _DERIVED}
+    return FitResult(
+        build=disk.build.name,
+        fitter=fitter.name,
+        version=fitter.version,
+        steps=(disk.step,),
+        noise=disk.noise,
+        chi2_per_dof=result.chi2_per_dof,
+        constants={name: c for name, c in made.items() if name not in derived},
+        derived={name: c for name, c in made.items() if name in derived},
+        correlation=strong_correlations(names, result.covariance),
+        rms_log_error=result.rms_log_error,
+        converged=result.converged,
+        evaluations=descent.evaluations,
+        seconds=seconds,
+        says=(*says, *strange(disk.build, disk.layer, made), *_verdict(result, disk)),
+        curves=curves_of(objective, descent.start, result.x),
+    )
+
+
+def passivity_says(found: Radial) -> str:
+    """Return what Holland's condition says of the constants, in a sentence."""
+    margin = passivity_margin(found.law)
+    if margin >= -1e-9:
+        return f"Passive: the least loss is {margin:.2g} of a loss tangent (Holland)."
+    return f"NOT passive: the least loss is {margin:.2g} (Holland). No material is so: an imaginary part is wrong."
+
+
+def _verdict(result: Estimate, disk: BareDisk) -> tuple[str, ...]:
+    says: list[str] = []
+    if result.chi2_per_dof > _MISFIT:
+        says.append(
+            f"The model does not describe this recording to its noise: RMS log error {result.rms_log_error:.2g} where "
+            f"the noise is {disk.noise.relative:.1g}. The uncertainties are widened by the misfit."
+        )
+    if not result.converged:
+        says.append("The fit stopped before it converged; do not use these numbers.")
+    return tuple(says)

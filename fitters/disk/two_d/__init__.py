@@ -1,0 +1,1 @@
+"""The fitter of the disk in two dimensions, with all ten constants."""

@@ -1,0 +1,94 @@
+"""What a recording of a disk tells of its constants, and which combinations of them it does not determine."""
+
+import numpy as np
+from scipy.linalg import eigh, qr
+
+from ....models.base.arrays import Reals
+from ....models.disk2d.line_elements import Numbers
+from ....models.disk2d.matrices import CONSTANTS
+from ...engine.covariance import Curvature, curvature
+from ...engine.descent import Descent
+
+_TOLD = 0.5
+# A combination counts as determined where the recording halves the uncertainty there was before it.
+_PART = 0.25
+# Constants that move by less than this part of what was known of them before are not named.
+
+
+def undetermined(descent: Descent, layer: str) -> tuple[str, ...]:
+    """Return sentences on constants, losses, and combinations of constants that the recording does not determine.
+
+    The combinations are the eigenvectors of the covariance after the recording by that before it, of ln|Re| of the
+    ten constants: eigenvalues are what part of the variance is left.
+    """
+    bends = curvature(descent.objective, descent.x)
+    values, chain = descent.objective.coordinates.forward(descent.x)
+    row = {name: k for k, name in enumerate(descent.objective.coordinates.parameters)}
+    real = np.array([chain[row[f"{layer}.{c}.re"]] / abs(values[f"{layer}.{c}.re"]) for c in CONSTANTS])
+    loss = np.array([chain[row[f"{layer}.{c}.im"]] / abs(values[f"{layer}.{c}.re"]) for c in CONSTANTS])
+    after, before = _covariances(bends, real)
+    lost, known = _covariances(bends, loss)
+    held = [f"{layer}.{name}" for name, u, own in _each(after, before) if u > _TOLD * own]
+    losses = [f"{layer}.{name}" for name, u, own in _each(lost, known) if u > _TOLD * own]
+    says: list[str] = []
+    if held:
+        says.append(
+            f"This recording does not determine {', '.join(held)} alone: what stands there is what PZT in general lets "
+            "expect, with that uncertainty."
+        )
+    together = _together(after, before, layer)
+    if together:
+        says.append(
+            f"It determines {len(CONSTANTS) - len(together)} combinations of the ten real parts. What is left is "
+            "hardly better known than before it, and what moves in one of these is known only together: "
+            f"{'; '.join(together)}."
+        )
+    if losses:
+        says.append(f"Nor does it determine the losses of {', '.join(losses)}.")
+    return tuple(says)
+
+
+def _covariances(bends: Curvature, chain: Reals) -> tuple[Reals, Reals]:
+    """Return the covariance of what `chain` makes of the coordinates, shape (10, 10), with and without recordings."""
+    prior = bends.rows[bends.data :]
+    scale = 1 / np.maximum(np.linalg.norm(prior, axis=0), np.finfo(float).tiny)
+    known = np.asarray(np.linalg.inv((prior * scale).T @ (prior * scale)), np.float64)
+    return bends.covariance(chain), (chain * scale) @ known @ (chain * scale).T
+
+
+def _each(after: Reals, before: Reals) -> list[tuple[str, float, float]]:
+    pairs = zip(np.sqrt(np.diag(after)).tolist(), np.sqrt(np.diag(before)).tolist(), strict=True)
+    return [(name, *pair) for name, pair in zip(CONSTANTS, pairs, strict=True)]
+
+
+def _together(after: Reals, before: Reals, layer: str) -> list[str]:
+    """Return the directions that are left open: a constant by its standard uncertainty, and which go with it.
+
+    The eigenvectors that are left open span them; of that space each sentence takes the direction in which one
+    constant moves and the leading ones of the others stay, so that it is said with as few constants as can be.
+    """
+    own = np.sqrt(np.diag(before))
+    scaled = before / np.outer(own, own)
+    left, vectors = _eigh(after / np.outer(own, own), scaled)
+    space = scaled @ vectors[:, left > _TOLD**2]
+    if not space.size:
+        return []
+    leading = np.sort(_pivots(space.T)[: space.shape[1]])
+    each = space @ np.linalg.inv(space[leading])
+    made: list[str] = []
+    for k, direction in zip(leading.tolist(), each.T, strict=True):
+        moved = own * direction * float(np.sqrt(after[k, k])) / own[k]
+        with_it = [i for i in np.argsort(-np.abs(direction)).tolist() if i != k and abs(direction[i]) > _PART]
+        others = ", ".join(f"{layer}.{CONSTANTS[i]} {100 * moved[i]:+.2g} %" for i in with_it)
+        made.append(f"{layer}.{CONSTANTS[k]} {100 * moved[k]:+.2g} %" + (f" with {others}" if others else ""))
+    return made
+
+
+def _eigh(a: Reals, b: Reals) -> tuple[Reals, Reals]:
+    made: tuple[Reals, Reals] = eigh(a, b)
+    return made
+
+
+def _pivots(rows: Reals) -> Numbers:
+    made: tuple[Numbers, Numbers, Numbers] = qr(rows, pivoting=True)
+    return made[2]

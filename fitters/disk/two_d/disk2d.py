@@ -1,0 +1,251 @@
+"""Fitter `disk2d`: all ten complex constants of a round disk from its own recording, in two dimensions.
+
+Radial overtones and the edge mode that run through the thickness resonance of a real disk are part of the model
+(`models/disk2d`), so the constants need not stand in for them. Losses are causal, constants passive by construction.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ....models.base.arrays import Frequencies, Reals
+from ....models.constants.passivity import passivity_margin
+from ....models.constants.tensor import Tensor6mm
+from ....models.disk2d.disk_model import Disk2D
+from ....models.disk2d.full import FullDisk
+from ....models.disk2d.matrices import CONSTANTS
+from ....models.disk2d.reduced import ReducedDisk
+from ....models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
+from ....models.stack import CausalConstantQ
+from ...engine.covariance import estimate
+from ...engine.descent import Descent, descend, softened
+from ...engine.objective import Objective
+from ...engine.parameters.coordinates import Coordinates, positive
+from ...engine.recording import Posterior, Prior, Recording
+from ...interface import FitError, FitResult, FitTask, TaskError
+from ..bare_disk import BareDisk, bare_disk
+from ..planar_result import Named, planar_answer, radial_named
+from .determined_constants import undetermined
+from .predictions import predictions, sentence
+from .reduced_disk_cache import reduced_disk
+from .tensor_coordinates import COORDINATES, tensor_block
+from .tensor_start import starts, tensor_priors, unusual
+from .valley_search import searched
+
+Known: TypeAlias = Prior | Posterior
+_TOLERANCE = 1e-5
+_ROUNDS, _STILL, _MOST = 12, 0.01, 12
+# At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 1 %.
+_CHECKED = 12
+# Frequencies at which the reduced model is checked against its full equations.
+_SHORTEST = 0.5
+# Radius of electrodes over that of the disk.
+_PREDICTED = 0.87
+# Part of the model's highest frequency up to which modes are told: 1.3 times the thickness resonance.
+
+
+class Disk2DFitter:
+    """All ten complex constants of a free round disk, in two dimensions."""
+
+    name = "disk2d"
+    version = "3"
+    summary = "all ten complex constants of a round disk in two dimensions: radial, edge and thickness modes together"
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit the ten constants to all recordings of the bare disk.
+
+        Raises FitError where none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5
+        times its thickness resonance.
+        """
+        return finite_disk(task, progress=progress)
+
+
+def finite_disk(
+    task: FitTask,
+    budget_seconds: float = math.inf,
+    progress: Callable[[str], None] = lambda _: None,
+    enough: float = 0.0,
+) -> FitResult:
+    """Say how well the disk of finite diameter describes the recordings of the bare disk, and with which constants.
+
+    `chi2_per_dof` refers to the same noise of every point as that of the one-dimensional fitters, but only to points
+    up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
+    known of the ceramic but that it is one. `budget_seconds`: when it is over, descents stop where they are and the
+    answer says `converged=False`; what must be done before (reduced model where it is not in the cache, 1 s at
+    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case. `enough`: what may be left of ln Z,
+    root mean square, for a valley to be taken without a look at others.
+    Raises FitError as the fitter does.
+    """
+    began = time.perf_counter()
+    disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
+    electrode, disk = _electrode(disk), _within_reach(disk)
+    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
+    progress(f"fitting {disk.step}")
+    model = _model(disk, reduced)
+    descent, error = _descend(disk, full, model, task.free, began + budget_seconds, enough)
+    layer = disk.layer.name
+
+    def make(values: Mapping[str, float]) -> dict[str, complex]:
+        return _named(layer, _tensor_of(values, layer))
+
+    found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+    says = (
+        *([f"Electrodes end at {electrode:.4g} of the disk's radius."] if electrode < 1 else []),
+        f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
+        f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
+        f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
+        *undetermined(descent, layer),
+        *unusual(disk, found),
+    )
+    named = Named(Disk2DFitter.name, Disk2DFitter.version)
+    answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
+    return _predicting(answer, disk, model, descent)
+
+
+def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Descent) -> FitResult:
+    """Return the answer with what the disk does outside the recorded bands."""
+    coordinates = descent.objective.coordinates
+    values, _ = coordinates.forward(descent.x)
+    found = model.replace({name: values[name] for name in model.parameters()})
+    high = _PREDICTED * HIGHEST / disk.sizes["thickness"].re
+    covariance = estimate(descent).covariance
+    made = predictions(found, coordinates.parameters, covariance, disk.expected_radial_mode / 2, high)
+    bands = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
+    told = sentence(made, disk.layer.name, bands)
+    return replace(answer, derived={**answer.derived, **made}, says=(*answer.says, told))
+
+
+def _ratio(disk: BareDisk) -> float:
+    return 2 * disk.radius / disk.sizes["thickness"].re
+
+
+def _electrode(disk: BareDisk) -> float:
+    """Return the radius of the electrodes over that of the disk: 1 where the build says nothing. Raises FitError."""
+    given = disk.layer.values.get("electrode_diameter")
+    if given is None:
+        return 1.0
+    part = given.re / (2 * disk.radius)
+    if not _SHORTEST <= part <= 1:
+        raise FitError(
+            f"electrode_diameter_mm of {disk.layer.name!r} is {1e3 * given.re:.4g}; `disk2d` serves for "
+            f"{2e3 * _SHORTEST * disk.radius:.4g} to {2e3 * disk.radius:.4g}, the disk's diameter"
+        )
+    if given.u > 0:
+        raise FitError(
+            f"electrode_diameter_mm of {disk.layer.name!r} has an uncertainty; `disk2d` takes it as exact: fit once "
+            "for each value that it may have"
+        )
+    return part
+
+
+def _within_reach(disk: BareDisk) -> BareDisk:
+    """Return the recordings up to the model's highest frequency. Raises FitError."""
+    ratio = _ratio(disk)
+    if not SMALLEST <= ratio <= LARGEST:
+        raise FitError(f"`disk2d` serves for diameter/thickness {SMALLEST:g} to {LARGEST:g}; this disk has {ratio:.3g}")
+    highest = HIGHEST / disk.sizes["thickness"].re
+    kept = disk.between(0.0, highest)
+    if not kept.sweeps:
+        raise FitError(
+            f"`disk2d` reaches up to {highest / 1e3:.4g} kHz for this thickness; the recordings are of {disk.bands}"
+        )
+    return kept
+
+
+def _reference(disk: BareDisk) -> float:
+    """Return the frequency in Hz at which the constants stand: the middle of the band of all recordings."""
+    low = min(float(sweep.frequency[0]) for sweep in disk.sweeps)
+    return math.sqrt(low * max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
+
+
+def _tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
+    return Tensor6mm(*(complex(values[f"{layer}.{c}.re"], values[f"{layer}.{c}.im"]) for c in CONSTANTS))
+
+
+def _named(layer: str, tensor: Tensor6mm) -> dict[str, complex]:
+    """Return the ten constants and all that follows of them by full name, SI."""
+    plate = tensor.thickness
+    own = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
+    own |= {"c33D": plate.c33D, "h33": plate.h33, "kt": plate.kt}
+    return {f"{layer}.{name}": value for name, value in own.items()} | radial_named(layer, tensor.radial)
+
+
+def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Coordinates, list[Recording]]:
+    """Return the coordinates and the recordings of a fit. Raises FitError for a name that cannot be freed."""
+    at = disk.layer.name
+    sizes = [disk.size_name(name) for name in disk.sizes]
+    uncertain = {disk.size_name(name) for name, q in disk.sizes.items() if q.u > 0}
+    whole = {f"{at}.{name}" for name in CONSTANTS}
+    moving = whole | uncertain if free is None else set(free)
+    if not moving <= whole | set(sizes):
+        unknown = min(moving - whole - set(sizes))
+        raise TaskError(f"cannot free {unknown!r}: `disk2d` has {', '.join(sorted(whole | set(sizes)))}")
+    if not whole <= moving:
+        left = min(whole - moving)
+        raise TaskError(f"`disk2d` frees all ten constants together; {left!r} is not among those to free")
+    blocks = (tensor_block(at), *(positive(name) for name in sizes))
+    names = (*(f"{at}.{name}" for name in COORDINATES), *moving)
+    recordings = [
+        Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
+    ]
+    return Coordinates(blocks, model.parameters(), names), recordings
+
+
+def _descend(
+    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float, enough: float
+) -> tuple[Descent, float]:
+    """Return the deepest minimum found until then, and the estimated error of the reduced model there."""
+    coordinates, recordings = _parts(disk, model, free)
+    priors = tensor_priors(disk)
+    x, evaluations = searched(disk, model, recordings, coordinates, priors, enough)
+    error, before, settled = math.inf, math.inf, False
+    for _ in range(_ROUNDS):
+        model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
+        recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
+        last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
+        evaluations, x = evaluations + last.evaluations, last.x
+        left = _left(recordings, coordinates, x)
+        settled = last.converged or (recordings[0].misfit > 0 and left > (1 - _STILL) * before)
+        before = left
+        if settled or time.perf_counter() > until:
+            break
+    judged = list(map(softened, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
+    objective = Objective(judged, coordinates, priors)
+    cost = float(np.sum(objective.residual(x) ** 2)) / 2
+    return Descent(objective, coordinates.x, x, cost, settled, evaluations), error
+
+
+def _left(recordings: Sequence[Recording], coordinates: Coordinates, x: Reals) -> float:
+    """Return the root mean square of what noise and misfit at their last level leave unexplained."""
+    ratios = Objective(recordings, coordinates, ()).log_ratios(x)
+    return math.sqrt(sum(float(np.sum(np.abs(ratio) ** 2)) for ratio in ratios))
+
+
+def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recording:
+    """Return the recording with its own misfit as noise, points counted as if independent.
+
+    The minimum is where the model comes closest to the recording; how much of that the correlated misfit leaves
+    uncertain is for the covariance (`softened`).
+    """
+    (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
+    return replace(softened(recording, ratio), correlation=1.0)
+
+
+def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:
+    """Return the model on a reduced disk that serves for its constants, and that one's estimated error."""
+    ends = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
+    f: Frequencies = np.concatenate([np.linspace(low, high, _CHECKED) for low, high in ends])
+    reduced, error = ensured(full, model.reduced, model.shape, model.over(f), f)
+    return (model if reduced is model.reduced else replace(model, reduced=reduced)), error
+
+
+def _model(disk: BareDisk, reduced: ReducedDisk) -> Disk2D:
+    """Return the causal disk with constants of the library and the sizes of the build."""
+    layer, sizes = disk.layer.name, {name: q.re for name, q in disk.sizes.items()}
+    tensor = _tensor_of(starts(disk)[0], layer)
+    law = CausalConstantQ(_reference(disk))
+    return Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced, law)

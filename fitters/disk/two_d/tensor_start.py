@@ -1,0 +1,210 @@
+"""Where the fitter of the whole disk begins, and what it takes for granted of a piezoceramic."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ....models.base.errors import PzctlError
+from ....models.build import Quantity
+from ....models.constants.passivity import tensor_coordinates
+from ....models.constants.tensor import Tensor6mm
+from ....models.disk2d.disk_model import Disk2D
+from ....models.disk2d.matrices import CONSTANTS
+from ....models.materials import MATERIALS
+from ...engine.parameters.coordinates import Coordinates
+from ...engine.recording import Posterior, Prior
+from ..bare_disk import BareDisk
+from .tensor_coordinates import LOSSES, TURNS
+
+_WIDTHS: Mapping[str, float] = {
+    "c11E": 0.12,
+    "c12E": 0.16,
+    "c13E": 0.14,
+    "c33E": 0.08,
+    "c44E": 0.14,
+    "e31": 0.40,
+    "e33": 0.12,
+    "e15": 0.25,
+    "eps11S": 0.25,
+    "eps33S": 0.20,
+}
+# Relative standard uncertainty of what is not known: how far the complete sets of the library lie from each other.
+# Two published sets of one and the same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
+_PLANE = 0.12
+# Half the relative uncertainty of s11E - s12E and of s11E + s12E. They are known far better than those of c11E and c12E
+# lead to expect: the sets of the library that differ by 20 % in each differ by as much in the difference.
+_LOSS, _LOSS_FACTOR = 0.01, 2.7
+# Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest, as a logarithm with this standard deviation.
+_ANGLE = 0.03
+# How far the piezoelectric losses may lie from none, measured as the elements of A off its diagonal.
+_UNUSUAL = 1.5
+# Standard uncertainties from what is expected of a constant, from which on that is said.
+_SCAN = 500
+# Points of each sweep that starts are compared on.
+_FACES: Reals = np.linspace(-0.16, 0.16, 65)
+_SPEED, _LEVEL = 0.08, 0.25
+# Logarithms of the factors by which a tensor's frequencies may be wrong, their spread, that of its permittivities.
+_SOFTER = (0.0, -0.03, 0.03, -0.06, 0.06)
+# Half the relative change of s11E and s12E.
+_BLUR = 0.2
+# Misfit of ln C from which a point counts as missed altogether.
+
+
+def _tensor(values: Mapping[str, Quantity]) -> Tensor6mm | None:
+    """Return the tensor among the values of a layer or material; None where it is not complete."""
+    if any(name not in values for name in CONSTANTS):
+        return None
+    return Tensor6mm(*(values[name].value for name in CONSTANTS))
+
+
+def library() -> dict[str, Tensor6mm]:
+    """Return the complete and passive tensors of the material library by material."""
+    made: dict[str, Tensor6mm] = {}
+    for material in MATERIALS:
+        tensor = _tensor(material.values)
+        if tensor is not None and _has_coordinates(tensor):
+            made[material.name] = tensor
+    return made
+
+
+def _has_coordinates(tensor: Tensor6mm) -> bool:
+    try:
+        tensor_coordinates(tensor)
+    except PzctlError:
+        return False
+    return True
+
+
+def expected(disk: BareDisk) -> dict[str, float]:
+    """Return the real parts of the ten constants that the layer's material has, else the library's mean; SI units."""
+    own = _tensor(disk.layer.values)
+    sets = [own] if own is not None else list(library().values())
+    return {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
+
+
+def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
+    """Return a sentence on the constants that lie far from what ceramics of this kind let expect, if there are any."""
+    off = {name: getattr(found, name).real / value - 1 for name, value in expected(disk).items()}
+    told = [f"{disk.layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
+    if not told:
+        return ()
+    return (
+        f"Further from what the build's material lets expect than ceramics of one class lie apart: {', '.join(told)}. "
+        "Where the recording is not described to its noise, such a constant stands in for what is not in the model.",
+    )
+
+
+def _far(constant: str, part: float) -> bool:
+    return abs(part) > _UNUSUAL * _WIDTHS[constant]
+
+
+def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:
+    """Return what is known of the ten constants before any recording, and of sizes and density."""
+    at = disk.layer.name
+    made: list[Prior] = []
+    for name, value in expected(disk).items():
+        made.append(Prior(f"{at}.{name}.re", value, _WIDTHS[name] * abs(value)))
+    sizes = (Prior(disk.size_name(name), q.re, q.u) for name, q in disk.sizes.items() if q.u > 0)
+    return (*made, *sizes, _plane_prior(at, expected(disk)), _loss_prior(at))
+
+
+def _plane_prior(layer: str, c: Mapping[str, float]) -> Posterior:
+    """Return what is known of s11E - s12E and s11E + s12E, on the coordinates that are half their logarithms."""
+    minus = 1 / (c["c11E"] - c["c12E"])
+    plus = 1 / (c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"])
+    names = (f"{layer}.tensor.minus0", f"{layer}.tensor.axial0")
+    return Posterior(names, np.log([minus, plus]) / 2, np.eye(2) / _PLANE)
+
+
+def _loss_prior(layer: str) -> Posterior:
+    """Return what is known of losses, on the coordinates that make them: no recording tells all of them."""
+    names = tuple(f"{layer}.{name}" for name in (*LOSSES, *TURNS))
+    mean = np.array([math.log(_LOSS) / 2] * len(LOSSES) + [0.0] * len(TURNS))
+    width = np.array([math.log(_LOSS_FACTOR) / 2] * len(LOSSES) + [_ANGLE] * len(TURNS))
+    return Posterior(names, mean, np.diag(1 / width))
+
+
+def starts(disk: BareDisk) -> list[dict[str, float]]:
+    """Return model parameters to begin from: the layer's own tensor, then each of the library's."""
+    own = _tensor(disk.layer.values)
+    tensors = [own] if own is not None and _has_coordinates(own) else []
+    tensors += [tensor for tensor in library().values() if tensor != own]
+    sizes = {disk.size_name(name): q.re for name, q in disk.sizes.items()}
+    return [sizes | _parameters(disk.layer.name, tensor) for tensor in tensors]
+
+
+def matched(disk: BareDisk, model: Disk2D, coordinates: Coordinates) -> list[dict[str, float]]:
+    """Return the same with the plane softer or stiffer, and all of it as the recordings want it.
+
+    The nearest of each tensor first, then the others, the nearest first.
+
+    Order and frequency of an overtone tell the stiffness of the plane only together, and neighbouring orders look
+    alike: from each of five stiffnesses one order is the nearest. Then, with stiffnesses s times, permittivities q
+    times and piezoelectric constants sqrt(s q) times as large, the capacitance is q C(f/sqrt(s)): one curve holds all
+    s and q.
+    """
+    at = [coordinates.free.index(f"{disk.layer.name}.tensor.{name}") for name in ("minus0", "axial0")]
+    first: list[tuple[float, dict[str, float]]] = []
+    rest: list[tuple[float, dict[str, float]]] = []
+    for start in starts(disk):
+        x = coordinates.inverse(start)
+        family: list[tuple[float, dict[str, float]]] = []
+        for softer in _SOFTER:
+            moved = x.copy()
+            moved[at] += softer
+            family.append(_matched(disk, model.replace(start | _own(coordinates.forward(moved)[0], model))))
+        family.sort(key=lambda one: one[0])
+        first.append(family[0])
+        rest += family[1:]
+    return [start for part in (first, rest) for _, start in sorted(part, key=lambda one: one[0])]
+
+
+def _own(values: Mapping[str, float], model: Disk2D) -> dict[str, float]:
+    return {name: values[name] for name in model.parameters()}
+
+
+def _matched(disk: BareDisk, model: Disk2D) -> tuple[float, dict[str, float]]:
+    """Return how badly the nearest of a family of tensors describes the recordings, and its parameters."""
+    ratios: list[Complexes] = []
+    for sweep in disk.sweeps:
+        low, high = math.log(float(sweep.frequency[0])), math.log(float(sweep.frequency[-1]))
+        reach = float(_FACES[-1])
+        asked: Reals = np.linspace(low, high, _SCAN)
+        wide: Reals = np.linspace(low - reach, high + reach, 2 * _SCAN)
+        measured = _between(asked, np.log(sweep.frequency), _log_C(sweep.frequency, sweep.impedance))
+        curve = _log_C(np.exp(wide), model.impedance(np.exp(wide)))
+        ratios.append(np.array([measured - _between(asked + face, wide, curve) for face in _FACES.tolist()]))
+    whole = np.hstack(ratios)
+    level = np.median(whole.real, axis=1)
+    misfit = np.mean(np.log1p(np.abs(whole - level[:, None]) ** 2 / _BLUR**2), axis=1)
+    misfit += (_FACES**2 / _SPEED**2 + level**2 / _LEVEL**2) / whole.shape[1]
+    best = int(np.argmin(misfit))
+    s, q = math.exp(-2 * float(_FACES[best])), math.exp(float(level[best]))
+    factor = {"c": s, "e": math.sqrt(s * q), "eps": q}
+    tensor = {
+        f"{model.name}.{name}.{part}": value * factor["eps" if name.startswith("eps") else name[0]]
+        for name in CONSTANTS
+        for part in ("re", "im")
+        for value in [model.parameters()[f"{model.name}.{name}.{part}"]]
+    }
+    return float(misfit[best]), model.parameters() | tensor
+
+
+def _log_C(frequency: Frequencies, impedance: Impedances) -> Complexes:
+    return -np.log(j_omega(frequency) * impedance)
+
+
+def _between(x: Reals, known: Reals, values: Complexes) -> Complexes:
+    """Return complex values between the points where they are known, linearly."""
+    return np.interp(x, known, values.real) + 1j * np.interp(x, known, values.imag)
+
+
+def _parameters(layer: str, tensor: Tensor6mm) -> dict[str, float]:
+    values = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
+    return {
+        f"{layer}.{name}.{part}": number
+        for name, value in values.items()
+        for part, number in (("re", value.real), ("im", value.imag))
+    }

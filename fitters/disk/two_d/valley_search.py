@@ -1,0 +1,82 @@
+"""The search for the right valley: from every ceramic of the library to where a descent may begin."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.disk2d.disk_model import Disk2D
+from ...engine.descent import descend
+from ...engine.objective import Objective
+from ...engine.parameters.coordinates import Coordinates
+from ...engine.recording import Posterior, Prior, Recording
+from ..bare_disk import BareDisk
+from .tensor_start import matched
+
+Known: TypeAlias = Prior | Posterior
+_COARSE = 400
+# Points of each sweep that the search uses.
+_SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
+_HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _SEARCH)
+# Misfits that the search takes for granted one after the other, from how many places, and how many steps from each.
+_FAR, _SAME = 4.0, 0.02
+# Places that cost this many times as much as the best one are not followed further, nor those as near to a better one.
+_ROUGH = 3e-3
+
+
+def searched(
+    disk: BareDisk,
+    model: Disk2D,
+    recordings: Sequence[Recording],
+    coordinates: Coordinates,
+    priors: Sequence[Known],
+    enough: float = 0.0,
+) -> tuple[Reals, int]:
+    """Return the bottom of the deepest valley found, and after how many evaluations.
+
+    Misfit is taken as noise, less and less of it: the larger, the wider the valleys. Where the most promising places
+    alone lead to less than `enough` of ln Z, root mean square, no others are followed.
+    """
+    model = replace(model, rough=True)
+    places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
+    coarse = [replace(_thinned(recording), model=model) for recording in recordings]
+    evaluations = len(places)
+    if enough > 0:
+        x, more = _followed(coarse, coordinates, priors, places, _HURRIED)
+        ratios = Objective(coarse, coordinates, ()).log_ratios(x)
+        evaluations += more
+        if max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios) < enough:
+            return x, evaluations
+    x, more = _followed(coarse, coordinates, priors, places, _SEARCH)
+    return x, evaluations + more
+
+
+def _followed(
+    coarse: Sequence[Recording],
+    coordinates: Coordinates,
+    priors: Sequence[Known],
+    places: list[Reals],
+    search: Sequence[tuple[float, int, int]],
+) -> tuple[Reals, int]:
+    evaluations = 0
+    for misfit, count, most in search:
+        objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)
+        tried = [descend(objective, x, _ROUGH, most) for x in places[:count]]
+        evaluations += sum(descent.evaluations for descent in tried)
+        tried.sort(key=lambda descent: descent.cost)
+        places = []
+        for descent in tried:
+            near = any(np.abs(descent.x - x).max() < _SAME for x in places)
+            if descent.cost < _FAR * tried[0].cost and not near:
+                places.append(descent.x)
+    return places[0], evaluations
+
+
+def _thinned(recording: Recording) -> Recording:
+    """Return the recording with some of its points."""
+    every = max(1, recording.sweep.frequency.size // _COARSE)
+    sweep = recording.sweep
+    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
+    return replace(recording, sweep=few, noise=recording.noise[::every])

@@ -1,0 +1,1 @@
+"""Least squares: recordings, noise, objective, descent, covariance."""

@@ -1,0 +1,125 @@
+"""Standard uncertainties of a least-squares fit, honest when the model does not describe the data."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from .descent import Descent, chi2_per_point
+from .objective import Objective
+from .recording import Posterior, rms
+
+_SINGULAR = 1e-12
+_FLATTEST = 1e-6
+# Slope of a load below which its coordinate has run off: nothing is known there but that it is next to nothing.
+_NOTHING = 1e-60
+# Information on a coordinate that counts as none, small enough to give an uncertainty that nobody overlooks.
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A minimum and its covariance."""
+
+    x: Reals
+    """Moving coordinates, shape (M,)."""
+    covariance: Reals
+    """Of the model parameters in the order of `Coordinates.parameters`, shape (P, P), SI."""
+    chi2_per_dof: float
+    rms_log_error: float
+    """Root mean square of |ln(Z_model/Z_measured)|."""
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """How an objective bends at its minimum, in the moving coordinates."""
+
+    rows: Reals
+    """d residual / d x of all residuals, shape (R, M); those of the recordings divided by the misfit left."""
+    data: int
+    """How many of the rows are of recordings; the others are priors."""
+    spread: Reals
+    """Standard deviation of each residual, shape (R,)."""
+    half: Reals
+    """Shape (M, M); half half^T = (rows^T rows)^-1."""
+    scale: float
+    """What the rows of recordings were divided by."""
+
+    @property
+    def answer(self) -> Reals:
+        """How far each residual moves x, times its standard deviation, shape (M, R)."""
+        return self.half @ (self.half.T @ (self.rows * self.spread[:, None]).T)
+
+    def covariance(self, chain: Reals) -> Reals:
+        """Return the covariance of parameters with d parameter / d x = `chain`, shape (P, M).
+
+        Where the weights are not the noise's own (the thesis's objective) it is the sandwich of P. J. Huber (1967).
+        """
+        half = chain @ self.half
+        uneven = np.flatnonzero(self.spread != 1)
+        moved = half @ (self.half.T @ self.rows[uneven].T)
+        return half @ half.T + (moved * (self.spread[uneven] ** 2 - 1)) @ moved.T
+
+
+def remaining(objective: Objective, x: Reals) -> float:
+    """Return the misfit per degree of freedom that weights do not account for, at least 1 (Birge ratio squared)."""
+    data = 2 * objective.points
+    return max(1.0, float(np.sum(objective.residual(x)[:data] ** 2)) / max(1, data - x.size))
+
+
+def curvature(objective: Objective, x: Reals) -> Curvature:
+    """Return how the objective bends at its minimum `x`."""
+    data, rows = 2 * objective.points, objective.jacobian(x).copy()
+    scale = float(np.sqrt(remaining(objective, x)))
+    rows[:data] /= scale
+    spread = np.concatenate([objective.spread, np.ones(len(rows) - data)])
+    return Curvature(rows, data, spread, _inverse_root(rows), scale)
+
+
+def posterior(descent: Descent) -> Posterior:
+    """Return what a descent tells a later step: its minimum and all of its curvature."""
+    objective = descent.objective
+    mean, slope = objective.straight(descent.x)
+    rows = curvature(objective, descent.x).rows / np.maximum(slope, _FLATTEST)
+    return Posterior(objective.coordinates.free, mean, np.asarray(np.linalg.qr(rows, mode="r")))
+
+
+def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
+    """Return the covariance and the figures of merit at a minimum; `judged` has recordings of more than its last step.
+
+    Misfit above the noise has been taken as noise by `descent.settle`; the little that remains widens the covariance
+    too (Birge ratio).
+    """
+    objective, x = descent.objective, descent.x
+    _, chain = objective.coordinates.forward(x)
+    judged = judged or objective
+    ratios = judged.log_ratios(x)
+    dof = max(1, 2 * judged.points - x.size)
+    weighted = sum(
+        2 * ratio.size * chi2_per_point(recording, ratio)
+        for recording, ratio in zip(judged.recordings, ratios, strict=True)
+    )
+    return Estimate(
+        x=x,
+        covariance=curvature(objective, x).covariance(chain),
+        chi2_per_dof=weighted / dof,
+        rms_log_error=rms(*ratios),
+        converged=descent.converged,
+    )
+
+
+def _inverse_root(rows: Reals) -> Reals:
+    """Return H with H H^T = (rows^T rows)^-1; directions that nothing determines get a variance too large to miss.
+
+    In two rounds: the square of the rows has half their digits, and the posterior of an earlier step needs them all.
+    """
+    half = _whitening(rows)
+    return half @ _whitening(rows @ half)
+
+
+def _whitening(rows: Reals) -> Reals:
+    normal = rows.T @ rows
+    scale = 1 / np.sqrt(np.maximum(np.diag(normal), _NOTHING))
+    eigenvalues, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+    floor = _SINGULAR * float(eigenvalues[-1]) if eigenvalues.size else 0.0
+    return scale[:, None] * vectors / np.sqrt(np.maximum(eigenvalues, floor))

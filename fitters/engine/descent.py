@@ -1,0 +1,196 @@
+"""Going downhill, and what to do where the model does not describe a recording to its noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import leastsq
+
+from ...models.base.arrays import Complexes, Reals
+from .objective import Objective
+from .parameters.coordinates import Coordinates
+from .recording import Posterior, Prior, Recording, along_curve
+
+_MAX_EVALUATIONS = 200
+ROUGH, _FINE, _FINEST = 1e-4, 1e-10, 1e-13
+# Relative tolerances: enough to see where a descent leads; enough for the minimum that is reported; and that where a
+# coordinate has run off, as that of a load does towards nothing: it shortens the steps of all others.
+_SURE = 1e-2
+# Part of a tolerance below which a step is not taken: one that is, ends far nearer than it was.
+_FAR, _KEPT = 100.0, 0.75
+# Standard uncertainties that a step may be long, and part of the fall it promised that it must keep: MINPACK's radius
+# at its first step, and where it makes it larger.
+_RUN_OFF = 1e3
+_TOO_MANY = 5
+# What MINPACK calls an end by the number of evaluations; 1 to 4 are its ways to converge, 6 to 8 to do so to rounding.
+_ROUNDS = 8
+_DESCRIBED = 1.3
+# chi2 per degree of freedom up to which a recording counts as described: the noise estimate is good to a few per
+# cent, and 1600 residuals scatter by 3.5 %.
+_SETTLED = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where a local descent began and ended."""
+
+    objective: Objective
+    start: Reals
+    x: Reals
+    cost: float
+    converged: bool
+    evaluations: int
+
+
+def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int = _MAX_EVALUATIONS) -> Descent:
+    """Go downhill from `x`: by Gauss-Newton while it keeps what it promises, else by Levenberg-Marquardt.
+
+    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`. `leastsq`
+    calls it at once, where `least_squares` does as much work around it as a small recording takes.
+    """
+    before = objective.evaluations
+    if x.size == 0:
+        cost = float(np.sum(objective.residual(x) ** 2)) / 2
+        return Descent(objective, x, x, cost, converged=True, evaluations=1)
+    near, cost, converged = _straight_down(objective, x, tolerance, most)
+    if converged:
+        return Descent(objective, x, near, cost, converged, objective.evaluations - before)
+    # From zero, so that tolerances refer to the way travelled and not to logarithms of stiffnesses.
+    with np.errstate(over="ignore", invalid="ignore"):  # of a covariance that it makes too, which nobody asked for
+        way, _, found, _, ended = leastsq(
+            lambda way: objective.residual(near + way),
+            np.zeros_like(x),
+            Dfun=lambda way: objective.jacobian(near + way).T,
+            full_output=True,
+            col_deriv=True,
+            xtol=tolerance,
+            ftol=tolerance,
+            gtol=tolerance,
+            maxfev=most,
+        )
+    cost = float(np.sum(np.asarray(found["fvec"]) ** 2)) / 2
+    tried = objective.evaluations - before
+    return Descent(objective, x, near + np.asarray(way), cost, ended not in (0, _TOO_MANY), tried)
+
+
+def _straight_down(objective: Objective, x: Reals, tolerance: float, most: int) -> tuple[Reals, float, bool]:
+    """Take Gauss-Newton steps: return where they end, the cost there, and whether that is the minimum.
+
+    They are the first steps that MINPACK would take, at a third of the time: normal equations instead of its QR, and
+    it is seen before the last evaluation that a step would gain nothing. What those equations are too coarse for,
+    or what bends, is left to MINPACK.
+    """
+    r = objective.residual(x)
+    cost = float(r @ r) / 2
+    for _ in range(most):
+        slopes = objective.jacobian(x).T
+        normal, gradient = slopes @ slopes.T, slopes @ r
+        size = np.sqrt(np.diag(normal))
+        if not np.all(size > 0):
+            break
+        try:
+            step = -cho_solve(cho_factor(normal / size / size[:, None]), gradient / size)
+        except np.linalg.LinAlgError:
+            break
+        fall = -float(gradient / size @ step) / 2
+        if fall <= _SURE * tolerance * cost:
+            return x, cost, True
+        if float(np.linalg.norm(step)) > _FAR:
+            break
+        before, there = cost, x + step / size
+        r = objective.residual(there)
+        cost = float(r @ r) / 2
+        if cost < before:
+            x = there
+        if before - cost < _KEPT * fall:
+            break
+    return x, cost, False
+
+
+def chi2_per_point(recording: Recording, ratio: Complexes) -> float:
+    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise alone."""
+    return float(np.mean(np.abs(ratio / recording.noise) ** 2)) / 2
+
+
+def softened(recording: Recording, ratio: Complexes) -> Recording:
+    """Return the recording with the misfit that its residuals `ratio` call for taken as further noise.
+
+    Where the model describes the recording, that is none. Elsewhere a model that is wrong must not be fitted as if
+    it were right to the last digit: it would drag well-known dimensions and earlier steps' constants away with it.
+    Correlated residuals count for what they are worth, (1 - rho)/(1 + rho) of the points.
+    """
+    if chi2_per_point(recording, ratio) < _DESCRIBED:
+        return replace(recording, misfit=0.0, correlation=1.0)
+    excess = float(np.mean(np.abs(ratio) ** 2)) / 2 - float(np.mean(recording.noise**2))
+    rho = min(max(0.0, lag_one(ratio) - 2 / np.sqrt(ratio.size)), 0.999)
+    return replace(recording, misfit=float(np.sqrt(max(excess, 0.0))), correlation=(1 + rho) / (1 - rho))
+
+
+def thinned(recording: Recording) -> Recording:
+    """Return the recording with a hundred points at most, closest at resonances."""
+    sweep = recording.sweep
+    at = along_curve(sweep.impedance)
+    few = replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at])
+    return replace(recording, sweep=few, noise=recording.noise[at])
+
+
+def lag_one(ratio: Complexes) -> float:
+    """Return the correlation of neighbouring residuals, Re and Im together."""
+    norm = float(np.sum(np.abs(ratio) ** 2))
+    return float(np.real(np.sum(ratio[1:] * np.conj(ratio[:-1])))) / norm if norm > 0 else 0.0
+
+
+def _settled(before: Sequence[Recording], after: Sequence[Recording]) -> bool:
+    return all(
+        abs(old.misfit - new.misfit) <= _SETTLED * max(old.misfit, new.misfit)
+        for old, new in zip(before, after, strict=True)
+    )
+
+
+def settle(
+    recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
+) -> Descent:
+    """Go downhill from `x`, each recording softened by its own misfit, until the misfits no longer change.
+
+    Begins with the misfits the recordings come with; a large one makes the first descent a cautious one.
+    """
+    last = approach(recordings, coordinates, priors, x)
+    evaluations = last.evaluations
+    for _ in range(_ROUNDS):
+        last = descend(last.objective, last.x, _FINE if np.all(np.abs(last.x) < _RUN_OFF) else _FINEST)
+        evaluations += last.evaluations
+        after = _judged(last)
+        if _settled(last.objective.recordings, after):
+            break
+        last = approach(after, coordinates, priors, last.x)
+        evaluations += last.evaluations
+    return replace(last, start=x, evaluations=evaluations)
+
+
+def approach(
+    recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
+) -> Descent:
+    """Do the same with rough descents only; the objective is that of the misfits that the last of them left."""
+    rough = descend(Objective(recordings, coordinates, priors), x, ROUGH)
+    evaluations = rough.evaluations
+    for _ in range(_ROUNDS):
+        before, after = rough.objective.recordings, _judged(rough)
+        if all(_weight(old) == _weight(new) for old, new in zip(before, after, strict=True)):
+            break
+        objective = Objective(after, coordinates, priors)
+        if _settled(before, after):
+            rough = replace(rough, objective=objective)
+            break
+        rough = descend(objective, rough.x, ROUGH)
+        evaluations += rough.evaluations
+    return replace(rough, start=x, evaluations=evaluations)
+
+
+def _judged(descent: Descent) -> tuple[Recording, ...]:
+    objective = descent.objective
+    return tuple(map(softened, objective.recordings, objective.log_ratios(descent.x)))
+
+
+def _weight(recording: Recording) -> tuple[float, float]:
+    return recording.misfit, recording.correlation

@@ -1,0 +1,270 @@
+"""What is minimised: noise-weighted complex residuals of ln Z over all steps at once, and what was known before."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Reals
+from ...models.base.errors import PzctlError
+from ...models.base.model import Model
+from .parameters.coordinates import Coordinates
+from .recording import Posterior, Prior, Recording, log_ratio
+
+LOADS = ("back.z", "front.z")
+_NOWHERE = 1e8
+_LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
+# Logarithm of a loss tangent before any measurement: from 1e-4 to 1 within two standard deviations. A recording tells
+# it a thousand times better; where a model that is wrong, or not right yet, would want a negative loss, this keeps the
+# logarithm from running off to where nothing pulls it back.
+
+
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """Recordings one after another that share their model: it is evaluated once, over the points of all of them."""
+
+    model: Model
+    owned: Mapping[int, str]
+    """The rows of the fit's parameters that the model has, and what the model calls each."""
+    recordings: tuple[Recording, ...]
+    frequency: Reals
+    """Of all recordings in turn."""
+    parts: tuple[slice, ...]
+    """Where each recording's points are."""
+
+
+class Objective:
+    """Residuals and exact Jacobian over the moving coordinates of a fit.
+
+    `slopes_later`: derivatives cost many times what a curve costs; they are taken where they are asked for, and a step
+    that is not kept does without.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        coordinates: Coordinates,
+        priors: Sequence[Prior | Posterior],
+        *,
+        slopes_later: bool = False,
+    ) -> None:
+        self.recordings = tuple(recordings)
+        self.coordinates = coordinates
+        known = [prior for prior in priors if isinstance(prior, Prior)]
+        self.priors = tuple(prior for prior in known if prior.parameter in coordinates.parameters)
+        self.posteriors = tuple(prior for prior in priors if isinstance(prior, Posterior))
+        self.evaluations = 0
+        self._row = {name: k for k, name in enumerate(coordinates.parameters)}
+        self._shared = [self._shared_by(alike) for alike in _alike(self.recordings)]
+        told = {name for posterior in self.posteriors for name in posterior.names}
+        self._losses = [k for k in coordinates.log_losses if coordinates.free[k] not in told]
+        self._told = [self._told_by(posterior) for posterior in self.posteriors]
+        self._known = [self._row[prior.parameter] for prior in self.priors]
+        self._mean = np.array([prior.mean for prior in self.priors])
+        self._u = np.array([prior.u for prior in self.priors])
+        self._tether = np.zeros((len(self.coordinates.free), len(self._losses)))
+        self._tether[self._losses, range(len(self._losses))] = 1 / _LOSS_WIDTH
+        self._rows = 2 * self.points + len(self.priors) + len(self._losses) + sum(len(root) for root, _ in self._told)
+        self._slopes_later = slopes_later
+        self._cache: _Evaluation | None = None
+
+    def _shared_by(self, alike: tuple[Recording, ...]) -> _Shared:
+        first = alike[0]
+        there = {first.renamed.get(name, name): name for name in first.model.parameters()}
+        owned = {self._row[name]: there[name] for name in self.coordinates.parameters if name in there}
+        ends = np.cumsum([0, *(recording.sweep.frequency.size for recording in alike)]).tolist()
+        frequency = np.concatenate([recording.sweep.frequency for recording in alike])
+        frequency.flags.writeable = False  # so that a stack may remember what it said of these points
+        return _Shared(first.model, owned, alike, frequency, tuple(map(slice, ends[:-1], ends[1:])))
+
+    def _told_by(self, posterior: Posterior) -> tuple[Reals, Reals]:
+        """Return root and mean over the moving coordinates; a coordinate that is held now is where it was."""
+        free = self.coordinates.free
+        root, mean = np.zeros((len(posterior.root), len(free))), np.zeros(len(free))
+        for k, name in enumerate(posterior.names):
+            if name in free:
+                root[:, free.index(name)], mean[free.index(name)] = posterior.root[:, k], posterior.mean[k]
+        return root, mean
+
+    def straight(self, x: Reals) -> tuple[Reals, Reals]:
+        """Return what posteriors are straight in, shape (M,), and its derivatives by x: x itself, but loads in Rayl.
+
+        A load's coordinate bends where the load is next to nothing, and along that bend lies what an earlier step knows
+        to a part in a million.
+        """
+        values, chain = self.coordinates.forward(x)
+        y, slope = x.copy(), np.ones(x.size)
+        for k, name in enumerate(self.coordinates.free):
+            if name in LOADS:
+                y[k], slope[k] = values[name], chain[self._row[name], k]
+        return y, slope
+
+    @property
+    def points(self) -> int:
+        """Number of complex points."""
+        return sum(recording.sweep.frequency.size for recording in self.recordings)
+
+    def models(self, x: Reals) -> tuple[Model, ...]:
+        """Return the model of each recording at these coordinates."""
+        values, _ = self.coordinates.forward(x)
+        made = ((self._with(shared, values), shared) for shared in self._shared)
+        return tuple(model for model, shared in made for _ in shared.recordings)
+
+    def _with(self, shared: _Shared, values: Mapping[str, float]) -> Model:
+        names = self.coordinates.parameters
+        return shared.model.replace({own: values[names[i]] for i, own in shared.owned.items()})
+
+    def _evaluated(self, x: Reals) -> "_Evaluation":
+        if self._cache is None or not np.array_equal(x, self._cache.x):
+            self.evaluations += 1
+            self._cache = self._guarded(x, self._residual if self._slopes_later else self._evaluate)
+        return self._cache
+
+    def _guarded(self, x: Reals, evaluate: "Callable[[Reals], _Evaluation]") -> "_Evaluation":
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                found = evaluate(x)
+            if np.all(np.isfinite(found.residual)):
+                return found
+        except (PzctlError, ArithmeticError):
+            pass
+        # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
+        return _Evaluation(x.copy(), np.full(self._rows, _NOWHERE), np.zeros((x.size, self._rows)), ())
+
+    def _residual(self, x: Reals) -> "_Evaluation":
+        """Return what the models say, derivatives apart."""
+        values, _ = self.coordinates.forward(x)
+        models = tuple(self._with(shared, values) for shared in self._shared)
+        wholes = [model.impedance(shared.frequency) for shared, model in zip(self._shared, models, strict=True)]
+        curves = self._parted(wholes)
+        r, _ = self._weighed(x, values, curves)
+        return _Evaluation(x.copy(), r, None, curves, models)
+
+    def _evaluate(self, x: Reals) -> "_Evaluation":
+        """Return what the models say, and its derivatives."""
+        values, chain = self.coordinates.forward(x)
+        known = self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
+        models = known or [self._with(shared, values) for shared in self._shared]
+        moves: list[bool] = np.any(chain, axis=1).tolist()
+        moved = [[i for i in shared.owned if moves[i]] for shared in self._shared]
+        answers = [
+            model.jacobian(shared.frequency, [shared.owned[i] for i in own])
+            for shared, model, own in zip(self._shared, models, moved, strict=True)
+        ]
+        curves = self._parted([whole for whole, _ in answers])
+        r, weights = self._weighed(x, values, curves)
+        weight = iter(weights)
+        J, row = np.empty((x.size, self._rows)), 0
+        for shared, (_, slopes), own in zip(self._shared, answers, moved, strict=True):
+            down = chain[own].T
+            for part in shared.parts:
+                # as real numbers, Re and Im in turn: chain is real, and a complex product would be four of these
+                rows = down @ np.multiply(slopes[:, part], next(weight), dtype=np.complex128).view(np.float64)
+                size = part.stop - part.start
+                J[:, row : row + size], J[:, row + size : row + 2 * size] = rows[:, 0::2], rows[:, 1::2]
+                row += 2 * size
+        near = row + len(self._known)
+        J[:, row:near] = (chain[self._known] / self._u[:, None]).T
+        J[:, near : near + len(self._losses)] = self._tether
+        if self._told:
+            _, slope = self.straight(x)
+            J[:, near + len(self._losses) :] = np.concatenate([root * slope for root, _ in self._told]).T
+        return _Evaluation(x.copy(), r, J, curves)
+
+    def _parted(self, wholes: Sequence[Complexes]) -> tuple[Complexes, ...]:
+        """Return the curve of each recording, of the curves over all that share a model."""
+        return tuple(Z[part] for Z, shared in zip(wholes, self._shared, strict=True) for part in shared.parts)
+
+    def _weighed(
+        self, x: Reals, values: Mapping[str, float], curves: Sequence[Complexes]
+    ) -> tuple[Reals, list[Reals | Complexes]]:
+        """Return the residuals, and what makes d residual of each recording's d ln Z."""
+        r, row = np.empty(self._rows), 0
+        weights: list[Reals | Complexes] = []
+        for recording, Z in zip(self.recordings, curves, strict=True):
+            residual, weight = recording.weighted(Z)
+            size = residual.size
+            r[row : row + size], r[row + size : row + 2 * size] = residual.real, residual.imag
+            weights.append(weight)
+            row += 2 * size
+        r[row:] = np.concatenate(self._beforehand(x, values))
+        return r, weights
+
+    def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
+        """Return the residuals of what was known before: priors, losses, earlier steps."""
+        priors = (np.array([values[prior.parameter] for prior in self.priors]) - self._mean) / self._u
+        losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
+        y, _ = self.straight(x) if self._told else (x, x)
+        return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
+
+    def cost(self, x: Reals) -> float:
+        """Return half the sum of squares at x, for those who need no derivatives; infinite where no model is."""
+        self.evaluations += 1
+        values, _ = self.coordinates.forward(x)
+        total = 0.0
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                for shared in self._shared:
+                    whole = self._with(shared, values).impedance(shared.frequency)
+                    for recording, part in zip(shared.recordings, shared.parts, strict=True):
+                        r, _ = recording.weighted(whole[part])
+                        total += float(np.vdot(r, r).real)
+        except (PzctlError, ArithmeticError):
+            return np.inf
+        total += sum(float(r @ r) for r in self._beforehand(x, values))
+        return total / 2 if np.isfinite(total) else np.inf
+
+    def residual(self, x: Reals) -> Reals:
+        """Return the weighted residuals, Re and Im of each recording in turn, then priors and losses."""
+        return self._evaluated(x).residual
+
+    def jacobian(self, x: Reals) -> Reals:
+        """Return d residual / d moving coordinate, shape (R, M)."""
+        found = self._evaluated(x)
+        if found.slopes is None:
+            found = self._cache = self._guarded(x, self._evaluate)
+        return cast(Reals, found.slopes).T
+
+    @property
+    def spread(self) -> Reals:
+        """Standard deviation that the noise gives each weighted residual of the recordings, Re and Im in turn."""
+        return np.concatenate([np.tile(recording.spread, 2) for recording in self.recordings])
+
+    def curves(self, x: Reals) -> tuple[Complexes, ...]:
+        """Return the model's impedance at the points of each recording, ohm."""
+        if self._cache is not None and self._cache.curves and np.array_equal(x, self._cache.x):
+            return self._cache.curves
+        values, _ = self.coordinates.forward(x)
+        return self._parted([self._with(shared, values).impedance(shared.frequency) for shared in self._shared])
+
+    def log_ratios(self, x: Reals) -> tuple[Complexes, ...]:
+        """Return ln(Z_model/Z_measured) of each recording."""
+        pairs = zip(self.curves(x), self.recordings, strict=True)
+        return tuple(log_ratio(Z, recording.sweep.impedance) for Z, recording in pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Evaluation:
+    """An objective at one place."""
+
+    x: Reals
+    residual: Reals
+    slopes: Reals | None
+    """d residual / d moving coordinate, shape (M, R): as MINPACK wants it, column by column. None: not asked yet."""
+    curves: tuple[Complexes, ...]
+    """Model impedance of each recording, ohm; empty where there is no model."""
+    models: tuple[Model, ...] = ()
+    """Those that have said all this and remember some of it, until they are asked for the slopes."""
+
+
+def _alike(recordings: Sequence[Recording]) -> list[tuple[Recording, ...]]:
+    """Return the recordings in their order, those together that follow each other and have one model."""
+    found: list[list[Recording]] = []
+    for recording in recordings:
+        last = found[-1][0] if found else None
+        if last is not None and last.model is recording.model and last.renamed == recording.renamed:
+            found[-1].append(recording)
+        else:
+            found.append([recording])
+    return [tuple(alike) for alike in found]

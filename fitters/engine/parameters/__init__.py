@@ -1,0 +1,1 @@
+"""Parameters of a fit: coordinates, bounds, priors, overrides."""

@@ -1,0 +1,233 @@
+"""From a build to what a fit needs: stacks of its steps, coordinates, priors, nominal values."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.build import Build, LayerSpec, Load, Quantity, Step
+from ....models.stack import Elastic, HalfSpace, Piezo, Stack
+from ....models.sweep import Sweep
+from ...interface import TaskError
+from ..recording import Prior, Recording
+from .constraints import bounded, shared
+from .coordinates import Block, Coordinates, hardly_negative, positive, thickness_constants, to_h33
+
+PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
+ELASTIC_CONSTANTS = ("z", "c", "q")
+UNITS = {
+    "c33D": "Pa",
+    "h33": "V/m",
+    "eps33S": "F/m",
+    "z": "Rayl",
+    "c": "m/s",
+    "q": "1",
+    "thickness": "m",
+    "density": "kg/m3",
+    "area": "m2",
+}
+
+
+def ground_name(layer: str, step: str) -> str:
+    """Return the name of the thickness that a layer has since it was ground before a step."""
+    return f"{layer}.thickness@{step}"
+
+
+def _ground(build: Build, steps: Iterable[str]) -> dict[str, Quantity]:
+    """Return the thickness of every layer that was ground by the time of any of these steps, by its name in a fit."""
+    found = (item for step in steps for item in build.reground(step).items())
+    return {ground_name(layer, since): thickness for layer, (since, thickness) in found}
+
+
+def renamed(build: Build, step: str) -> dict[str, str]:
+    """Return what a fit calls the parameters of a step's stack, where that is not their own name."""
+    return {f"{layer}.thickness": ground_name(layer, since) for layer, (since, _) in build.reground(step).items()}
+
+
+def recordings_of(build: Build, step: str, sweeps: Iterable[Sweep], noise: Iterable[Reals]) -> list[Recording]:
+    """Return the recordings of a step; `noise`: standard deviation of Re and Im of ln Z of each sweep."""
+    stack, names = stack_of(build, build.step(step)), renamed(build, step)
+    return [Recording(step, sweep, stack, sigma, renamed=names) for sweep, sigma in zip(sweeps, noise, strict=True)]
+
+
+def _layer(spec: LayerSpec, ground: Quantity | None) -> Piezo | Elastic:
+    value = {name: quantity.value for name, quantity in spec.values.items()}
+    if ground is not None:
+        value["thickness"] = ground.value
+    if spec.kind == "piezo":
+        return Piezo(
+            spec.name,
+            thickness=value["thickness"].real,
+            density=value["density"].real,
+            c33D=value["c33D"],
+            h33=value["h33"],
+            eps33S=value["eps33S"],
+        )
+    return Elastic(
+        spec.name, thickness=value["thickness"].real, z=value["z"].real, c=value["c"].real, q=value["q"].real
+    )
+
+
+def _half_space(load: Load) -> HalfSpace:
+    return HalfSpace(load.name, z=load.z.re)
+
+
+def stack_of(build: Build, step: Step) -> Stack:
+    """Return the stack of a step at its nominal values."""
+    ground = {layer: thickness for layer, (_, thickness) in build.reground(step.name).items()}
+    return Stack(
+        layers=tuple(_layer(build.layer(name), ground.get(name)) for name in step.layers),
+        back=_half_space(build.back),
+        front=_half_space(build.front),
+        area=build.area.re,
+    )
+
+
+def layers_of(build: Build, steps: Iterable[str]) -> tuple[LayerSpec, ...]:
+    """Return the layers that are there in any of these steps, back to front."""
+    there = {name for step in steps for name in build.step(step).layers}
+    return tuple(layer for layer in build.layers if layer.name in there)
+
+
+def nominal_parameters(build: Build) -> dict[str, float]:
+    """Return every model parameter of every layer at its nominal value, `area` and loads."""
+    values = {"area": build.area.re} | {name: quantity.re for name, quantity in _loads(build).items()}
+    values |= {name: quantity.re for name, quantity in _ground(build, (step.name for step in build.steps)).items()}
+    for layer in build.layers:
+        for name, quantity in layer.values.items():
+            if name in PIEZO_CONSTANTS:
+                values[f"{layer.name}.{name}.re"] = quantity.re
+                values[f"{layer.name}.{name}.im"] = quantity.im
+            else:
+                values[f"{layer.name}.{name}"] = quantity.re
+    return values
+
+
+def _loads(build: Build) -> dict[str, Quantity]:
+    """Return the loads that are there, by parameter name, with what is known of them.
+
+    A face in air radiates 413 Rayl only where nothing is near. Between face and jig the air stands, and what the face
+    then feels lies anywhere between nothing and more than that; so air is uncertain by its own size. It matters: it
+    is 0.15 % of the loss of a Pz27 disk, ten times the uncertainty that the noise alone would give.
+    """
+    loads = {"back.z": build.back, "front.z": build.front}
+    return {
+        name: replace(load.z, u=load.z.re) if load.name == "air" else load.z
+        for name, load in loads.items()
+        if load.z.re > 0
+    }
+
+
+def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
+    layers, steps = layers_of(build, steps), tuple(steps)
+    blocks: list[Block] = [positive("area"), *(hardly_negative(name, load.re) for name, load in _loads(build).items())]
+    followers: dict[str, list[str]] = {}
+    for layer in layers:
+        if layer.kind == "piezo":
+            constants = thickness_constants(layer.name)
+            limits = {name: layer.values[name].bounds for name in PIEZO_CONSTANTS}
+            blocks.append(
+                between_bounds(constants, {f"{layer.name}.{name}": ends for name, ends in limits.items() if ends})
+            )
+        for name in ("density", "thickness") if layer.kind == "piezo" else (*ELASTIC_CONSTANTS, "thickness"):
+            quantity, full = layer.values[name], f"{layer.name}.{name}"
+            if quantity.same_as is not None:
+                followers.setdefault(quantity.same_as, []).append(full)
+            else:
+                blocks.append(between_bounds(positive(full), {full: quantity.bounds} if quantity.bounds else {}))
+    for name, quantity in _ground(build, steps).items():
+        blocks.append(between_bounds(positive(name), {name: quantity.bounds} if quantity.bounds else {}))
+    return _with_ties(build, blocks, followers)
+
+
+def between_bounds(block: Block, bounds: Mapping[str, tuple[float, float]]) -> Block:
+    """Return the block within bounds (SI); all constants move as logarithms but h33, which may have either sign."""
+    if not bounds:
+        return block
+    moving = {name: (to_h33(low), to_h33(high)) for name, (low, high) in bounds.items() if name.endswith(".h33")}
+    moving |= {
+        name: (float(np.log(low)), float(np.log(high))) for name, (low, high) in bounds.items() if name not in moving
+    }
+    return bounded(block, moving)
+
+
+def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[str]]) -> tuple[Block, ...]:
+    """Return the blocks, each leader in one with those that are tied to it; the leader's layer may come later."""
+    kept = [block for block in blocks if block.coordinates[0] not in followers]
+    for leader, names in followers.items():
+        quantity = known_as(build, leader)
+        block = shared(leader, tuple(names))
+        kept.append(between_bounds(block, {leader: quantity.bounds} if quantity.bounds else {}))
+    return tuple(kept)
+
+
+def known_as(build: Build, name: str) -> Quantity:
+    """Return what a build knows of a constant by its full name (`glue1.z`). Raises KeyError."""
+    layer, _, constant = name.partition(".")
+    return build.layer(layer).values[constant]
+
+
+def is_held(quantity: Quantity, piezo_constant: bool) -> bool:
+    """Say whether a quantity is held: a bare number of the build file, or a library value said to be exact.
+
+    The thickness-mode constants of a library ceramic always move: no data sheet gives them well enough to hold them.
+    """
+    return quantity.u == 0 and (quantity.source == "build.toml" or not piezo_constant)
+
+
+def _free_by_default(build: Build, steps: Iterable[str]) -> set[str]:
+    layers, ground = layers_of(build, steps), _ground(build, steps)
+    free = {name for name, quantity in ground.items() if quantity.u > 0}
+    free |= {name for name, quantity in _loads(build).items() if quantity.u > 0}
+    free |= set() if build.area.u == 0 else {"area"}
+    for layer in layers:
+        names = PIEZO_CONSTANTS if layer.kind == "piezo" else ELASTIC_CONSTANTS
+        for name in (*names, "thickness", "density"):
+            if name in layer.values and not is_held(layer.values[name], name in PIEZO_CONSTANTS):
+                full = layer.values[name].same_as or f"{layer.name}.{name}"
+                free |= {full, f"{full}.loss"}
+    return free
+
+
+def _free_by_name(names: Iterable[str], blocks: tuple[Block, ...]) -> set[str]:
+    known = {coordinate.removesuffix(".loss") for block in blocks for coordinate in block.coordinates}
+    tied = {
+        name: block.parameters[0] for block in blocks for name in block.parameters[1:] if len(block.coordinates) == 1
+    }
+    for name in names:
+        if name in tied:
+            raise TaskError(f"cannot free {name!r}: it is tied to {tied[name]}; free that")
+        if name not in known:
+            raise TaskError(f"cannot free {name!r}: this build has {', '.join(sorted(known))}")
+    return {variant for name in names for variant in (name, f"{name}.loss")}
+
+
+def coordinates_of(
+    build: Build, steps: Iterable[str], start: Mapping[str, float], free: tuple[str, ...] | None
+) -> Coordinates:
+    """Return the coordinates of a fit over these steps.
+
+    `free` names constants (`disk.c33D`, `glue1.thickness`); None frees all that carry an uncertainty. Raises FitError
+    for a name the build does not have.
+    """
+    steps = tuple(steps)
+    blocks = _blocks(build, steps)
+    moving = _free_by_default(build, steps) if free is None else _free_by_name(free, blocks)
+    return Coordinates(blocks, start, tuple(moving))
+
+
+def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
+    """Return what build file and material library say of the constants beforehand."""
+    steps = tuple(steps)
+    known = _loads(build) | {"area": build.area} | _ground(build, steps)
+    for layer in layers_of(build, steps):
+        known |= {quantity.same_as or f"{layer.name}.{name}": quantity for name, quantity in layer.values.items()}
+    priors: list[Prior] = []
+    for full, quantity in known.items():
+        piezo = full.split(".")[-1] in PIEZO_CONSTANTS
+        if quantity.u > 0:
+            priors.append(Prior(f"{full}.re" if piezo else full, quantity.re, quantity.u))
+        if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
+            priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))
+    return tuple(priors)

@@ -1,0 +1,48 @@
+"""Constants that are not free as physics leaves them: kept between bounds, or one and the same in several layers."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from .coordinates import Block, positive
+
+_EDGE = 0.999
+# How near a bound a fit may start, in sin y: at the bound itself nothing would move it any more.
+
+
+def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
+    """Return the block with these of its coordinates, by name, kept between limits.
+
+    x = middle + reach sin y, the transformation of MINUIT (F. James, M. Roos, Comput. Phys. Commun. 10 (1975) 343).
+    """
+    at = [block.coordinates.index(name) for name in limits]
+    low, high = np.array(list(limits.values())).T
+    middle, reach = (low + high) / 2, (high - low) / 2
+
+    def forward(y: Reals) -> tuple[Reals, Reals]:
+        x = y.copy()
+        x[at] = middle + reach * np.sin(y[at])
+        p, slopes = block.forward(x)
+        factor = np.ones(x.size)
+        factor[at] = reach * np.cos(y[at])
+        return p, slopes * factor
+
+    def inverse(p: Reals) -> Reals:
+        x = np.asarray(block.inverse(p), dtype=np.float64).copy()
+        x[at] = np.arcsin(np.clip((x[at] - middle) / reach, -_EDGE, _EDGE))
+        return x
+
+    return replace(block, forward=forward, inverse=inverse)
+
+
+def shared(leader: str, followers: tuple[str, ...]) -> Block:
+    """Return a positive constant that several layers have in common: one coordinate, as many equal parameters."""
+    one, count = positive(leader), 1 + len(followers)
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        p, J = one.forward(x)
+        return np.repeat(p, count), np.repeat(J, count, axis=0)
+
+    return Block((leader,), (leader, *followers), forward, lambda p: one.inverse(p[:1]))

@@ -1,0 +1,209 @@
+"""Recordings that determine nothing, recognised before they are fitted; and answers that no ceramic could give."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ...models.build import Build, LayerSpec
+from ...models.sweep import Sweep
+from ..interface import Constant, FitError
+from .noise import noise_of
+from .start import largest_peaks
+
+_FAR, _OFF = 30.0, 6.0
+# Factors by which |Z| may differ from that of the build's clamped capacitance: beyond the first it is no disk at all,
+# beyond the second its dimensions are others. The free capacitance is up to 2.3 times the clamped one.
+_BELOW = 0.4
+# Of the thickness resonance: a sweep that ends below has none of it, whatever data sheet and thickness are off by.
+_MOST = 0.5
+_NOISE = 0.01
+# Part of |Z| below which the sign of a resistance tells nothing.
+_NEED, _WANT = 0.25, 3.0
+# Points per linewidth: below the first a resonance may lie between two points, below the second the loss rests on what
+# the model says of the flanks.
+_SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps33T": (0.6, 1.6)}
+# Fitted over data sheet: no maker's batches scatter more.
+_ANOTHER = {"eps33S": 1.8, "c33D": 1.49, "s11E": 1.49}
+# Factor beyond which neither scatter nor damage explains it. Permittivities differ by as much from one soft ceramic to
+# the next, and who names the wrong one has right sizes; eps33T, beside which s11E tells of the diameter, is said only.
+
+
+def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
+    """Raise FitError for a short or open circuit, an inverted sign, another size, or no thickness resonance."""
+    refuse_another_device(build, sweeps)
+    values = _piezo(build).values
+    expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
+    for step, of_step in sweeps.items():
+        if not any(map(_resonates, of_step)):
+            ends = [edge for sweep in of_step for edge in (sweep.frequency[0], sweep.frequency[-1])]
+            refuse_lost(of_step, expected, values["c33D"].im / values["c33D"].re)
+            raise FitError(
+                f"step {step!r} shows no resonance with an antiresonance above it between {min(ends) / 1e6:.4g} and "
+                f"{max(ends) / 1e6:.4g} MHz; the bare piezo layer's is expected near {expected / 1e6:.3g} MHz"
+            )
+        _refuse_below(build, step, of_step, expected)
+
+
+def _refuse_below(build: Build, step: str, sweeps: Sequence[Sweep], expected: float) -> None:
+    """Refuse a bare disk swept only where radial modes are, far below the thickness mode `expected`, Hz."""
+    highest = max(float(sweep.frequency[-1]) for sweep in sweeps)
+    if build.step(step).layers == (_piezo(build).name,) and highest < _BELOW * expected:
+        raise FitError(
+            f"step {step!r} ends at {highest / 1e6:.4g} MHz, far below the thickness resonance expected near "
+            f"{expected / 1e6:.3g} MHz: only radial modes resonate there, which the fitter `radial` takes"
+        )
+
+
+def refuse_another_device(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
+    """Raise FitError for a short or open circuit, an inverted sign, or another size."""
+    values = _piezo(build).values
+    capacitance = values["eps33S"].re * build.area.re / values["thickness"].re
+    for step, of_step in sweeps.items():
+        for sweep in of_step:
+            _refuse_sign(_named(step, sweep), sweep)
+            _refuse_size(_named(step, sweep), sweep, capacitance)
+
+
+def _piezo(build: Build) -> LayerSpec:
+    return next(layer for layer in build.layers if layer.kind == "piezo")
+
+
+def _named(step: str, sweep: Sweep) -> str:
+    return sweep.id or f"the recording of step {step!r}"
+
+
+def _refuse_sign(name: str, sweep: Sweep) -> None:
+    size = np.abs(sweep.impedance)
+    negative = float(np.mean(sweep.impedance.real < -_NOISE * size))
+    inductive = float(np.mean(sweep.impedance.imag > _NOISE * size))
+    if negative > _MOST and inductive > _MOST:
+        raise FitError(f"{name} is inverted: resistance is negative at {negative:.0%} of its points; change its sign")
+    if negative > _MOST:
+        raise FitError(f"{name} has a negative resistance at {negative:.0%} of its points; no passive device has that")
+    if inductive > 0.9:
+        falls = float(np.polyfit(np.log(sweep.frequency), np.log(size), 1)[0]) < 0
+        why = (
+            "while |Z| falls like a capacitor's: the sign of its reactance is that of exp(-jwt), conjugate it"
+            if falls
+            else "and |Z| rises: this is a wire, not a piezo disk; is it shorted?"
+        )
+        raise FitError(f"{name} is inductive at {inductive:.0%} of its points, {why}")
+
+
+def _refuse_size(name: str, sweep: Sweep, capacitance: float) -> None:
+    """Refuse a recording whose |Z| is not that of the build's capacitance (F), whatever resonates."""
+    expected: Reals = 1 / (2 * np.pi * sweep.frequency * capacitance)
+    ratio = float(np.median(np.abs(sweep.impedance) / expected))
+    level, wanted = float(np.median(np.abs(sweep.impedance))), float(np.median(expected))
+    found = f"{name}: |Z| is {level:.3g} ohm in the middle, where the capacitance of this build has {wanted:.3g} ohm"
+    if ratio < 1 / _FAR:
+        raise FitError(f"{found}; this is a short circuit, another device, or another size than the build file's")
+    if ratio > _FAR:
+        raise FitError(f"{found}; this is an open circuit, another device, or another size than the build file's")
+    if not 1 / _OFF < ratio < _OFF:
+        raise FitError(
+            f"{found}; a permittivity is never off by a factor of {max(ratio, 1 / ratio):.1f}: diameter or thickness "
+            "of the build file are not those of this device"
+        )
+
+
+def _resonates(sweep: Sweep) -> bool:
+    w = 2 * np.pi * sweep.frequency
+    _, (noise,) = noise_of([sweep])
+    series = largest_peaks(sweep.admittance.real / w, noise * np.abs(sweep.admittance) / w)
+    return bool(series or largest_peaks(sweep.impedance.real * w, noise * np.abs(sweep.impedance) * w))
+
+
+def doubts(
+    build: Build,
+    sweeps: Mapping[str, Sequence[Sweep]],
+    constants: Mapping[str, Constant],
+    derived: Mapping[str, Constant],
+) -> tuple[str, ...]:
+    """Return what is to be doubted of an answer about a stack.
+
+    Raises FitError where the recordings have too few points to tell a resonance of that width at all, or where the
+    constants are those of another disk than the build's.
+    """
+    piezo = _piezo(build)
+    bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
+    c33D, fp = constants[f"{piezo.name}.c33D"], derived[f"{piezo.name}.fp"].re
+    refuse_lost(bare, fp, c33D.im / c33D.re)
+    return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants))
+
+
+def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:
+    """Return what is to be said of a resonance `at` Hz of this loss tangent that few points tell of."""
+    count = _points_in(sweeps, at, loss)
+    if count < _WANT:
+        few = f"Only {_counted(count, at, loss)}: losses rest on what the model says of the flanks."
+        return (f"{few} {_WANT:.0f} or more are wanted.",)
+    return ()
+
+
+def refuse_lost(sweeps: Sequence[Sweep], at: float, loss: float) -> None:
+    """Raise FitError where a resonance `at` Hz of this loss tangent may lie between two points of all the sweeps."""
+    count = _points_in(sweeps, at, loss)
+    if count < _NEED:
+        raise FitError(
+            f"only {_counted(count, at, loss)}; the resonance is lost between them: sweep it every "
+            f"{loss * at / 10 / 1e3:.2g} kHz"
+        )
+
+
+def _counted(count: float, at: float, loss: float) -> str:
+    points = f"{count:.2g}"
+    points += " point lies" if points == "1" else " points lie"
+    return f"{points} in the linewidth of {loss * at / 1e3:.3g} kHz at {at / 1e6:.4g} MHz"
+
+
+def _points_in(sweeps: Sequence[Sweep], at: float, loss: float) -> float:
+    """Return how many points the finest of the sweeps that hold `at` has in a linewidth; infinite where none does."""
+    spacings = [_spacing(sweep, at) for sweep in sweeps if sweep.frequency[0] < at < sweep.frequency[-1]]
+    return loss * at / min(spacings) if spacings and loss > 0 else np.inf
+
+
+def _spacing(sweep: Sweep, fp: float) -> float:
+    """Return the distance of the points about `fp`, Hz."""
+    k = int(np.searchsorted(sweep.frequency, fp))
+    return float(np.min(np.diff(sweep.frequency)[max(0, k - 2) : k + 2]))
+
+
+def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -> tuple[str, ...]:
+    """Return what cannot be a ceramic's scatter: c33D tells of the thickness, the other constants of the area.
+
+    Raises FitError where it is so far off that the build file must be of another disk, unless that gives the constant
+    itself.
+    """
+    says: list[str] = []
+    told: set[str] = set()
+    for name, (low, high) in _SCATTER.items():
+        sheet, found = piezo.nominal.get(name), constants.get(f"{piezo.name}.{name}")
+        what = "thickness" if name == "c33D" else "area"
+        if sheet is None or found is None or not found.free or low < found.re / sheet.re < high or what in told:
+            continue
+        told.add(what)
+        ratio = found.re / sheet.re
+        outlier = f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says"
+        explained = f"{_explained(build, piezo, what, ratio)} would explain it"
+        far = max(ratio, 1 / ratio) > _ANOTHER.get(name, np.inf)
+        if far and piezo.values[name].source != "build.toml":
+            raise FitError(
+                f"{outlier}, which no disk of it has: {explained}; correct the build file, or give {name} there with "
+                "an uncertainty if this is another ceramic"
+            )
+        says.append(
+            f"{outlier}, more than ceramics scatter: {explained}. Do not use these constants before that is settled."
+        )
+    return tuple(says)
+
+
+def _explained(build: Build, piezo: LayerSpec, what: str, ratio: float) -> str:
+    """Return the size that would bring a constant back to its data sheet."""
+    if what == "thickness":
+        return f"a thickness of {1e3 * piezo.values['thickness'].re / np.sqrt(ratio):.3g} mm"
+    if build.diameter is None:
+        return f"an area of {1e6 * build.area.re * ratio:.3g} mm2"
+    size = 1e3 * build.diameter.re
+    return f"a diameter of {size * np.sqrt(ratio):.3g} mm instead of {size:.3g} mm"

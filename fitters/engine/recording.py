@@ -1,0 +1,109 @@
+"""What a fit is held against: recordings with their noise, and what was known before."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.base.arrays import Complexes, Reals
+from ...models.base.model import Model
+from ...models.sweep import Sweep
+
+_FEW = 100
+# Points of a recording that show the way: the minimum they lead to is a few standard uncertainties from that of all.
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a model parameter before the fit: mean and standard uncertainty, SI."""
+
+    parameter: str
+    mean: float
+    u: float
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What earlier steps have told of the moving coordinates, with all correlations."""
+
+    names: tuple[str, ...]
+    """Of the coordinates."""
+    mean: Reals
+    """Shape (M,), as `Objective.straight` gives it."""
+    root: Reals
+    """Shape (R, M): root^T root is the information, so that root (y - mean) are residuals of unit variance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One sweep, the model that should describe it, and its noise."""
+
+    step: str
+    sweep: Sweep
+    model: Model
+    """Knows the constants of its step; `Model.replace` takes those of its names that the fit moves."""
+    noise: Reals
+    """Standard deviation of Re and Im of ln Z at each point, shape (N,)."""
+    misfit: float = 0.0
+    """What the model is known to miss, as further noise of Re and Im of ln Z."""
+    correlation: float = 1.0
+    """How many correlated points are worth one."""
+    renamed: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Parameters of the model that have another name in the fit: `ml1.thickness` after it was ground."""
+    weighting: Literal["log", "thesis"] = "log"
+    """`log`: ln(Z_model/Z)/sigma. `thesis`: w (Z_model - Z), scaled as a whole to the noise."""
+
+    @cached_property
+    def sigma(self) -> Reals:
+        """What residuals are weighted by, shape (N,)."""
+        return np.sqrt((self.noise**2 + self.misfit**2) * self.correlation)
+
+    @cached_property
+    def _log_weight(self) -> Reals:
+        return 1 / self.sigma
+
+    @property
+    def spread(self) -> Reals:
+        """Standard deviation that the noise gives each weighted residual, shape (N,); its rms is 1."""
+        if self.weighting == "log":
+            return np.ones(self.sweep.frequency.size)
+        size = self._lever * self.sigma
+        return size / float(np.sqrt(np.mean(size**2)))
+
+    @property
+    def _lever(self) -> Reals:
+        """|w Z|, shape (N,)."""
+        return 2 * np.pi * self.sweep.frequency * np.abs(self.sweep.impedance)
+
+    def weighted(self, Z: Complexes) -> tuple[Complexes, Reals | Complexes]:
+        """Return the weighted residuals of a model Z, shape (N,), and what makes d residual of d ln Z, shape (N,)."""
+        if self.weighting == "log":
+            return log_ratio(Z, self.sweep.impedance) * self._log_weight, self._log_weight
+        scale = 2 * np.pi * self.sweep.frequency / float(np.sqrt(np.mean((self._lever * self.sigma) ** 2)))
+        return scale * (Z - self.sweep.impedance), scale * Z
+
+
+def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
+    """Return ln(Z_model / Z_measured), imaginary part in (-pi, pi].
+
+    By real functions, which are vectorised where np.log of complex numbers is not: that took a quarter of a fit.
+    """
+    ratio = model / measured
+    found = np.empty(ratio.shape, np.complex128)
+    found.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
+    found.imag = np.arctan2(ratio.imag, ratio.real)
+    return found
+
+
+def along_curve(impedance: Complexes) -> NDArray[np.intp]:
+    """Return the indices of a hundred points at most, evenly along the curve of ln Z."""
+    way = np.cumsum(np.abs(np.diff(np.log(impedance), prepend=0.0)))
+    return np.unique(np.searchsorted(way, np.linspace(float(way[0]), float(way[-1]), _FEW)))
+
+
+def rms(*log_ratios: Complexes) -> float:
+    """Return the root mean square of |ln(Z_model/Z_measured)| over all points of all recordings, each shape (N,)."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(log_ratios)) ** 2)))

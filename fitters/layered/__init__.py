@@ -1,0 +1,1 @@
+"""Fitters of the one-dimensional stack, and of devices of unknown structure."""

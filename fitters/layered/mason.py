@@ -1,0 +1,40 @@
+"""Fitter `mason`: least squares on the 1-D stack with exact derivatives, all gluing steps jointly.
+
+W. P. Mason, Electromechanical Transducers and Wave Filters (1942); the closed form is in `models/stack`.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from ..engine.multi_step_fit import check_task, solve
+from ..engine.plausibility import doubts, refuse_degenerate
+from ..interface import FitResult, FitTask
+from ..uncertainty.fit_result import least_squares_answer
+from .coupling import solve_coupling
+
+_COUPLED = (
+    "The objective kt2 takes c33D and kt from the critical frequencies; h33 and eps33S one by one, and what else "
+    "is free, rest on what was known before."
+)
+
+
+class Mason:
+    """Least squares on the 1-D stack: noise-weighted, all steps jointly, with standard uncertainties."""
+
+    name = "mason"
+    version = "1"
+    summary = "least squares on the 1-D stack, all steps jointly, with standard uncertainties (default)"
+    takes_options = True
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit the constants of all layers to all steps at once.
+
+        Raises FitError where the recordings show no resonance pair, are degenerate, or do not belong to the build.
+        """
+        build, sweeps = check_task(task)
+        refuse_degenerate(build, sweeps)
+        coupled = task.options.objective == "kt2"
+        solution = solve_coupling(task, progress) if coupled else solve(task, progress)
+        answer = least_squares_answer(self.name, self.version, solution, task.options)
+        doubted = doubts(build, sweeps, answer.constants, answer.derived)
+        return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))

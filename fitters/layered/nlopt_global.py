@@ -1,0 +1,173 @@
+"""Fitter `nlopt-global`: the deepest minimum inside physical bounds, without trust in any start.
+
+Global algorithms of NLopt search a blunted objective from the middle of the bounds, one after another until a minimum
+describes every recording to its noise; descents from points drawn evenly over the bounds look for others; every end is
+polished by least squares. The search stops when a better minimum is improbable (see `hunt`).
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ..engine.descent import Descent, settle
+from ..engine.multi_step_fit import Solution, check_task
+from ..engine.noise import noise_of
+from ..engine.objective import Objective
+from ..engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of, recordings_of
+from ..engine.parameters.coordinates import Coordinates
+from ..engine.plausibility import doubts, refuse_degenerate
+from ..engine.recording import Recording, rms
+from ..interface import FitError, FitResult, FitTask, Noise
+from ..uncertainty.fit_result import least_squares_answer
+from .multistart import Hunt, box_of, coarse, costs
+from .nlopt_wrapper import Algorithm, search
+
+_ALGORITHMS: tuple[tuple[Algorithm, int], ...] = (
+    ("MLSL+LBFGS", 60),
+    ("CRS2_LM", 150),
+    ("ESCH", 100),
+    ("DIRECT_L", 100),
+)
+# Evaluations per coordinate. A search need not converge: least squares goes on from wherever it ends.
+_UNSEEN, _BETTER = 0.5, 0.02
+_ENOUGH = 12
+# Descents after which a minimum that describes every recording to its noise is taken: none can be better.
+_POLISHED = 3
+_HARMLESS = (".loss", ".q", "back.z", "front.z")
+# Coordinates that remain physical whatever their value is.
+
+
+class NloptGlobal:
+    """Global search over physical bounds with NLopt, polished by least squares."""
+
+    name = "nlopt-global"
+    version = "1"
+    summary = "NLopt's CRS2, ESCH, MLSL, DIRECT and multistart over physical bounds, polished; reports distinct minima"
+
+    def __init__(self, seconds: float = 60.0, seed: int = 1) -> None:
+        """`seconds`: after which the search ends with what it has; `seed` of all that is drawn."""
+        self._seconds, self._seed = seconds, seed
+
+    def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+        """Fit the constants of all layers to all steps at once.
+
+        What `progress` raises ends the search. Raises FitError where the recordings do not belong to the build.
+        """
+        began = time.perf_counter()
+        build, sweeps = check_task(task)
+        refuse_degenerate(build, sweeps)
+        found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
+        noises: Mapping[str, Noise] = {step: noise for step, (noise, _) in found.items()}
+        recordings = [
+            recording
+            for step, of_step in sweeps.items()
+            for recording in recordings_of(build, step, of_step, found[step][1])
+        ]
+        begun = nominal_parameters(build)
+        coordinates, priors = coordinates_of(build, sweeps, begun, task.free), priors_of(build, sweeps)
+        if coordinates.x.size == 0:
+            raise FitError("nothing is free to be fitted: every constant of the build is taken as exact")
+        blunt = Objective(coarse(recordings), coordinates, priors)
+        hunt = Hunt(blunt, box_of(coordinates, priors))
+        why = self._search(hunt, recordings, began + self._seconds, progress)
+        progress("polishing")
+        last, stuck = _settled(hunt, recordings)
+        solution = Solution(
+            build, noises, last, begun, blunt.evaluations + last.evaluations, time.perf_counter() - began
+        )
+        answer = least_squares_answer(self.name, self.version, solution)
+        doubted = doubts(build, sweeps, answer.constants, answer.derived)
+        return replace(answer, says=(*_says(hunt, why), *_at_bounds(stuck), *doubted, *answer.says))
+
+    def _search(
+        self,
+        hunt: Hunt,
+        recordings: Sequence[Recording],
+        deadline: float,
+        progress: Callable[[str], None],
+    ) -> str:
+        """Fill the hunt with minima; return why it ended."""
+        box, (cost, slope) = hunt.box, costs(hunt.objective)
+        described = False
+        for k, (algorithm, per_coordinate) in enumerate(_ALGORITHMS):
+            left = deadline - time.perf_counter()
+            if left <= 0:
+                return f"the time of {self._seconds:g} s was over"
+            progress(f"searching: {algorithm}")
+            share = left / (len(_ALGORITHMS) - k + 1)
+            end = search(algorithm, cost, slope, box, per_coordinate * box.start.size, share, self._seed + k)
+            hunt.polish(end.x, algorithm)
+            described = hunt.led_by(algorithm) and hunt.describes(recordings)
+            if described:
+                break
+        rng = np.random.default_rng(self._seed)
+        while time.perf_counter() < deadline:
+            progress(f"searching: {hunt.descents} descents, {len(hunt.minima)} minima")
+            hunt.polish(rng.uniform(box.low, box.high), "multistart")
+            if hunt.unseen < _UNSEEN or hunt.better < _BETTER:
+                return f"{hunt.unseen:.2g} unseen minima are expected, a deeper one with probability {hunt.better:.2g}"
+            if hunt.descents == _ENOUGH and (described or hunt.describes(recordings)):
+                return "the deepest describes every recording to its noise, so none can be better"
+        return f"the time of {self._seconds:g} s was over"
+
+
+def _settled(hunt: Hunt, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
+    """Return the best of the deepest minima at the recordings' full weight, and the constants held at a bound."""
+    if not hunt.minima:
+        raise FitError("the model gives no number anywhere inside the bounds of the search")
+    near = [minimum for minimum in hunt.minima[:_POLISHED] if minimum.cost < 4 * hunt.minima[0].cost + 1]
+    ends = [_settled_inside(hunt, recordings, minimum.x) for minimum in near]
+    best, stuck = min(ends, key=lambda end: rms(*end[0].objective.log_ratios(end[0].x)))
+    return replace(best, evaluations=sum(end.evaluations for end, _ in ends)), stuck
+
+
+def _settled_inside(hunt: Hunt, recordings: Sequence[Recording], x: Reals) -> tuple[Descent, tuple[str, ...]]:
+    """Settle from x; a constant that would leave its bounds is held at them."""
+    coordinates, priors, box = hunt.objective.coordinates, hunt.objective.priors, hunt.box
+    bounds = dict(zip(box.names, zip(box.low.tolist(), box.high.tolist(), strict=True), strict=True))
+    stuck: list[str] = []
+    while True:
+        last = settle(recordings, coordinates, priors, x)
+        out = [
+            name
+            for name, value in zip(coordinates.free, last.x.tolist(), strict=True)
+            if not bounds[name][0] <= value <= bounds[name][1] and not name.endswith(_HARMLESS)
+        ]
+        if not out:
+            return last, tuple(stuck)
+        stuck += out
+        held = np.array([np.clip(v, *bounds[n]) for n, v in zip(coordinates.free, last.x.tolist(), strict=True)])
+        values, _ = coordinates.forward(held)
+        coordinates = Coordinates(coordinates.blocks, values, tuple(n for n in coordinates.free if n not in stuck))
+        x = coordinates.x
+
+
+def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
+    if not stuck:
+        return ()
+    return (
+        f"{', '.join(stuck)} would leave the physical bounds and was held at them: the model does not describe this "
+        "device, or build and data sheet are far off. Do not use these numbers; `mason` knows no such bounds, and "
+        "names the diameter or thickness that would explain them.",
+    )
+
+
+def _says(hunt: Hunt, why: str) -> tuple[str, ...]:
+    lines = [f"{hunt.descents} descents ended in {len(hunt.minima)} distinct minima; {why}."]
+    for k, minimum in enumerate(hunt.minima[:4]):
+        values, _ = hunt.objective.coordinates.forward(minimum.x)
+        key = [name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in _moved(hunt)]
+        shown = ", ".join(f"{name.removesuffix('.re')} {values[name]:.4g}" for name in key[:6])
+        by = ", ".join(f"{who} {minimum.found_by.count(who)}x" for who in dict.fromkeys(minimum.found_by))
+        lines.append(f"Minimum {k + 1}: RMS log error {rms(minimum.curves):.2g} ({by}); {shown}.")
+    return tuple(lines)
+
+
+def _moved(hunt: Hunt) -> set[str]:
+    """Return the names of the model parameters that the search moves."""
+    coordinates = hunt.objective.coordinates
+    _, J = coordinates.forward(coordinates.x)
+    return {name for name, row in zip(coordinates.parameters, J, strict=True) if np.any(row)}

@@ -1,0 +1,1 @@
+"""Fitting by hand: chosen constants, bands and effects, moved by sliders."""

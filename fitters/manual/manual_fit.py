@@ -1,0 +1,243 @@
+"""A fit as a person wants it: which constants are free, where they begin, which bands and which effects take part.
+
+First one looks: the model's curve at chosen values, without fitting. Then one fits with exactly these choices: one
+descent from exactly there, on the model of `mason` (all chosen steps jointly), of `radial` or of `disk`, with the
+chosen effects of the catalogue. (C. Tjelde, thesis 2012, chapter 9, asks for this control.)
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.build import Build
+from ...models.effects.base.effect import SWEEP
+from ...models.sweep import Sweep
+from ..diagnosis.hypotheses.problem import Candidate
+from ..engine.covariance import estimate
+from ..engine.descent import chi2_per_point, settle
+from ..engine.objective import LOADS, Objective
+from ..engine.parameters.coordinates import Coordinates
+from ..interface import Constant, Curve, FitError, FitResult, FitTask
+from .adjustables import Handle, handles_of, with_value
+from .disk_manual_fit import disk_in_hand, radial_in_hand
+from .manual_choices import Bands, Choices, Posed, Subject, began_with, check_bands, within
+from .stack_manual_fit import StackInHand
+
+__all__ = ["ByHand", "Choices", "Look", "models_for"]
+
+_EVERYWHERE: Bands = ((0.0, np.inf),)
+_USUAL = Choices()
+_FEWEST = 20
+"""Points of a sweep that a band must hold to say anything."""
+_SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
+    StackInHand.fitter: StackInHand,
+    "radial": radial_in_hand,
+    "disk": disk_in_hand,
+}
+
+
+def models_for(build: Build, step: str) -> tuple[str, ...]:
+    """Return the fitters whose model a step can be taken in hand with. Raises KeyError for a step it does not have."""
+    kinds = [build.layer(name).kind for name in build.step(step).layers]
+    bare_and_round = kinds == ["piezo"] and build.diameter is not None
+    return tuple(_SUBJECTS) if bare_and_round else (StackInHand.fitter,)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A model at chosen values, beside the measurement."""
+
+    handles: tuple[Handle, ...]
+    curves: tuple[Curve, ...]
+    """Over whole sweeps; `start` and `fitted` are both the model."""
+    chi2_per_dof: float
+    """Misfit over the chosen bands, in units of the noise."""
+    says: tuple[str, ...] = ()
+    """What a person must know of where it begins."""
+
+
+class ByHand:
+    """The recordings of a build, taken in hand with the model of one fitter."""
+
+    def __init__(self, task: FitTask, fitter: str = StackInHand.fitter) -> None:
+        """Take the recordings in hand, at nominal values or where their peaks are.
+
+        Raises FitError where there is no such model, or task, build and sweeps do not fit.
+        """
+        if fitter not in _SUBJECTS:
+            raise FitError(f"nothing can be taken in hand with {fitter!r}: there are {', '.join(_SUBJECTS)}")
+        self._subject = _SUBJECTS[fitter](task)
+
+    @classmethod
+    def after(cls, task: FitTask, result: FitResult) -> Self:
+        """Return the recordings of `task` in hand with the model of the fitter of `result`, beginning where it ended.
+
+        Where a result does not tell area and loads, they are fitted here, everything else being where the result has
+        it. Raises FitError.
+        """
+        there = cls(task, result.fitter)
+        subject = there._subject
+        subject.values = began_with(subject.values, result.constants)
+        untold = {"area", *LOADS} - set(result.constants)
+        free = tuple(one.name for one in there.look().handles if one.free and one.name in untold)
+        if free:
+            _, choices = there.fit(Choices(free=free))
+            subject.values |= {name: choices.values[name] for name in free}
+        return there
+
+    @property
+    def build(self) -> Build:
+        """The build."""
+        return self._subject.build
+
+    @property
+    def fitter(self) -> str:
+        """The fitter whose model this is."""
+        return self._subject.fitter
+
+    @property
+    def sweeps(self) -> Mapping[str, tuple[Sweep, ...]]:
+        """The recordings, by step in gluing order."""
+        return self._subject.sweeps
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The steps that were recorded, in gluing order."""
+        return tuple(self.sweeps)
+
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """Return every effect that can be chosen, and where it can sit."""
+        found: dict[str, list[str]] = {}
+        for one in self._posed(Choices(), whole=True).places():
+            if one.where not in found.setdefault(one.effect.name, []):
+                found[one.effect.name].append(one.where)
+        return {name: tuple(where) for name, where in found.items()}
+
+    def look(self, choices: Choices = _USUAL) -> Look:
+        """Return the model at the chosen values. Raises FitError where a choice cannot be."""
+        posed, effects, coordinates = self._chosen(choices)
+        curves, chi2 = self._curves(choices, effects, coordinates, coordinates.x)
+        return Look(_handles(posed, effects, coordinates, coordinates.x), curves, chi2, self._subject.says)
+
+    def fit(self, choices: Choices = _USUAL) -> tuple[FitResult, Choices]:
+        """Fit with exactly these choices; return the result, and the choices with every handle where it has come to.
+
+        Raises FitError where a choice cannot be, or nothing is free.
+        """
+        began = time.perf_counter()
+        posed, effects, coordinates = self._chosen(choices)
+        if not coordinates.free:
+            raise FitError("nothing is free: free at least one constant")
+        descent = settle(posed.with_effects(effects), coordinates, posed.priors, coordinates.x)
+        steps = tuple(dict.fromkeys(recording.step for recording in posed.recordings))
+        answer = self._subject.answer(steps, descent, time.perf_counter() - began)
+        after, _ = self._curves(choices, effects, coordinates, descent.x)
+        before, _ = self._curves(choices, effects, coordinates, coordinates.x)
+        curves = tuple(replace(new, start=old.fitted) for new, old in zip(after, before, strict=True))
+        sizes = _sizes(effects, coordinates, estimate(descent).covariance, descent.x)
+        handles = _handles(posed, effects, coordinates, descent.x)
+        there = replace(choices, values={handle.name: handle.value for handle in handles})
+        return replace(answer, constants={**answer.constants, **sizes}, curves=curves), there
+
+    def _chosen(self, choices: Choices) -> tuple[Posed, tuple[Candidate, ...], Coordinates]:
+        posed = self._posed(choices)
+        effects = _effects(posed, choices)
+        if any(one.where == SWEEP for one in effects) and any(choices.bands.values()):
+            raise FitError("an effect of the sweep acts while the whole sweep runs: take it or the bands away")
+        values = dict(self._subject.values)
+        for one in effects:
+            for k, (name, knob) in enumerate(zip(one.parameters, one.knobs, strict=True)):
+                values[name] = knob.null if k else knob.typical  # so that one sees what it does
+        known = self._posed(Choices(), whole=True).coordinates(effects, values, None).names
+        for name, value in choices.values.items():
+            if name not in known:
+                raise FitError(f"{name!r} cannot be moved: there are {', '.join(known)}")
+            values = with_value(name, float(value), values)
+        coordinates = posed.coordinates(effects, values, choices.free)
+        strange = [name for name in choices.free or () if name not in coordinates.names]
+        if strange:
+            raise FitError(f"cannot free {strange[0]!r}: there are {', '.join(coordinates.names)}")
+        return posed, effects, coordinates
+
+    def _posed(self, choices: Choices, *, whole: bool = False) -> Posed:
+        """Return the recordings of the chosen bands; `whole`: of all frequencies of the chosen steps."""
+        check_bands(choices, self.steps)
+        bands = {step: found for step in self.steps if (found := self._bands(choices, step))}
+        parts = _EVERYWHERE if whole else self._subject.parts
+        kept = {step: self._cut(step, _EVERYWHERE if whole else found, parts) for step, found in bands.items()}
+        kept = {step: pairs for step, pairs in kept.items() if pairs}
+        if not kept:
+            wanted = ", ".join(
+                f"{low / 1e6:.3g} to {high / 1e6:.3g} MHz" for one in bands.values() for low, high in one
+            )
+            raise FitError(f"no band holds {_FEWEST} points of any sweep: {wanted or 'none'}; wider bands are needed")
+        return self._subject.pose(kept)
+
+    def _bands(self, choices: Choices, step: str) -> Bands:
+        return choices.bands.get(step, self._subject.usual)
+
+    def _cut(self, step: str, bands: Bands, parts: Bands) -> list[tuple[Sweep, NDArray[np.float64]]]:
+        """Return the sweeps of a step and their noise within its bands, part by part; what is too short is left out."""
+        kept: list[tuple[Sweep, NDArray[np.float64]]] = []
+        for part in parts:
+            for sweep, sigma in zip(self.sweeps[step], self._subject.noises[step], strict=True):
+                mask = within(sweep, bands) & within(sweep, (part,))
+                if mask.sum() >= min(_FEWEST, mask.size):
+                    cut = replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask])
+                    kept.append((cut, sigma[mask]))
+        return kept
+
+    def _curves(
+        self, choices: Choices, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
+    ) -> tuple[tuple[Curve, ...], float]:
+        """Return the model over whole sweeps, and its misfit within the bands."""
+        recordings = self._posed(choices, whole=True).with_effects(effects)
+        objective = Objective(recordings, coordinates, ())
+        curves: list[Curve] = []
+        total = points = 0.0
+        for recording, model, ratio in zip(recordings, objective.models(x), objective.log_ratios(x), strict=True):
+            sweep, mask = recording.sweep, within(recording.sweep, self._bands(choices, recording.step))
+            Z = model.impedance(sweep.frequency)
+            curves.append(Curve(recording.step, sweep.frequency, sweep.impedance, Z, Z))
+            if mask.any():
+                inside = replace(recording, noise=recording.noise[mask])
+                total += float(mask.sum()) * chi2_per_point(inside, ratio[mask])
+                points += float(mask.sum())
+        return tuple(curves), total / max(points, 1.0)
+
+
+def _handles(
+    posed: Posed, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
+) -> tuple[Handle, ...]:
+    values, _ = coordinates.forward(x)
+    return handles_of(coordinates.names, values, posed.priors, effects, coordinates.free)
+
+
+def _effects(posed: Posed, choices: Choices) -> tuple[Candidate, ...]:
+    """Return the chosen effects, each in all the steps that can have it."""
+    there = posed.places({name for name, _ in choices.effects})
+    found: list[Candidate] = []
+    for name, where in choices.effects:
+        one = next((c for c in there if (c.effect.name, c.where) == (name, where)), None)
+        if one is None:
+            places = ", ".join(dict.fromkeys(c.where for c in there if c.effect.name == name)) or "no place here"
+            raise FitError(f"effect {name!r} cannot sit at {where!r}: there is {places}")
+        found.append(one)
+    return tuple(found)
+
+
+def _sizes(
+    effects: Sequence[Candidate], coordinates: Coordinates, covariance: NDArray[np.float64], x: NDArray[np.float64]
+) -> dict[str, Constant]:
+    """Return the effects' knobs as constants."""
+    values, _ = coordinates.forward(x)
+    u = dict(zip(coordinates.parameters, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    return {
+        name: Constant(values[name], 0.0, u[name], 0.0, knob.unit, free=name in coordinates.free)
+        for one in effects
+        for name, knob in zip(one.parameters, one.knobs, strict=True)
+    }

@@ -1,0 +1,87 @@
+"""Any model behind effects of its terminals: wire, stray capacitance, cable, one resonance more beside it.
+
+Effects inside a stack need a stack (`models/effects/base/device.py`); effects at the terminals only need an impedance.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ...models.base.model import Model
+from ...models.base.names import require
+from ...models.effects import Assembly, Effect, catalogue
+from ...models.effects.base.device import Added, small_step
+from ...models.effects.base.effect import Stage
+from ...models.stack import Stack
+
+_OUTSIDE = (Stage.TERMINALS, Stage.CABLE)
+_BESIDE = "spurious-resonance"
+
+
+def outside_effects() -> tuple[Effect, ...]:
+    """Return the effects of the catalogue that need no stack to act on."""
+    return tuple(one for one in catalogue() if one.stage in _OUTSIDE or one.name == _BESIDE)
+
+
+@dataclass(frozen=True)
+class AtTerminals:
+    """A device as it is seen through effects outside of it. Satisfies `Model`."""
+
+    device: Model
+    nominal: Stack
+    """Gives effects their scales."""
+    added: tuple[Added, ...]
+
+    def parameters(self) -> dict[str, float]:
+        """Return the device's parameters and `effect@place.knob` for each knob."""
+        own = (one.parameters() for one in self.added)
+        return {**self.device.parameters(), **{name: value for of_one in own for name, value in of_one.items()}}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the device with these parameters. Raises KeyError for a name it does not have."""
+        require(values, self.parameters(), "the device")
+        knobs = {name: value for name, value in values.items() if "@" in name.partition(".")[0]}
+        added = tuple(one.moved(knobs) for one in self.added)
+        moved = {name: value for name, value in values.items() if name not in knobs}
+        return replace(self, device=self.device.replace(moved) if moved else self.device, added=added)
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        seen, _ = _through(self, frequency, self.device.impedance(frequency))
+        return seen
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N); by knobs from one difference."""
+        require(names, self.parameters(), "the device")
+        own = self.device.parameters()
+        bare, slopes = self.device.jacobian(frequency, [name for name in names if name in own])
+        seen, chain = _through(self, frequency, bare)
+        rows = iter(slopes * (bare * chain / seen))
+        made = [next(rows) if name in own else self._by_knob(name, frequency, bare, seen) for name in names]
+        return seen, np.array(made, np.complex128).reshape(len(names), frequency.size)
+
+    def _by_knob(self, name: str, frequency: Frequencies, bare: Impedances, seen: Impedances) -> Complexes:
+        one = next(one for one in self.added if name.startswith(one.prefix))
+        knobs = one.effect.knobs(self.nominal, one.where)
+        knob = next(knob for knob in knobs if one.prefix + knob.name == name)
+        value = one.values[knob.name]
+        step = small_step(knob, value)
+        there, _ = _through(self.replace({name: value + step}), frequency, bare)
+        return (there / seen - 1) / step
+
+
+def _through(whole: AtTerminals, frequency: Frequencies, Z: Impedances) -> tuple[Impedances, Complexes]:
+    """Return what is seen of a device of impedance Z, and its derivative by Z; shapes (N,)."""
+    outside = Assembly((), whole.nominal)
+    for one in sorted(whole.added, key=lambda one: (one.effect.stage, one.prefix)):
+        outside = one.effect.extend(outside, one.where, one.values)
+    jw = j_omega(frequency)
+    seen = 1 / (1 / Z + sum((shunt(jw) for shunt in outside.shunts), np.zeros_like(jw)))
+    chain = (seen / Z) ** 2
+    for terminal in outside.terminals:
+        seen, slope = terminal(jw, seen)
+        chain = chain * slope
+    return seen, chain

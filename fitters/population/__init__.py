@@ -1,0 +1,1 @@
+"""Many samples: batches on all cores or a cluster, and their statistics."""

@@ -1,0 +1,114 @@
+"""Many fits at once: on all cores of this machine, or on a Dask cluster, with the same results."""
+
+import os
+import re
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from ...models.base.errors import PzctlError
+from ..interface import FitResult, FitTask
+from ..plugins import load_fitter
+from .process_pool import started
+
+_PATIENCE = 10.0
+"""Seconds within which a Dask scheduler answers, or does not."""
+_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
+
+_one_at_a_time = threading.Lock()
+"""Of one process: a Dask worker may have several threads, a third party's fitter need not be made for that."""
+
+
+class BatchError(PzctlError):
+    """A batch that cannot be run at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One sample to be fitted."""
+
+    sample: str
+    task: FitTask
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of a job: a result, or the sentence that says why there is none."""
+
+    sample: str
+    result: FitResult | None
+    error: str | None = None
+
+
+Heard = Callable[[Outcome], None]
+"""Called with each outcome as it comes, in whatever order."""
+
+
+def fit_job(job: Job, fitter: str) -> Outcome:
+    """Fit one sample in this process. Raises nothing: whatever goes wrong is the outcome's sentence."""
+    try:
+        with _one_at_a_time:
+            return Outcome(job.sample, load_fitter(fitter).fit(job.task))
+    except PzctlError as error:
+        return Outcome(job.sample, None, str(error))
+    except Exception as error:  # whatever a third party's fitter does
+        return Outcome(job.sample, None, f"fitter {fitter!r} failed: {type(error).__name__}: {error}")
+
+
+def fit_on_cores(jobs: Sequence[Job], fitter: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
+    """Fit all jobs, one per core at a time; return the outcomes in the order of the jobs.
+
+    Raises PluginError where the fitter is not installed. On Ctrl-C the running fits end at once.
+    """
+    load_fitter(fitter)
+    if not jobs:
+        return ()
+    with started(partial(fit_job, fitter=fitter), jobs, min(len(jobs), os.cpu_count() or 1)) as futures:
+        return _gathered(futures, as_completed(futures), heard)
+
+
+def fit_on_dask(jobs: Sequence[Job], fitter: str, address: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
+    """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
+
+    Results are those of `fit_on_cores` to the last bit (but `seconds`) where the workers have the same processor and
+    the same versions. Raises BatchError where Dask is not installed, `address` is none or no scheduler answers there,
+    PluginError where the fitter is not installed here.
+    """
+    load_fitter(fitter)
+    if not _ADDRESS.fullmatch(address):
+        raise BatchError(f"Dask scheduler {address!r}: tcp://HOST:PORT is needed")
+    try:
+        distributed: Any = import_module("distributed")  # an extra: nothing else of pzctl needs it
+    except ImportError:
+        raise BatchError("--dask needs Dask, which is not installed: pip install 'pzctl[dask]'") from None
+    try:
+        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:  # no such host; nobody there; no such port
+        raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from None
+    with client:
+        futures = {client.submit(fit_job, job, fitter, pure=False): job for job in jobs}
+        return _gathered(futures, distributed.as_completed(futures, loop=client.loop), heard)
+
+
+def _gathered(futures: dict[Any, Job], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:
+    """Return the outcomes in the order of the jobs; `done` gives the futures as they end."""
+    outcomes: dict[Any, Outcome] = {}
+    for future in done:
+        outcomes[future] = _outcome(future, futures[future])
+        heard(outcomes[future])
+    return tuple(outcomes[future] for future in futures)
+
+
+def _outcome(future: "Future[Outcome]", job: Job) -> Outcome:
+    """Return a job's outcome, also where its process died or a worker could not even begin."""
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        return Outcome(job.sample, None, "a process of the batch died (killed, or out of memory)")
+    except Exception as error:
+        return Outcome(job.sample, None, f"the worker could not do it: {type(error).__name__}: {error}")

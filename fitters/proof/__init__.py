@@ -1,0 +1,1 @@
+"""Diagnoses judged against sealed truths: scores, metrics, and the page of them."""

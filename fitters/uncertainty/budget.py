@@ -1,0 +1,133 @@
+"""The uncertainty budget: what noise, dimensions, data sheets and assumptions contribute to each constant.
+
+To first order an answer is linear in everything that went into it, so its variance is a sum (GUM, JCGM 100:2008, 5.1).
+What is held as exact contributes by how far it would move the answer if it were off by a nominal tolerance, or by as
+much of it as the recordings would let pass.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ..engine.covariance import Curvature, curvature
+from ..engine.multi_step_fit import Solution
+from ..engine.objective import Objective
+from ..engine.parameters.assembly import priors_of
+from ..engine.parameters.coordinates import Coordinates
+from ..interface import Budget, Share
+
+_TOLERANCE = {
+    "z": 0.1,
+    "c": 0.1,
+    "q": 0.5,
+    "thickness": 0.1,
+    "density": 0.01,
+    "area": 0.005,
+    "c33D": 0.03,
+    "h33": 0.03,
+    "eps33S": 0.05,
+}
+_THICKNESS = 1e-6
+_LOSS = 0.3
+"""Relative standard tolerances of values taken as exact: a glue of unknown batch, a data sheet, a calliper; of a
+thickness never more than a micrometer."""
+
+
+def budget_of(solution: Solution) -> Budget:
+    """Return the budget of every constant that moved."""
+    now, x = solution.judged, solution.descent.x
+    steps = tuple(dict.fromkeys(recording.step for recording in now.recordings))
+    objective = Objective(now.recordings, now.coordinates, priors_of(solution.build, steps))
+    values, chain = objective.coordinates.forward(x)
+    bent = curvature(objective, x)
+    moved = chain @ bent.answer
+    noise = np.sqrt(np.sum(moved[:, : bent.data] ** 2, axis=1))
+    names = [prior.parameter for prior in objective.priors]
+    names += ["losses beforehand"] * (len(bent.rows) - bent.data - len(names))
+    held, tolerances = _held(objective.coordinates, values)
+    assumed = _assumed(bent, _columns(objective, held, values)[: bent.data] / bent.scale, tolerances)
+    parts = np.hstack([moved[:, bent.data :], chain @ assumed])
+    share = _Shares(objective.coordinates.parameters, noise, parts, [*names, *tolerances], len(names))
+    return Budget(re=share.of(".re"), im=share.of(".im"), tolerances=tolerances)
+
+
+def _assumed(bent: Curvature, columns: Reals, tolerances: Mapping[str, float]) -> Reals:
+    """Return what each held value adds to x, shape (M, held); `columns` is d residual / d held value.
+
+    As far as the recordings would let it be off: a glue's loss that is wrong by half shows as misfit.
+    """
+    rows = bent.rows[: bent.data]
+    shift = bent.half @ (bent.half.T @ (rows.T @ columns))
+    seen = columns.T @ (columns - rows @ shift)
+    nominal = np.diag([1 / tolerance for tolerance in tolerances.values()])
+    left = np.linalg.inv(nominal @ nominal + seen) if tolerances else np.zeros((0, 0))
+    return shift * np.sqrt(np.diag(left))
+
+
+class _Shares:
+    """The parts of every parameter's uncertainty, shape (P, parts), and what each part is called."""
+
+    def __init__(self, parameters: Sequence[str], noise: Reals, parts: Reals, names: Sequence[str], known: int) -> None:
+        self._parameters, self._noise, self._parts, self._names = parameters, noise, np.abs(parts), names
+        self._dimensions = np.array([_is_dimension(name) for name in names], dtype=bool)
+        self._dimensions[known:] = False
+        self._assumed = np.arange(len(names)) >= known
+
+    def of(self, part: str) -> dict[str, Share]:
+        """Return the shares of all constants' real or imaginary part (`.re`, `.im`)."""
+        found: dict[str, Share] = {}
+        for k, name in enumerate(self._parameters):
+            bare = name.removesuffix(".re").removesuffix(".im")
+            if (name.endswith(".im")) == (part == ".im") and (self._noise[k] > 0 or np.any(self._parts[k] > 0)):
+                found[bare] = self._share(k)
+        return found
+
+    def _share(self, k: int) -> Share:
+        parts = self._parts[k]
+        largest = int(np.argmax(parts)) if parts.size else -1
+        return Share(
+            noise=float(self._noise[k]),
+            dimensions=float(np.linalg.norm(parts[self._dimensions])),
+            knowledge=float(np.linalg.norm(parts[~self._dimensions & ~self._assumed])),
+            assumptions=float(np.linalg.norm(parts[self._assumed])),
+            largest=(self._names[largest], float(parts[largest])) if parts.size else ("noise", float(self._noise[k])),
+        )
+
+
+def _is_dimension(name: str) -> bool:
+    return _kind(name) in ("thickness", "density", "area")
+
+
+def _kind(name: str) -> str:
+    """Return the bare constant of a full name: `thickness` of `ml1.thickness@polished`."""
+    return name.rpartition(".")[2].partition("@")[0]
+
+
+def _held(coordinates: Coordinates, values: dict[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return the coordinates that are held, and by how much each may be off, SI (losses: the loss, relative)."""
+    held = tuple(name for name in coordinates.names if name not in coordinates.free)
+    tolerances: dict[str, float] = {}
+    for name in held:
+        value = abs(values.get(name, values.get(f"{name}.re", 1.0)))
+        kind = _kind(name.removesuffix(".loss"))
+        relative = _LOSS if name.endswith(".loss") else _TOLERANCE.get(kind, 1.0)
+        size = relative if name.endswith(".loss") else relative * value
+        tolerances[name] = min(size, _THICKNESS) if kind == "thickness" else size
+    return held, tolerances
+
+
+def _columns(objective: Objective, held: tuple[str, ...], values: dict[str, float]) -> Reals:
+    """Return d residual / d held value, shape (R, held); of a loss, by its coordinate."""
+    if not held:
+        return np.zeros((2 * objective.points, 0))
+    coordinates = Coordinates(objective.coordinates.blocks, values, held)
+    freed = Objective(objective.recordings, coordinates, ())
+    rows = freed.jacobian(coordinates.x)[: 2 * objective.points]
+    _, chain = coordinates.forward(coordinates.x)
+    place = {name: k for k, name in enumerate(coordinates.parameters)}
+    scale = [
+        chain[place.get(name, place.get(f"{name}.re", -1)), k] if not name.endswith(".loss") else 1.0
+        for k, name in enumerate(coordinates.free)
+    ]
+    return rows / np.where(np.array(scale) == 0, np.inf, scale)

@@ -1,0 +1,161 @@
+"""From a minimum to the answer people read."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ...models.build import Build, LayerSpec
+from ..engine.covariance import Estimate, estimate
+from ..engine.multi_step_fit import Solution
+from ..engine.objective import Objective
+from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from ..interface import Constant, Curve, FitResult, Options
+from .bootstrap import bootstrap
+from .budget import budget_of
+from .derived import derived_constants
+from .identifiability import separability
+from .intervals import with_draws, with_intervals
+from .profile import profile_intervals
+
+_USUAL = Options()
+_FROZEN = (
+    "The constants of earlier steps were frozen: their errors went into the later ones, whose uncertainties do not "
+    "cover that."
+)
+_MENTION = 0.9
+_MISFIT = 1.5
+# chi2 per degree of freedom above which a person is told that model and recording differ: the noise estimate itself
+# is good to a few per cent, 1600 residuals scatter by 3.5 %.
+
+
+def fitted_constants(
+    layers: tuple[LayerSpec, ...], values: Mapping[str, float], names: tuple[str, ...], covariance: Reals | None
+) -> dict[str, Constant]:
+    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none."""
+    variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
+
+    def u(name: str) -> float | None:
+        return None if variance is None else float(np.sqrt(max(0.0, variance.get(name, 0.0))))
+
+    constants: dict[str, Constant] = {}
+    for layer in layers:
+        for name in (PIEZO_CONSTANTS if layer.kind == "piezo" else ELASTIC_CONSTANTS) + ("thickness", "density"):
+            full = f"{layer.name}.{name}"
+            if name in PIEZO_CONSTANTS:
+                re, im = f"{full}.re", f"{full}.im"
+                constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
+            elif full in values:
+                for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
+                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
+    return constants
+
+
+def strong_correlations(names: tuple[str, ...], covariance: Reals) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first, twenty at most."""
+    sigma = np.sqrt(np.diag(covariance))
+    moving: list[int] = np.flatnonzero(sigma > 0).tolist()
+    pairs = [
+        (names[i], names[j], float(covariance[i, j] / (sigma[i] * sigma[j])))
+        for k, i in enumerate(moving)
+        for j in moving[k + 1 :]
+    ]
+    strong = [pair for pair in pairs if abs(pair[2]) > _MENTION and not _same_constant(pair[0], pair[1])]
+    return tuple(sorted(strong, key=lambda pair: -abs(pair[2]))[:20])
+
+
+def _same_constant(first: str, second: str) -> bool:
+    return first.removesuffix(".re").removesuffix(".im") == second.removesuffix(".re").removesuffix(".im")
+
+
+def curves_of(objective: Objective, start: Reals, x: Reals) -> tuple[Curve, ...]:
+    """Return measured, start and fitted impedance of every recording."""
+    return tuple(
+        Curve(
+            recording.step,
+            recording.sweep.frequency,
+            recording.sweep.impedance,
+            before.impedance(recording.sweep.frequency),
+            after.impedance(recording.sweep.frequency),
+        )
+        for recording, before, after in zip(
+            objective.recordings, objective.models(start), objective.models(x), strict=True
+        )
+    )
+
+
+def least_squares_answer(fitter: str, version: str, solution: Solution, options: Options = _USUAL) -> FitResult:
+    """Return the answer of a least-squares fitter: constants, uncertainties, curves, and what to know of them."""
+    objective, coordinates = solution.judged, solution.descent.objective.coordinates
+    result = estimate(solution.descent, objective)
+    covariance = result.covariance + _carried(solution)
+    values, _ = coordinates.forward(result.x)
+    layers = layers_of(solution.build, solution.noises)
+    noise = max(solution.noises.values(), key=lambda n: n.relative)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
+    derived = derived_constants(layers, values, coordinates.parameters, covariance)
+    says = verdict(result, _aspect(solution.build), noise.relative)
+    highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
+    says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
+    if options.procedure == "frozen" and len(solution.noises) > 1:
+        says += (_FROZEN,)
+    if options.uncertainty == "profile":
+        constants = with_intervals(constants, profile_intervals(solution.descent))
+    elif options.uncertainty == "bootstrap":
+        constants, derived, told = with_draws(constants, derived, layers, bootstrap(solution.descent))
+        says += told
+    return FitResult(
+        build=solution.build.name,
+        fitter=fitter,
+        version=version,
+        steps=tuple(solution.noises),
+        noise=noise,
+        chi2_per_dof=result.chi2_per_dof,
+        constants=constants,
+        derived=derived,
+        correlation=strong_correlations(coordinates.parameters, covariance),
+        rms_log_error=result.rms_log_error,
+        converged=result.converged,
+        evaluations=solution.evaluations,
+        seconds=solution.seconds,
+        says=says,
+        curves=curves_of(objective, coordinates.inverse(solution.begun), result.x),
+        budget=budget_of(solution) if options.procedure != "frozen" and options.objective != "kt2" else None,
+    )
+
+
+def _carried(solution: Solution) -> Reals:
+    """Return the covariance of what was frozen after an earlier step, in the place it has among all parameters."""
+    names = solution.descent.objective.coordinates.parameters
+    total = np.zeros((len(names), len(names)))
+    for descent in solution.carried:
+        at = [names.index(name) for name in descent.objective.coordinates.parameters]
+        total[np.ix_(at, at)] += estimate(descent).covariance
+    return total
+
+
+def _aspect(build: Build) -> float | None:
+    """Return diameter/thickness of the piezo layer, where the diameter is known."""
+    if build.diameter is None:
+        return None
+    piezo = next(layer for layer in build.layers if layer.kind == "piezo")
+    return build.diameter.re / piezo.values["thickness"].re
+
+
+def verdict(result: Estimate, diameter_to_thickness: float | None, noise: float) -> tuple[str, ...]:
+    """Return what a person must know before using the numbers."""
+    says: list[str] = []
+    if result.chi2_per_dof > _MISFIT:
+        says.append(
+            f"A 1-D model does not describe this recording: RMS log error {result.rms_log_error:.2g} where the noise "
+            f"is {noise:.1g} (chi2 per degree of freedom {result.chi2_per_dof:.3g}). The uncertainties are widened by "
+            "the misfit, but the constants may carry a bias they do not cover."
+        )
+        if diameter_to_thickness is not None and diameter_to_thickness < 40 and result.rms_log_error > 0.02:
+            says.append(
+                f"Diameter/thickness is {diameter_to_thickness:.1f}: radial overtones and the edge mode run through "
+                "the thickness resonance of such a disk, and a 1-D model takes them for loss."
+            )
+    if not result.converged:
+        says.append("The fit stopped before it converged; do not use these numbers.")
+    return tuple(says)

@@ -1,0 +1,138 @@
+"""What a recording cannot tell apart, and the combination of it that the recording does determine."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ...models.build import LayerSpec
+from ..interface import Constant
+
+_TOGETHER = 0.95
+_NEARLY_ONE = 0.99
+_TIED = 1 - 1e-10
+# What is tied is one constant under two names.
+_BETTER = 0.3
+# A combination is worth a sentence where its relative uncertainty is below this part of the better known constant's.
+_THIN = 0.05
+# A layer of less than a twentieth of a period is seen as a spring: only its compliance matters.
+_MADE_OF = {"delay": ("c", "thickness"), "compliance": ("z", "c", "thickness")}
+_MOST = 3
+
+
+@dataclass(frozen=True)
+class _Pair:
+    first: str
+    second: str
+    correlation: float
+
+
+def separability(
+    layers: Sequence[LayerSpec],
+    values: Mapping[str, float],
+    names: Sequence[str],
+    covariance: Reals,
+    derived: Mapping[str, Constant],
+    highest: float,
+) -> tuple[str, ...]:
+    """Return a sentence for what cannot be told apart; `covariance` is of the parameters `names`, `highest` in Hz."""
+    relative = _relative(values, names, covariance)
+    says: list[str] = []
+    for layer in layers:
+        if layer.kind == "elastic":
+            says += _of_layer(layer.name, relative, derived, highest)
+    return (*says, *_across(relative))
+
+
+class _Relative:
+    """Relative uncertainties and correlations of the parameters that moved."""
+
+    def __init__(self, names: Sequence[str], covariance: Reals) -> None:
+        self.names = tuple(names)
+        self.u = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        self._covariance = covariance
+        self._at = {name: k for k, name in enumerate(names)}
+
+    def correlation(self, first: str, second: str) -> float:
+        size = self.u[first] * self.u[second]
+        return float(self._covariance[self._at[first], self._at[second]]) / size
+
+
+def _relative(values: Mapping[str, float], names: Sequence[str], covariance: Reals) -> _Relative:
+    size = np.array([values[name] for name in names])
+    kept = [k for k in range(len(names)) if covariance[k, k] > 0 and size[k] != 0]
+    scaled = covariance[np.ix_(kept, kept)] / np.outer(size[kept], size[kept])
+    return _Relative([names[k] for k in kept], scaled)
+
+
+def _of_layer(layer: str, relative: _Relative, derived: Mapping[str, Constant], highest: float) -> list[str]:
+    """Return what is to be said of one passive layer."""
+    free = [name for name in ("z", "c", "thickness") if f"{layer}.{name}" in relative.u]
+    thin = derived[f"{layer}.delay"].re * highest < _THIN
+    if free == ["thickness"] and thin:
+        return [
+            f"{layer}.thickness rests on {layer}.z and {layer}.c, which are held; what the recording determines is "
+            f"{_shown(layer, 'compliance', derived)}."
+        ]
+    says: list[str] = []
+    told: set[str] = set()
+    for made in ("compliance", "delay") if thin else ("delay", "compliance"):
+        parts = [name for name in _MADE_OF[made] if name in free and name not in told]
+        pairs = [(a, b, relative.correlation(f"{layer}.{a}", f"{layer}.{b}")) for a, b in combinations(parts, 2)]
+        close = [pair for pair in pairs if abs(pair[2]) > _TOGETHER]
+        if not close or not _better(layer, made, parts, relative, derived):
+            continue
+        a, b, rho = max(close, key=lambda pair: abs(pair[2]))
+        told |= {a, b}
+        says.append(
+            f"{layer}.{a} and {layer}.{b} cannot be told apart (correlation {_rho(rho)}); what the recording "
+            f"determines is {_shown(layer, made, derived)}."
+        )
+    return says
+
+
+def _better(layer: str, made: str, parts: Sequence[str], relative: _Relative, derived: Mapping[str, Constant]) -> bool:
+    constant = derived[f"{layer}.{made}"]
+    best = min(relative.u[f"{layer}.{name}"] for name in parts)
+    return constant.u_re is not None and constant.u_re / abs(constant.re) < _BETTER * best
+
+
+def _shown(layer: str, made: str, derived: Mapping[str, Constant]) -> str:
+    constant = derived[f"{layer}.{made}"]
+    return f"{layer}.{made} = {constant.re:.5g} +- {constant.u_re or 0.0:.1g} {constant.unit}"
+
+
+def _rho(rho: float) -> str:
+    """Return a correlation with as many nines as it has, and one digit more."""
+    digits = int(np.clip(np.ceil(-np.log10(max(1e-12, 1 - abs(rho)))), 2, 8))
+    return f"{rho:.{digits}f}"
+
+
+def _across(relative: _Relative) -> list[str]:
+    """Return the closest pairs of constants of different layers, and the product of powers that is known better."""
+    pairs = [
+        _Pair(a, b, relative.correlation(a, b))
+        for a, b in combinations(relative.names, 2)
+        if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
+        # Air on the two faces of a disk is one and the same to it, and nobody asks for it.
+        if not {a, b} & {"back.z", "front.z"}
+    ]
+    near = (pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED)
+    close = sorted(near, key=lambda pair: -abs(pair.correlation))
+    says: list[str] = []
+    told: set[str] = set()
+    for pair in close:
+        if told & {pair.first, pair.second} or len(says) == _MOST:
+            continue
+        told |= {pair.first, pair.second}
+        power = -pair.correlation * relative.u[pair.first] / relative.u[pair.second]
+        left = relative.u[pair.first] * float(np.sqrt(max(0.0, 1 - pair.correlation**2)))
+        first, second = pair.first.removesuffix(".re"), pair.second.removesuffix(".re")
+        says.append(
+            f"{first} and {second} are known to {100 * relative.u[pair.first]:.2g} % and "
+            f"{100 * relative.u[pair.second]:.2g} %, but only together (correlation {_rho(pair.correlation)}): "
+            f"{first} * {second}^{power:.2g} is known to {100 * left:.1g} %."
+        )
+    return says

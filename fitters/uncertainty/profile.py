@@ -1,0 +1,79 @@
+"""Profile likelihood: intervals for constants whose misfit does not rise as a parabola.
+
+D. J. Venzon, S. H. Moolgavkar, Appl. Statist. 37 (1988) 87. A constant is drawn to one side by a narrow prior and all
+else follows it downhill; the misfit there, without that prior, lies on the profile, wherever the constant went.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ..engine.covariance import curvature, remaining
+from ..engine.descent import Descent, descend
+from ..engine.objective import Objective
+from ..engine.recording import Prior
+from ..interface import Interval
+
+_PULL = 0.05
+# Standard uncertainty of the prior that draws, in standard uncertainties of the constant: it gets where it is drawn.
+_ONE, _NINETY_FIVE = 1.0, 1.959964
+_NEAR = 0.03
+_PULLS = 4
+_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """One constant near its best value."""
+
+    objective: Objective
+    x: Reals
+    name: str
+    best: float
+    u: float
+    way: Reals
+    """d x / d constant along the profile's beginning, shape (M,)."""
+    chi2: float
+    unit: float
+    """Misfit that counts as one (Birge ratio squared)."""
+
+    def drawn(self, target: float, x: Reals) -> tuple[float, float, Reals]:
+        """Return the constant where it was drawn to, sqrt of the rise of the misfit there, and x."""
+        prior = Prior(self.name, target, _PULL * self.u)
+        known = (*self.objective.priors, *self.objective.posteriors, prior)
+        there = descend(Objective(self.objective.recordings, self.objective.coordinates, known), x, _TOLERANCE)
+        value = self.objective.coordinates.forward(there.x)[0][self.name]
+        rise = 2 * there.cost - ((value - target) / prior.u) ** 2 - self.chi2
+        return value, float(np.sqrt(max(0.0, rise) / self.unit)), there.x
+
+    def end(self, level: float, sign: int) -> float:
+        """Return where the misfit has risen by level^2 on one side; what cannot rise so far ends where it gets to."""
+        target, x = self.best + sign * level * self.u, self.x + sign * level * self.u * self.way
+        value = self.best
+        for _ in range(_PULLS):
+            value, z, x = self.drawn(target, x)
+            if abs(z / level - 1) < _NEAR or z < 1e-3 * level:
+                break
+            target = self.best + (value - self.best) * level / z
+        else:
+            return value
+        return self.best + (value - self.best) * (level / z if z > 1e-3 * level else 1.0)
+
+
+def profile_intervals(descent: Descent) -> dict[str, Interval]:
+    """Return the intervals of every parameter that moved, by name, SI. The objective must be that of the noise."""
+    objective, x = descent.objective, descent.x
+    values, chain = objective.coordinates.forward(x)
+    bent = curvature(objective, x)
+    half = chain @ bent.half
+    chi2, unit = float(np.sum(objective.residual(x) ** 2)), remaining(objective, x)
+    found: dict[str, Interval] = {}
+    for k, name in enumerate(objective.coordinates.parameters):
+        u = float(np.linalg.norm(half[k]))
+        if u == 0 or not np.isfinite(u):
+            continue
+        way = bent.half @ half[k] / u**2
+        one = _Profile(objective, x, name, values[name], u, way, chi2, unit)
+        found[name] = Interval(*((one.end(level, -1), one.end(level, 1)) for level in (_ONE, _NINETY_FIVE)))
+    return found

@@ -1,0 +1,1 @@
+"""What all models share: array types, errors, names, the model protocol."""

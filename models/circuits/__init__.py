@@ -1,0 +1,1 @@
+"""Lumped circuits and what stands between analyzer and device."""

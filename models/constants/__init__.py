@@ -1,0 +1,1 @@
+"""Material constants: conversions, tensors, passivity, causal losses."""

@@ -1,0 +1,173 @@
+"""Passivity: a material takes energy and never gives any. As a check, and as coordinates that cannot leave it.
+
+Holland (IEEE Trans. Sonics Ultrason. SU-14 (1967) 18): -Im [[sE, d^T], [d, epsT]] is positive semidefinite. The
+inverse of that matrix is [[cD, -h^T], [-h, 1/epsS]], so there +Im is. Coordinates: with K and A lower triangular,
+every symmetric complex matrix with positive definite real part and loss is K (1 - j A A^T) K^T for exactly one pair
+of positive diagonals; so an optimiser may go anywhere in (K, A) and remains stable and passive.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import Complexes, Reals
+from ..base.errors import PzctlError
+from .constitutive import Law, convert, loss_matrix
+from .piezo_constants import Radial, Thickness
+from .tensor import Tensor6mm
+
+_ROUNDING = 1e-12
+
+
+class PassivityError(PzctlError):
+    """Constants that are not those of a stable, lossy material."""
+
+
+def passivity_margin(law: Law) -> float:
+    """Return the least eigenvalue of Holland's loss matrix, each component measured by its own sE' or epsT'.
+
+    A number of the size of a loss tangent: positive for a lossy material, negative where energy would be made.
+    """
+    at = convert(law, "stress_E")
+    size = np.sqrt(np.abs(np.concatenate([np.diag(at.elastic), np.diag(at.dielectric)]).real))
+    return float(np.linalg.eigvalsh(loss_matrix(law) / np.outer(size, size))[0])
+
+
+def is_passive(law: Law) -> bool:
+    """Say whether the law makes no energy; a lossless law is passive."""
+    return passivity_margin(law) >= -_ROUNDING
+
+
+@dataclass(frozen=True)
+class PassiveMatrix:
+    """Coordinates of a stable and lossy symmetric complex matrix of `size` rows.
+
+    x, shape (size (size + 1),): ln of the diagonal of K, the rest of K measured by its row's diagonal, then the same
+    for A: ln of its diagonal, the rest of A as it is.
+    """
+
+    size: int
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.size * (self.size + 1)
+
+    def forward(self, x: Reals) -> tuple[Complexes, Complexes]:
+        """Return M = K (1 - j A A^T) K^T, shape (n, n), and dM/dx, shape (C, n, n)."""
+        n, half = self.size, self.count // 2
+        rows, columns = np.tril_indices(n, -1)
+        diagonal = np.diag(np.exp(x[:n]))
+        unit, A = np.eye(n), np.diag(np.exp(x[half : half + n]))
+        unit[rows, columns], A[rows, columns] = x[n:half], x[half + n :]
+        K = diagonal @ unit
+        core = np.eye(n) - 1j * A @ A.T
+        slopes = np.zeros((self.count, n, n), np.complex128)
+        for k in range(half):
+            row, column = (k, k) if k < n else (int(rows[k - n]), int(columns[k - n]))
+            dK, dA = np.zeros((n, n)), np.zeros((n, n))
+            if k < n:
+                dK[k], dA[k, k] = K[k], A[k, k]
+            else:
+                dK[row, column], dA[row, column] = diagonal[row, row], 1.0
+            one = dK @ core @ K.T
+            two = -1j * K @ (dA @ A.T) @ K.T
+            slopes[k], slopes[half + k] = one + one.T, two + two.T
+        return (K @ core @ K.T).astype(np.complex128), slopes
+
+    def inverse(self, M: Complexes) -> Reals:
+        """Return the coordinates of M. Raises PassivityError where M is not stable and strictly lossy."""
+        rows, columns = np.tril_indices(self.size, -1)
+        try:
+            K = np.linalg.cholesky(M.real)
+            undone = np.linalg.inv(K)
+            A = np.linalg.cholesky(-(undone @ M.imag @ undone.T))
+        except np.linalg.LinAlgError:
+            raise PassivityError(
+                "these constants have no passive coordinates: the real part and the loss of the matrix "
+                "[[sE, d], [d, epsT]] must both be positive definite, and one of them is not"
+            ) from None
+        d = np.diag(K)
+        parts = np.log(d), K[rows, columns] / d[rows], np.log(np.diag(A)), A[rows, columns]
+        return np.concatenate(parts).astype(np.float64)
+
+
+def thickness_from_coordinates(x: Reals) -> tuple[Complexes, Complexes]:
+    """Return (c33D, h33, eps33S), shape (3,), and their derivatives by x, shape (3, 6)."""
+    M, slopes = PassiveMatrix(2).forward(x)  # conj of [[c33D, -h33], [-h33, 1/eps33S]]: there +Im is positive
+    eps = 1 / np.conj(M[1, 1])
+    values = np.array([np.conj(M[0, 0]), -np.conj(M[0, 1]), eps])
+    by_x = np.conj(np.array([slopes[:, 0, 0], -slopes[:, 0, 1], slopes[:, 1, 1]]))
+    by_x[2] *= -(eps**2)
+    return values, by_x
+
+
+def thickness_coordinates(constants: Thickness) -> Reals:
+    """Return the six coordinates of thickness-mode constants. Raises PassivityError where they are not passive."""
+    c, h, beta = constants.c33D, constants.h33, 1 / constants.eps33S
+    return PassiveMatrix(2).inverse(np.conj(np.array([[c, -h], [-h, beta]])))
+
+
+_RADIAL = (PassiveMatrix(1), PassiveMatrix(2))  # s11 - s12; [[s11 + s12, sqrt2 d31], [sqrt2 d31, epsT]]
+_TENSOR = (PassiveMatrix(1), PassiveMatrix(2), PassiveMatrix(3))  # s11 - s12; shear 44-15-11; axial
+
+
+def _blocks(parts: Sequence[PassiveMatrix], x: Reals) -> list[tuple[Complexes, Complexes]]:
+    """Return each block and its derivatives by all coordinates."""
+    made: list[tuple[Complexes, Complexes]] = []
+    at = 0
+    for part in parts:
+        M, own = part.forward(x[at : at + part.count])
+        slopes = np.zeros((x.size, part.size, part.size), np.complex128)
+        slopes[at : at + part.count] = own
+        made.append((M, slopes))
+        at += part.count
+    return made
+
+
+def _radial_of(b: Complexes, M: Complexes) -> list[Complexes]:
+    minus, plus = b[..., 0, 0], M[..., 0, 0]
+    return [(plus + minus) / 2, (plus - minus) / 2, M[..., 0, 1] / math.sqrt(2), M[..., 1, 1]]
+
+
+def radial_from_coordinates(x: Reals) -> tuple[Complexes, Complexes]:
+    """Return (s11E, s12E, d31, eps33T), shape (4,), and their derivatives by x, shape (4, 8)."""
+    (b, db), (M, dM) = _blocks(_RADIAL, x)
+    return np.array(_radial_of(b, M)), np.array(_radial_of(db, dM))
+
+
+def radial_coordinates(constants: Radial) -> Reals:
+    """Return the eight coordinates of radial-mode constants. Raises PassivityError where they are not passive."""
+    s11, s12, d = constants.s11E, constants.s12E, math.sqrt(2) * constants.d31
+    blocks = [np.array([[s11 - s12]]), np.array([[s11 + s12, d], [d, constants.eps33T]])]
+    return np.concatenate([part.inverse(block) for part, block in zip(_RADIAL, blocks, strict=True)])
+
+
+def tensor_from_coordinates(x: Reals) -> Tensor6mm:
+    """Return the ten complex constants that belong to the coordinates x, shape (20,)."""
+    (b, _), (shear, _), (axial, _) = _blocks(_TENSOR, x)
+    minus, plus = b[0, 0], axial[0, 0]
+    s, d = np.zeros((6, 6), complex), np.zeros((3, 6), complex)
+    s[0, 0] = s[1, 1] = (plus + minus) / 2
+    s[0, 1] = s[1, 0] = (plus - minus) / 2
+    s[:2, 2] = s[2, :2] = axial[0, 1] / math.sqrt(2)
+    s[2, 2], s[3, 3], s[4, 4], s[5, 5] = axial[1, 1], shear[0, 0], shear[0, 0], 2 * minus
+    d[2, :2], d[2, 2] = axial[0, 2] / math.sqrt(2), axial[1, 2]
+    d[0, 4] = d[1, 3] = shear[0, 1]
+    return Tensor6mm.from_law(Law("stress_E", s, d, np.diag([shear[1, 1], shear[1, 1], axial[2, 2]])))
+
+
+def tensor_coordinates(tensor: Tensor6mm) -> Reals:
+    """Return the twenty coordinates of a full tensor. Raises PassivityError where it is not passive."""
+    at = convert(tensor.law, "stress_E")
+    s, d, eps = at.elastic, at.piezo, at.dielectric
+    root = math.sqrt(2)
+    axial = [
+        [s[0, 0] + s[0, 1], root * s[0, 2], root * d[2, 0]],
+        [root * s[0, 2], s[2, 2], d[2, 2]],
+        [root * d[2, 0], d[2, 2], eps[2, 2]],
+    ]
+    blocks = [[[s[0, 0] - s[0, 1]]], [[s[3, 3], d[0, 4]], [d[0, 4], eps[0, 0]]], axial]
+    return np.concatenate([part.inverse(np.array(block)) for part, block in zip(_TENSOR, blocks, strict=True)])

@@ -1,0 +1,1 @@
+"""A bare round disk: radial mode, and radial and thickness mode together."""

@@ -1,0 +1,95 @@
+"""A round disk with its full 6mm constants as an analyzer sees it: `Model` for the fitters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.names import require
+from ..constants.causal import continued
+from ..constants.tensor import Tensor6mm
+from ..stack.laws import CONSTANT, LossLaw, require_positive
+from .capacitance import capacitance, slopes
+from .full import Shape
+from .matrices import CONSTANTS
+from .reduced import ReducedDisk
+
+
+@dataclass(frozen=True)
+class Disk2D:
+    """A free round disk, electrodes over both faces. Satisfies `Model`.
+
+    `reduced` must have been made for a like D/t, for constants like these and up to the highest frequency asked of
+    it: `error.estimate` says whether it serves.
+    """
+
+    name: str
+    constants: Tensor6mm
+    """At the law's reference frequency."""
+    area: float
+    """m2."""
+    thickness: float
+    """m."""
+    density: float
+    """kg/m3."""
+    reduced: ReducedDisk
+    law: LossLaw = CONSTANT
+    """How each constant continues to other frequencies."""
+    rough: bool = False
+    """To a thousandth or so, at half the cost: for a search."""
+
+    def __post_init__(self) -> None:
+        require_positive(self.name, area=self.area, thickness=self.thickness, density=self.density)
+
+    @property
+    def shape(self) -> Shape:
+        """Sizes and density."""
+        return Shape(float(np.sqrt(self.area / np.pi)), self.thickness, self.density)
+
+    def parameters(self) -> dict[str, float]:
+        """Return `area`, `name.thickness`, `name.density` and `name.c11E.re`, `name.c11E.im`, ..."""
+        made = {"area": self.area, f"{self.name}.thickness": self.thickness, f"{self.name}.density": self.density}
+        for constant in CONSTANTS:
+            value = complex(getattr(self.constants, constant))
+            made |= {f"{self.name}.{constant}.re": value.real, f"{self.name}.{constant}.im": value.imag}
+        return made
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        own = self.parameters()
+        require(values, own, "the disk")
+        all_of = {**own, **values}
+        tensor = Tensor6mm(*(complex(all_of[f"{self.name}.{c}.re"], all_of[f"{self.name}.{c}.im"]) for c in CONSTANTS))
+        thickness, density = all_of[f"{self.name}.thickness"], all_of[f"{self.name}.density"]
+        return replace(self, constants=tensor, area=all_of["area"], thickness=thickness, density=density)
+
+    def over(self, frequency: Frequencies) -> Complexes:
+        """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
+        return np.array([continued(self.law, getattr(self.constants, c), frequency)[0] for c in CONSTANTS]).T
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        order = np.argsort(frequency)
+        C = np.zeros(frequency.size, np.complex128)
+        C[order] = capacitance(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
+        return 1 / (j_omega(frequency) * C)
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
+        require(names, self.parameters(), "the disk")
+        order = np.argsort(frequency)
+        back = np.argsort(order)
+        made = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
+        C, by_constant = made.capacitance[back], made.by_constant[back]
+        rows = {
+            "area": made.by_log_radius[back] / (2 * self.area),
+            f"{self.name}.thickness": made.by_log_thickness[back] / self.thickness,
+            f"{self.name}.density": made.by_log_density[back] / self.density,
+        }
+        for k, constant in enumerate(CONSTANTS):
+            _, chain = continued(self.law, getattr(self.constants, constant), frequency)
+            rows |= {f"{self.name}.{constant}.{part}": by_constant[:, k] * chain[part] for part in ("re", "im")}
+        slope = np.array([-rows[name] / C for name in names], np.complex128)
+        return 1 / (j_omega(frequency) * C), slope.reshape(len(names), frequency.size)

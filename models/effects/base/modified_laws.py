@@ -1,0 +1,133 @@
+"""Loss laws that bend another law: the same constant at the reference, and nothing bent at null."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ...base.arrays import Complexes, Frequencies, Reals
+from ...stack import ConstantLoss, LossLaw
+from ...stack.laws import ComplexLike
+
+_TINY = 1e-9
+
+
+@dataclass(frozen=True)
+class Bent(LossLaw):
+    """A law with its parameters, made of another one."""
+
+    base: LossLaw
+    reference: float
+    """Hz, where the bent law gives what the base gives."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return those of the base: what bends it are an effect's knobs."""
+        return self.base.parameters()
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law with another base."""
+        return replace(self, base=self.base.replace(values))
+
+    def _log_x(self, frequency: Frequencies) -> Reals:
+        return np.log(frequency / self.reference)
+
+
+@dataclass(frozen=True)
+class LossExponent(Bent):
+    """M(f) = base + M'' [j (x^n - 1) + a x-dependent stiffening that causality asks for], x = f/reference.
+
+    The loss M'' grows as x^n. Its Kramers-Kronig companion cot(n pi/2) (x^n - 1) (Szabo, J. Acoust. Soc. Am. 96 (1994)
+    491; for n -> 0: (2/pi) ln x) comes with the weight `companion`: 1 is the causal law, 0 keeps the real part still as
+    most papers do. Where the base is causal already its own companion, (2/pi) ln x, is taken away first.
+    """
+
+    exponent: float = 0.0
+    companion: float = 0.0
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) + value.imag * self._bend(frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        slopes = dict(self.base.derivatives(value, frequency))
+        slopes["im"] = slopes["im"] + self._bend(frequency)
+        return slopes
+
+    def _bend(self, frequency: Frequencies) -> Complexes:
+        n, log_x = self.exponent, self._log_x(frequency)
+        grown = np.expm1(n * log_x)
+        partner = 2 / np.pi * log_x if abs(n) < _TINY else grown / np.tan(n * np.pi / 2)
+        own = 0.0 if isinstance(self.base, ConstantLoss) else 2 / np.pi * log_x
+        return np.add(self.companion * partner - own, 1j * grown)
+
+
+@dataclass(frozen=True)
+class Slope(Bent):
+    """eps(f) = x^(-slope) [eps' - j eps'' x^loss], x = f/reference: falls by a power, and so may its loss tangent."""
+
+    slope: float = 0.0
+    loss: float = 0.0
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self._bent(self.base.over(value, frequency), frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        slopes = self.base.derivatives(value, frequency)
+        return {key: self._bent(size, frequency) for key, size in slopes.items()}
+
+    def _bent(self, size: ComplexLike, frequency: Frequencies) -> Complexes:
+        """Return the base's constant, or a real derivative of it, bent: linear in its real and imaginary part."""
+        log_x = self._log_x(frequency)
+        bent = np.real(size) + 1j * np.imag(size) * np.exp(self.loss * log_x)
+        return np.multiply(np.exp(-self.slope * log_x), bent, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Relaxation(Bent):
+    """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: Debye's relaxation, of a strength."""
+
+    strength: float = 0.0
+    at: float = 1.0
+    """x_r, where its loss is largest."""
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) * self._factor(frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        factor = self._factor(frequency)
+        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
+
+    def _factor(self, frequency: Frequencies) -> Complexes:
+        x = frequency / self.reference
+        return np.asarray(1 + self.strength * (1 / (1 + 1j * x / self.at) - 1 / (1 + 1j / self.at)), np.complex128)
+
+
+@dataclass(frozen=True)
+class Factor(LossLaw):
+    """A law times a number for each frequency, as a strain that depends on frequency makes it."""
+
+    base: LossLaw
+    factor: Complexes
+    """Shape (N,), at the frequencies at which alone the law is asked."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return those of the base."""
+        return self.base.parameters()
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the law with another base."""
+        return replace(self, base=self.base.replace(values))
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) * self.factor
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        return {key: size * self.factor for key, size in self.base.derivatives(value, frequency).items()}

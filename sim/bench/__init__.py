@@ -1,0 +1,1 @@
+"""The virtual bench: devices under test, gluing steps, jig, hidden effects."""

@@ -1,0 +1,119 @@
+"""The virtual bench: what is in the fixture, and what the analyzer's bridge sees of it.
+
+The instrument asks `measure` for one sweep; the bench's own commands change what is measured. The two never mix:
+no word of the instrument's dialect glues a layer.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.base.arrays import Complexes, Impedances, Reals
+from ..instrument.accuracy import noise_sigma, noisy, systematic, terms
+from ..instrument.axis import Axis
+from .bench_errors import BenchError
+from .jig import JIGS, LOAD_STANDARD_OHM, Jig
+from .sample import STEPS, Sample, sample
+from .sweep_effects import Effects, device_impedance
+
+CONTENTS = ("device", "open", "short", "load")
+"""What a person can put into the fixture."""
+
+
+@dataclass
+class Bench:
+    """The device under test, the jig, and the world around them."""
+
+    seed: int = 0
+    noise: bool = True
+    """Random noise of section 8.3."""
+    radial: bool = False
+    """Whether the disk has its radial modes: a 1-D thickness model does not know them."""
+    off: bool = False
+    """Systematic error of section 8.2, the same for every sweep of this instrument."""
+    jig: Jig = field(default_factory=lambda: JIGS["compensated"])
+    effects: Effects = field(default_factory=Effects)
+    step: str = field(init=False, default=STEPS[0])
+    content: str = field(init=False, default=CONTENTS[0])
+    seconds: float = field(init=False, default=0.0)
+    """Bench time: the unscaled seconds that all sweeps so far took."""
+    inverted: bool = False
+    """Fault: polarity reversed, the impedance comes with the opposite sign."""
+    sample: Sample = field(init=False)
+    _random: np.random.Generator = field(init=False)
+    _idle_random: np.random.Generator = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.new_sample(self.seed)
+
+    def new_sample(self, seed: int) -> None:
+        """Put another bare disk into the fixture."""
+        self.seed, self.sample, self.step, self.content = seed, sample(seed), STEPS[0], "device"
+        self._random, self._idle_random = (np.random.default_rng([seed, stream]) for stream in (0, 1))
+
+    def glue(self, step: str) -> None:
+        """Bring the device to a gluing step. Raises BenchError for one that does not exist or lies behind."""
+        self.sample.names(step)
+        if STEPS.index(step) < STEPS.index(self.step):
+            raise BenchError(
+                f"bench: the device is at step {self.step!r} and glue does not come off; "
+                f"a bare disk is had by the command new-sample, {step!r} is not had again"
+            )
+        self.step, self.content = step, "device"
+
+    def glue_next(self) -> None:
+        """Do the next gluing step. Raises BenchError after the last one."""
+        following = STEPS.index(self.step) + 1
+        if following == len(STEPS):
+            raise BenchError(f"bench: {self.step!r} is the last gluing step; new-sample brings a bare disk")
+        self.glue(STEPS[following])
+
+    def connect(self, content: str) -> None:
+        """Put the device, or a standard, into the fixture. Raises BenchError."""
+        if content not in CONTENTS:
+            raise BenchError(f"bench: cannot connect {content!r}; there are {', '.join(CONTENTS)}")
+        self.content = content
+
+    def measure(self, axis: Axis, point_seconds: Reals, reverse: bool, idle: bool = False) -> Impedances:
+        """Return one sweep as the bridge sees it, shape (N,), points in the axis's order; bench time goes on.
+
+        `point_seconds`, shape (N,), is how long each point takes; `reverse` sweeps from the last point to the first.
+        An `idle` sweep is one of CONT: how many there were depends on when people came, so they take no bench
+        time and have a noise of their own, and what is measured after them is the same on every run.
+        """
+        order = np.arange(axis.values.size, dtype=np.intp)[:: -1 if reverse else 1]
+        when = np.empty_like(point_seconds)
+        when[order] = self.seconds + np.cumsum(point_seconds[order])
+        z = self._true(axis, when, point_seconds, order)
+        if not idle:
+            self.seconds += float(point_seconds.sum())
+        return self._as_read(z, axis, self._idle_random if idle else self._random)
+
+    def _true(self, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]) -> Impedances:
+        if self.content == "short":
+            return self.jig.short(axis.frequency)
+        return self.jig.through(axis.frequency, self._admittance(axis, when, point_seconds, order))
+
+    def _admittance(self, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]) -> Complexes:
+        if self.content == "open":
+            return np.zeros(axis.values.size, dtype=np.complex128)
+        if self.content == "load":
+            return np.full(axis.values.size, 1 / LOAD_STANDARD_OHM, dtype=np.complex128)
+        device = self.sample.device(self.step, self.radial)
+        return 1 / device_impedance(device, self.effects, axis, when, point_seconds, order)
+
+    def _as_read(self, z: Impedances, axis: Axis, random: np.random.Generator) -> Impedances:
+        level = np.where(axis.level > 0, axis.level, 1e-3)
+        if self.off:
+            z = systematic(z, terms(axis.frequency, axis.bandwidth, level), self._own_error())
+        if self.noise:
+            sigma = noise_sigma(z, axis.frequency, axis.bandwidth, level, axis.point_average)
+            z = noisy(z, sigma, random)
+        return -z if self.inverted else z
+
+    def _own_error(self) -> Complexes:
+        """Return how this instrument uses up its accuracy: fixed by the seed, each of size at most 1."""
+        random = np.random.default_rng([self.seed, 82])
+        angle = 2 * np.pi * random.uniform(0, 1, 3)
+        return random.uniform(0.2, 0.9, 3) * (np.cos(angle) + 1j * np.sin(angle))

@@ -1,0 +1,62 @@
+"""The fixture between the analyzer and the device: Z = R + j w L + (device parallel to C and G) (reference 8.5)."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances
+
+OPEN = 1e-15
+"""Admittance of nothing at all, S: what keeps 1/Y finite."""
+
+
+@dataclass(frozen=True)
+class Jig:
+    """Residuals of the fixture, in SI."""
+
+    resistance: float = 0.0
+    """Series, ohm."""
+    inductance: float = 0.0
+    """Series, H."""
+    capacitance: float = 0.0
+    """Parallel, F."""
+    conductance: float = 0.0
+    """Parallel, S."""
+
+    def through(self, frequency: Frequencies, admittance: Complexes) -> Impedances:
+        """Return the impedance seen, shape (N,), where the contacts hold a device of this admittance (S)."""
+        w = 2 * np.pi * frequency
+        shunt = self.conductance + 1j * w * self.capacitance + admittance
+        inner = 1 / np.where(np.abs(shunt) < OPEN, OPEN, shunt)
+        return np.asarray(self.short(frequency) + inner, dtype=np.complex128)
+
+    def short(self, frequency: Frequencies) -> Impedances:
+        """Return the impedance seen with the contacts joined: series residuals alone, shape (N,)."""
+        return np.asarray(self.resistance + 2j * np.pi * frequency * self.inductance, dtype=np.complex128)
+
+    def scaled(self, share: float) -> Self:
+        """Return a jig whose residuals are this share of these."""
+        return replace(
+            self,
+            resistance=self.resistance * share,
+            inductance=self.inductance * share,
+            capacitance=self.capacitance * share,
+            conductance=self.conductance * share,
+        )
+
+
+COAX = Jig(resistance=30e-3, inductance=40e-9, capacitance=1.5e-12)
+"""A short coax with BNC, not compensated."""
+
+CLIPS = Jig(resistance=60e-3, inductance=150e-9, capacitance=3e-12)
+"""Clip leads of 15 cm, not compensated."""
+
+COMPENSATED = COAX.scaled(5e-5)
+"""What is left of the coax after open/short with perfect standards: the noise of those two measurements."""
+
+JIGS = {"compensated": COMPENSATED, "coax": COAX, "clips": CLIPS, "ideal": Jig()}
+"""The jigs of the bench by name."""
+
+LOAD_STANDARD_OHM = 50.0
+"""The load standard on the bench: an ideal 50 ohm resistor."""

@@ -1,0 +1,158 @@
+"""The transducer on the bench: a stack whose true constants are known here and nowhere else.
+
+The numbers are those of the thesis (Tjelde, NTNU 2012, tables 4.1 to 4.7): a Pz27 disk whose fitted constants
+differ from the data sheet's, as real ones do, and two glued matching layers. Every seed is another sample.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...models.base.model import Model
+from ...models.constants.causal import continued
+from ...models.constants.piezo_constants import Radial
+from ...models.disk.round_disk import BothModes
+from ...models.stack import AIR, CausalConstantQ, Elastic, Piezo, Stack
+from .bench_errors import BenchError
+
+EPS0 = 8.8541878128e-12
+AREA = np.pi * 8e-3**2
+"""Area of the disk of 16 mm diameter, m2."""
+
+RADIAL_REFERENCE = 128e3
+"""Hz, near the first radial resonance: where the radial constants are the stated ones."""
+
+ALPHA, D33F = 0.72, 1.2e-10
+"""c13E/c33E, and e33/c33E in C/N: motion through the thickness in a radial mode. Pz27's, not exactly."""
+
+STEPS = ("disk", "ml1", "ml2")
+"""The gluing steps in order: each adds a glue line and a matching layer."""
+
+GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
+"""The thesis's epoxy: Rayl, Pa, quality factor."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One transducer with all its layers, back to front; `seed` names it."""
+
+    seed: int
+    layers: tuple[Piezo | Elastic, ...]
+    radial: Radial
+    """The disk's radial constants; its eps33T is what follows from the thickness constants and these."""
+
+    def device(self, step: str, radial: bool) -> Model:
+        """Return what is on the bench after a gluing step, with or without the disk's radial modes.
+
+        With them, losses are causal from mode to mode: over the five octaves between, what a permittivity loses moves
+        it by 2 %. `truth` has the constants at `RADIAL_REFERENCE` and at the thickness mode's antiresonance. What is
+        glued on does not load the radial modes. Raises BenchError for an unknown step.
+        """
+        stack = self.stack(step)
+        if not radial:
+            return stack
+        disk = self.layers[0]
+        if not isinstance(disk, Piezo):
+            raise BenchError(f"bench: {disk.name!r} is not piezoelectric; only such a disk has radial modes")
+        law = CausalConstantQ(_antiresonance(disk))
+        causal = replace(disk, c_law=law, h_law=law, eps_law=law)
+        both = BothModes.of(replace(stack, layers=(causal, *stack.layers[1:])), disk.name, self.radial)
+        laws = dict.fromkeys(("s11E", "s12E", "d31"), CausalConstantQ(RADIAL_REFERENCE))
+        return replace(both, arm=replace(both.arm, alpha=ALPHA, d33f=D33F, laws=laws))
+
+    def stack(self, step: str) -> Stack:
+        """Return what is on the bench after a gluing step, in air. Raises BenchError for an unknown step."""
+        return Stack(layers=self.layers[: self._count(step)], back=AIR, front=AIR, area=AREA)
+
+    def names(self, step: str) -> tuple[str, ...]:
+        """Return the layers that are there after a step, back to front. Raises BenchError."""
+        return tuple(layer.name for layer in self.layers[: self._count(step)])
+
+    def _count(self, step: str) -> int:
+        if step not in STEPS:
+            raise BenchError(f"bench: no gluing step {step!r}; there are {', '.join(STEPS)}")
+        return 1 + 2 * STEPS.index(step)
+
+    def truth(self) -> dict[str, dict[str, float | str]]:
+        """Return every true constant by its name (`disk.c33D`): real and imaginary part and unit."""
+        table: dict[str, dict[str, float | str]] = {}
+        for layer in self.layers:
+            for key, value, unit in _constants(layer):
+                table[f"{layer.name}.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+        for key, unit in (("s11E", "1/Pa"), ("s12E", "1/Pa"), ("d31", "C/N"), ("eps33T", "F/m")):
+            value = complex(getattr(self.radial, key))
+            table[f"disk.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+        return table
+
+
+def _constants(layer: Piezo | Elastic) -> list[tuple[str, complex, str]]:
+    if isinstance(layer, Piezo):
+        return [
+            ("thickness", complex(layer.thickness), "m"),
+            ("density", complex(layer.density), "kg/m3"),
+            ("c33D", complex(layer.c33D), "Pa"),
+            ("h33", complex(layer.h33), "V/m"),
+            ("eps33S", complex(layer.eps33S), "F/m"),
+        ]
+    return [
+        ("thickness", complex(layer.thickness), "m"),
+        ("z", complex(layer.z), "Rayl"),
+        ("c", complex(layer.c), "m/s"),
+        ("q", complex(layer.q), "1"),
+        ("c33", complex(layer.c33), "Pa"),
+    ]
+
+
+def sample(seed: int) -> Sample:
+    """Return the sample of this seed: the same one every time."""
+    random = np.random.default_rng([seed, 4294])
+
+    def about(value: float, relative: float) -> float:
+        """Scatter a value, never by more than three standard deviations."""
+        return value * (1 + relative * float(np.clip(random.standard_normal(), -3, 3)))
+
+    disk = _disk(about)
+    glue1 = _glue("glue1", about(11e-6, 0.08))
+    ml1 = _matching("ml1", about(10.3e6, 0.04), about(2455.0, 0.05), about(0.139e-3, 0.007), about(24.0, 0.12))
+    glue2 = _glue("glue2", about(6.4e-6, 0.08))
+    ml2 = _matching("ml2", about(2.4e6, 0.04), about(2250.0, 0.03), about(0.147e-3, 0.007), about(22.0, 0.10))
+    return Sample(seed, (disk, glue1, ml1, glue2, ml2), _radial(about, disk))
+
+
+def _antiresonance(disk: Piezo) -> float:
+    """Return the first antiresonance of the bare disk, Hz."""
+    return float(np.sqrt(disk.c33D.real / disk.density) / (2 * disk.thickness))
+
+
+def _radial(about: Callable[[float, float], float], disk: Piezo) -> Radial:
+    """Return the disk's radial constants, centred on the thesis's."""
+    s11E = about(16.96e-12, 0.02) * (1 - 1j / about(90.0, 0.1))
+    s12E = -about(6.60e-12, 0.02) * (1 - 1j / about(95.0, 0.1))
+    d31 = -about(170e-12, 0.03) * (1 - 1j / about(100.0, 0.1))
+    law, at = CausalConstantQ(_antiresonance(disk)), np.array([RADIAL_REFERENCE])
+    c, h, eps = (complex(continued(law, value, at)[0][0]) for value in (disk.c33D, disk.h33, disk.eps33S))
+    clamped = eps / (1 - h**2 * eps / c)
+    return Radial(s11E, s12E, d31, clamped + 2 * d31**2 / (s11E + s12E))
+
+
+def _disk(about: Callable[[float, float], float]) -> Piezo:
+    """Return the Pz27 disk: centred on what the thesis found, which is 5 % stiffer than the data sheet says."""
+    density = about(7700.0, 0.003)
+    speed = about(4434.0, 0.0025)
+    return Piezo(
+        "disk",
+        thickness=about(0.512e-3, 0.002),
+        density=density,
+        c33D=density * speed**2 * (1 + 1j / about(107.0, 0.12)),
+        h33=about(19.86e8, 0.015) * (1 + 1j * about(0.0049, 0.1)),
+        eps33S=about(860.0, 0.03) * EPS0 * (1 - 1j * about(0.01135, 0.08)),
+    )
+
+
+def _glue(name: str, thickness: float) -> Elastic:
+    return Elastic(name, thickness=thickness, z=GLUE_Z, c=GLUE_C33 / GLUE_Z, q=GLUE_Q)
+
+
+def _matching(name: str, z: float, c: float, thickness: float, q: float) -> Elastic:
+    return Elastic(name, thickness=thickness, z=z, c=c, q=q)

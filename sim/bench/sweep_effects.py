@@ -1,0 +1,127 @@
+"""What the device does while it is measured: it drifts, it bends with the level, it answers late.
+
+All of it is computed point by point in the order of the sweep, on the model's own parameters.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.base.arrays import Frequencies, Impedances, Reals
+from ...models.base.model import Model
+from ..instrument.axis import Axis
+from .bench_errors import BenchError
+
+SOURCE_OHM = 25.0
+"""Source resistance of the analyzer: what of the level reaches the device."""
+
+STIFFNESS_PER_KELVIN, PERMITTIVITY_PER_KELVIN = -1.4e-4, 4e-3
+"""Relative change of c33D and eps33S of a soft PZT per kelvin (frequency falls by 0.7e-4/K)."""
+
+RAYLEIGH = 4 / (3 * np.pi)
+"""Loss per softening of a Rayleigh loop: Hall, J. Mater. Sci. 36 (2001) 4575."""
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Hidden physics of the device, each off where it is 0."""
+
+    drift_K_per_s: float = 0.0
+    """The device warms at this rate in bench time."""
+    start_K: float = 0.0
+    """Temperature above the reference at bench time 0, K."""
+    lag_s: float = 0.0
+    """The reading is that of this many seconds ago: Y(f - rate * lag)."""
+    strain_softening: float = 0.0
+    """a in c33D (1 - a |S|), |S| the mean strain's amplitude; the loss grows by 4/(3 pi) a |S| (Rayleigh's law)."""
+
+    def changed(self, **values: Any) -> "Effects":
+        """Return the effects with some changed. Raises BenchError for an unknown name or a value that is no number."""
+        names = [f.name for f in fields(self)]
+        for name, value in values.items():
+            if name not in names:
+                raise BenchError(f"bench: no effect {name!r}; there are {', '.join(names)}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+                raise BenchError(f"bench: {name} is {value!r}; a number is needed")
+        return replace(self, **values)
+
+
+def device_impedance(
+    device: Model, effects: Effects, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]
+) -> Impedances:
+    """Return Z of the device, shape (N,): point k is measured at `when[k]` s, the points being swept in `order`."""
+    frequency = lagging(axis.frequency, point_seconds, order, effects.lag_s)
+    temperature = effects.start_K + effects.drift_K_per_s * when
+    if not effects.strain_softening and not np.any(temperature):
+        return device.impedance(frequency)
+    z = np.empty(frequency.size, dtype=np.complex128)
+    strain = 0.0
+    for k in order:
+        here = warmed(device, float(temperature[k]))
+        z[k], strain = _softened(here, frequency[k : k + 1], float(axis.level[k]), effects.strain_softening, strain)
+    return z
+
+
+def lagging(frequency: Frequencies, point_seconds: Reals, order: NDArray[np.intp], lag_s: float) -> Frequencies:
+    """Return the frequency whose response is read at each point: behind by the rate of the sweep times the lag."""
+    if not lag_s or np.ptp(frequency) == 0:
+        return frequency
+    rate = np.empty_like(frequency)
+    rate[order] = np.gradient(frequency[order]) / point_seconds[order]
+    return np.maximum(frequency - rate * lag_s, frequency.min() / 2)
+
+
+def warmed(device: Model, kelvin: float) -> Model:
+    """Return the device with its disk this much above the reference temperature."""
+    if kelvin == 0:
+        return device
+    return _scaled(device, 1 + STIFFNESS_PER_KELVIN * kelvin, 1 + PERMITTIVITY_PER_KELVIN * kelvin)
+
+
+def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
+    have = device.parameters()
+    c33D = complex(have["disk.c33D.re"], have["disk.c33D.im"]) * stiffness
+    eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"]) * permittivity
+    return device.replace(
+        {
+            "disk.c33D.re": c33D.real,
+            "disk.c33D.im": c33D.imag,
+            "disk.eps33S.re": eps33S.real,
+            "disk.eps33S.im": eps33S.imag,
+        }
+    )
+
+
+def _softened(
+    device: Model, frequency: Frequencies, level: float, softening: float, strain: float
+) -> tuple[complex, float]:
+    """Return Z at one frequency with the strain that belongs to it, found from the strain of the point before.
+
+    Starting there is what makes the jump depend on the sweep's direction.
+    """
+    z = complex(device.impedance(frequency)[0])
+    if not softening:
+        return z, 0.0
+    for _ in range(40):
+        bent = _scaled(device, 1 - softening * strain * (1 - 1j * RAYLEIGH), 1.0)
+        z = complex(bent.impedance(frequency)[0])
+        now = mean_strain(bent, z, float(frequency[0]), level)
+        if abs(now - strain) <= 1e-4 * max(now, 1e-12):
+            break
+        strain = (strain + now) / 2
+    return z, strain
+
+
+def mean_strain(device: Model, z: complex, frequency: float, level: float) -> float:
+    """Return the amplitude of the disk's mean strain under `level` volts rms behind the source resistance.
+
+    V = I/(j w C0) - h t S for the mean strain S, so |S| = |I| |Z - 1/(j w C0)| / (|h| t).
+    """
+    have = device.parameters()
+    thickness = have["disk.thickness"]
+    eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"])
+    clamped = thickness / (2j * np.pi * frequency * eps33S * have["area"])
+    current = np.sqrt(2) * level / abs(z + SOURCE_OHM)
+    return float(current * abs(z - clamped) / (abs(complex(have["disk.h33.re"], have["disk.h33.im"])) * thickness))

@@ -1,0 +1,1 @@
+"""The simulated analyzer: its settings, sweep, status, correction and accuracy."""

@@ -1,0 +1,159 @@
+"""Sweeps as they run: overlapped, in scaled time, with triggers and averaging; the data array appears at the end.
+
+Nothing here waits. Whoever asks calls `advance` first, which brings the sweeps up to the clock.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Impedances, Reals
+from ..bench.bench import Bench
+from .axis import Axis
+from .state import State
+from .status import CORRECTION_DONE, SWEEP_DONE, TRIGGER_WAITING, Status
+from .sweep_timing import point_seconds
+
+FOREVER = -1
+"""Sweeps that CONT has before it."""
+
+
+@dataclass(eq=False)
+class Running:
+    """A sweep that is under way, or waits for its trigger."""
+
+    axis: Axis
+    points_s: Reals
+    """Unscaled seconds of each point, shape (N,)."""
+    began: float | None
+    """Clock when the trigger came; None while it has not."""
+    seconds: float
+    """Scaled seconds from trigger to end."""
+    left: int
+    """Sweeps to do, this one included; FOREVER in CONT."""
+    done: Callable[[Axis, Impedances], None] | None = None
+    """What a finished correction standard is given to; None for an ordinary sweep."""
+    then_continue: bool = False
+    """Whether CONT goes on afterwards: a standard was measured in between."""
+
+
+class Sweeper:
+    """Runs sweeps of the bench; holds what the last finished one measured."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        state: State,
+        status: Status,
+        clock: Callable[[], float],
+        time_scale: float,
+        corrected: Callable[[Axis, Impedances], Impedances],
+    ) -> None:
+        self.bench, self.state, self.status = bench, state, status
+        self.clock, self.time_scale = clock, time_scale
+        self._corrected = corrected
+        self.running: Running | None = None
+        self.axis: Axis = state.axis()
+        self.data: Impedances = np.zeros(self.axis.values.size, dtype=np.complex128)
+        self.averaged = 0
+        """Sweeps in the average so far."""
+
+    @property
+    def continuous(self) -> bool:
+        """Whether the sweep mode is CONT."""
+        return self.running is not None and self.running.left == FOREVER
+
+    def forget(self) -> None:
+        """Drop the data, because the axis is another one."""
+        self.axis = self.state.axis()
+        self.data = np.zeros(self.axis.values.size, dtype=np.complex128)
+        self.averaged = 0
+
+    def start(
+        self, sweeps: int, done: Callable[[Axis, Impedances], None] | None = None, axis: Axis | None = None
+    ) -> None:
+        """Begin this many sweeps; a correction standard gives its own axis. Raises CommandError for an empty list."""
+        axis = axis or self.state.axis()
+        points_s = point_seconds(axis, self.state.real("PDELT"))
+        seconds = (float(points_s.sum()) + self.state.real("SDELT")) * self.time_scale
+        goes_on = done is not None and self.running is not None and (self.continuous or self.running.then_continue)
+        self.running = Running(axis, points_s, None, seconds, sweeps, done, goes_on)
+        if done is not None or self.state["TRGS"] == "INT":
+            self.running.began = self.clock()
+        else:
+            self.status.raise_instrument(TRIGGER_WAITING)
+
+    def restart(self) -> None:
+        """Begin the running sweep anew, because a setting changed under it."""
+        self.averaged = 0
+        if self.running is not None and self.running.done is None:
+            self.start(self.running.left)
+
+    def hold(self) -> None:
+        """Stop sweeping; the data stays what it was."""
+        self.running = None
+
+    def trigger(self) -> bool:
+        """Begin the sweep that waits for its trigger; return whether one did."""
+        if self.running is None or self.running.began is not None:
+            return False
+        self.running.began = self.clock()
+        return True
+
+    def seconds_left(self) -> float:
+        """Return the seconds until no operation is pending: 0 when idle or in CONT, infinite without a trigger."""
+        running = self.running
+        if running is None or running.left == FOREVER:
+            return 0.0
+        if running.began is None or (running.left > 1 and self._waits_for_triggers(running)):
+            return math.inf
+        return max(0.0, running.began + running.left * running.seconds - self.clock())
+
+    def progress(self) -> float:
+        """Return how much of the running sweep is done, 0 to 1; 1 when none runs."""
+        if self.running is None:
+            return 1.0
+        if self.running.began is None:
+            return 0.0
+        return min(1.0, (self.clock() - self.running.began) / max(self.running.seconds, 1e-12))
+
+    def advance(self) -> None:
+        """Finish every sweep whose time is over; in CONT only the newest, as nobody saw the others."""
+        now = self.clock()
+        while (running := self.running) is not None and running.began is not None:
+            if now < running.began + running.seconds:
+                return
+            self._finish(running)
+            if running.left == FOREVER:
+                running.began = now if not self._waits_for_triggers(running) else None
+                return
+            running.left -= 1
+            if running.left == 0:
+                self.running = None
+                self.status.raise_instrument(SWEEP_DONE if running.done is None else CORRECTION_DONE)
+                if running.then_continue:
+                    self.start(FOREVER)
+            elif self._waits_for_triggers(running):
+                running.began = None
+                self.status.raise_instrument(TRIGGER_WAITING)
+            else:
+                running.began += running.seconds
+
+    def _waits_for_triggers(self, running: Running) -> bool:
+        return running.done is None and self.state["TRGS"] != "INT"
+
+    def _finish(self, running: Running) -> None:
+        reverse = self.state["SWED"] == "DOWN"
+        measured = self.bench.measure(running.axis, running.points_s, reverse, running.left == FOREVER)
+        if running.done is not None:
+            running.done(running.axis, measured)
+            return
+        new = self._corrected(running.axis, measured)
+        self.averaged += 1
+        if self.state.on("AVER") and self.averaged > 1:
+            # OM p.126: A_n = S_n/F + (1 - 1/F) A_(n-1), where F counts up to the factor
+            share = 1 / min(self.averaged, self.state.count("AVERFACT"))
+            new = share * new + (1 - share) * self.data
+        self.axis, self.data = running.axis, new

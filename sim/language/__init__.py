@@ -1,0 +1,1 @@
+"""The analyzer's command language: messages, commands, data formats, files."""

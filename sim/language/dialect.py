@@ -1,0 +1,66 @@
+"""The way of a program message through the instrument.
+
+Commands that take time are overlapped: `execute` never waits. What waits (`*OPC?`, `*WAI`) is awaited in `perform`,
+so it holds up the client that sent it and nobody else.
+"""
+
+from collections.abc import AsyncIterator, Callable
+
+from ..instrument.instrument import Instrument
+from ..instrument.status import USER_REQUEST
+from .command_entry import Entry
+from .commands import COMMANDS, LIST_EDITOR, QUERIES
+from .messages import CommandError, Unit, parse
+
+_READ_SETTING = Entry(lambda i, u: i.state.query(u.mnemonic))
+_WRITE_SETTING = Entry(lambda i, u: i.set(u.mnemonic, u.arguments[0]), 1, 1)
+
+
+def entry(instrument: Instrument, unit: Unit) -> Entry:
+    """Return what carries a unit out. Raises CommandError for a mnemonic that does not exist."""
+    found = (QUERIES if unit.query else COMMANDS).get(unit.mnemonic)
+    if found is None and instrument.state.knows(unit.mnemonic):
+        found = _READ_SETTING if unit.query else _WRITE_SETTING
+    if found is None or (instrument.no_list and unit.mnemonic in LIST_EDITOR):
+        raise CommandError(-113, "UNDEFINED HEADER")
+    return found
+
+
+def execute(instrument: Instrument, unit: Unit, message_available: bool = False) -> bytes | None:
+    """Carry out one unit and return its answer, None for a command. What is refused goes to the error queue."""
+    instrument.advance()
+    try:
+        if unit.header == "*STB?":  # the one query whose answer depends on who asks: has this client an answer unread?
+            return str(instrument.status.byte(message_available)).encode("ascii")
+        return entry(instrument, unit)(instrument, unit)
+    except CommandError as error:
+        instrument.status.error(error)
+        return None
+    finally:
+        instrument.advance()
+        instrument.wake()
+
+
+async def perform(
+    instrument: Instrument, message: bytes, message_available: Callable[[], bool] = lambda: False
+) -> AsyncIterator[bytes]:
+    """Carry out a program message; yield the answers one by one, without their newline."""
+    try:
+        for unit in parse(message):
+            if unit.header in ("*OPC?", "*WAI"):
+                await instrument.until_idle()
+            answer = execute(instrument, unit, message_available())
+            if answer is not None:
+                yield answer
+    except CommandError as error:
+        instrument.status.error(error)
+
+
+def panel(instrument: Instrument, message: bytes) -> None:
+    """Do what somebody at the front panel does: the commands of a message, and the user-request bit."""
+    instrument.status.raise_standard(USER_REQUEST)
+    try:
+        for unit in parse(message):
+            execute(instrument, unit)
+    except CommandError as error:
+        instrument.status.error(error)

@@ -1,0 +1,64 @@
+"""State files: the settings written as the commands that bring them back, one a line. The bias is not among them."""
+
+from collections.abc import Iterator
+
+from ..instrument.settings import PER_TRACE, TABLE
+from ..instrument.state import State
+from .messages import CommandError, parse
+
+_ORDERED = ("SWPP", "SWPT", "TRAC", "POWMOD", "DCO")
+"""Settings that others hang on; DCO is left out, so that no file ever switches a bias on."""
+
+
+def snapshot(state: State) -> bytes:
+    """Return the settings as a state file."""
+    return "".join(line + "\n" for line in _lines(state)).encode("latin-1")
+
+
+def _lines(state: State) -> Iterator[str]:
+    if state.table.segments:
+        yield "EDITLIST"
+        for s in state.table.segments:
+            yield (
+                f"SADD;STAR {s.start};STOP {s.stop};POIN {s.points};BWFACT {s.bandwidth};POWE {s.level};DCV {s.bias};"
+                f"PAVERFACT {s.point_average};SDON"
+            )
+        yield "EDITDONE"
+    for parameter, (start, stop) in state.edges.items():
+        yield f"SWPP {parameter};STAR {start};STOP {stop}"
+    yield f"SWPP {state['SWPP']};SWPT {state['SWPT']}"
+    for mode, level in state.levels.items():
+        yield f"POWMOD {mode};POWE {level}"
+    yield f"POWMOD {state['POWMOD']}"
+    for trace in "AB":
+        yield f"TRAC {trace};" + ";".join(
+            f"{name} {TABLE[name].answer(state.values[f'{name}:{trace}'])}" for name in sorted(PER_TRACE)
+        )
+    yield f"TRAC {state['TRAC']}"
+    for name, setting in TABLE.items():
+        if name not in PER_TRACE and name not in _ORDERED:
+            yield f"{name} {setting.answer(state[name])}"
+
+
+def recall(state: State, content: bytes) -> None:
+    """Bring a state file's settings back, all others to their defaults. Raises CommandError for any other file."""
+    trial = State()
+    for line in content.splitlines():
+        for unit in parse(line):
+            _apply(trial, unit.mnemonic, unit.arguments)
+    state.__dict__.update(vars(trial))
+
+
+def _apply(state: State, mnemonic: str, arguments: tuple[bytes, ...]) -> None:
+    if mnemonic == "EDITLIST":
+        state.table.edit()
+    elif mnemonic == "SADD":
+        state.begin_segment()
+    elif mnemonic == "SDON":
+        state.table.finish()
+    elif mnemonic == "EDITDONE":
+        state.table.done(in_use=False)
+    elif len(arguments) == 1 and state.knows(mnemonic) and mnemonic != "DCO":
+        state.set(mnemonic, arguments[0])
+    else:
+        raise CommandError(-250, "MASS STORAGE ERROR; NO STATE FILE")

@@ -1,0 +1,84 @@
+"""The instrument's FTP server: anonymous, and files that are made when somebody fetches them (reference 1).
+
+`/data/screen.tif` is the screen, `/data/data_dt.dat` the data trace as binary arrays; `/memo` and `/flash` hold what
+was saved. Which other folders a real one has is not known. Nothing can be written here.
+
+The protocol is aioftp's, an asyncio server as this simulator is.
+"""
+
+import io
+from collections.abc import Callable, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from ..instrument.instrument import Instrument
+from ..language.file_commands import WRITERS
+from ..language.messages import CommandError
+from .listener import SimError
+
+Content = Callable[[], bytes]
+
+
+def tree(instrument: Instrument) -> Mapping[str, Mapping[str, Content]]:
+    """Return what a client sees: what each file holds, by folder and name."""
+
+    def made(kind: str) -> Content:
+        return lambda: WRITERS[kind](instrument)
+
+    def stored(device: str, name: str) -> Content:
+        return lambda: instrument.disk.content(device, name)
+
+    saved = {d.lower(): {name: stored(d, name) for name in instrument.disk.names(d)} for d in ("MEMO", "FLASH")}
+    return {"data": {"screen.tif": made(".TIF"), "data_dt.dat": made(".DAT")}} | saved
+
+
+class FtpServer:
+    """The running server. One event loop at a time."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        try:
+            import aioftp
+            from aioftp.pathio import MemoryPathIO, Node
+        except ImportError:
+            raise SimError("simulator: the FTP server needs aioftp; pip install 'pzctl[ftp]'") from None
+
+        class Files(MemoryPathIO):
+            """The instrument's files; all that aioftp does with a file begins with its node."""
+
+            def get_node(self, path: PurePath) -> Node | None:
+                instrument.advance()
+                return _node(tree(instrument), path.parts[1:], Node)
+
+        nobody = aioftp.User(base_path="/", permissions=[aioftp.Permission("/", writable=False)])
+        factory: Any = Files
+        self._server = aioftp.Server([nobody], path_io_factory=factory, welcome_message="4294A FTP server")
+
+    async def start(self, host: str, port: int) -> int:
+        """Listen; return the port. Raises SimError where it is taken."""
+        try:
+            await self._server.start(host, port)
+        except OSError as error:
+            says = f"simulator: cannot listen on {host}:{port} ({error.strerror})"
+            raise SimError(f"{says}; choose another port, or 0 for any free one") from error
+        server: Any = self._server
+        return int(server.server_port)
+
+    async def stop(self) -> None:
+        """Stop listening and cut every client off."""
+        await self._server.close()
+
+
+def _node(files: Mapping[str, Mapping[str, Content]], parts: tuple[str, ...], make: Any) -> Any:
+    """Return what aioftp knows a file or folder by, made with `make`; None where there is none."""
+    if not parts:
+        return make("dir", "/", content=[make("dir", folder, content=[]) for folder in files])
+    folder, names = files.get(parts[0], {}), parts[1:]
+    if parts[0] in files and not names:
+        return make("dir", parts[0], content=[make("file", name, content=io.BytesIO()) for name in folder])
+    name = "/".join(names)
+    if name not in folder:
+        return None
+    try:
+        return make("file", name, content=io.BytesIO(folder[name]()))
+    except CommandError:  # as at the front panel: of these data there is no such file
+        return None

@@ -1,0 +1,97 @@
+"""One client of the raw socket: messages in, answers out, and the faults between."""
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+
+from ..instrument.instrument import Instrument
+from ..language.dialect import panel, perform
+from ..language.messages import CommandError, Framer
+from .faults import Fault, Faults
+
+CHUNK = 65_536
+
+
+class ConnectionDropped(Exception):
+    """The connection is to be closed now (a fault said so)."""
+
+
+class Midway:
+    """Strikes in the middle of a running sweep, or at once where none runs."""
+
+    def __init__(self, instrument: Instrument, power_cycle: Callable[[float], None]) -> None:
+        self._instrument, self._power_cycle = instrument, power_cycle
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def strike(self, fault: Fault) -> None:
+        """Do a `power-cycle` or a `meddle`."""
+        task = asyncio.get_running_loop().create_task(self._strike(fault))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _strike(self, fault: Fault) -> None:
+        left = self._instrument.sweeper.seconds_left()
+        if 0 < left < float("inf"):
+            await asyncio.sleep(left / 2)
+        if fault.kind == "power-cycle":
+            self._power_cycle(fault.seconds)
+        else:
+            panel(self._instrument, fault.message.encode("latin-1", "replace"))
+
+
+class Exchange:
+    """Carries program messages to the instrument, with the faults that strike them."""
+
+    def __init__(self, instrument: Instrument, faults: Faults, midway: Midway) -> None:
+        self.instrument, self.faults, self._midway = instrument, faults, midway
+
+    async def message(
+        self, text: bytes, answer: Callable[[bytes], Awaitable[None]], available: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Carry out one message; `answer` is called with each answer and its newline.
+
+        Raises ConnectionDropped where a fault closes the connection.
+        """
+        due = self.faults.next_exchange()
+        for fault in due:
+            if fault.kind == "hang":
+                self.faults.hang(fault.seconds)
+        await self.faults.while_hanging()
+        kinds = {fault.kind for fault in due}
+        if "ignore" in kinds:
+            return
+        await self._carry_out(text, answer, available, due)
+
+    async def _carry_out(
+        self, text: bytes, answer: Callable[[bytes], Awaitable[None]], available: Callable[[], bool], due: list[Fault]
+    ) -> None:
+        for fault in due:
+            if fault.kind in ("power-cycle", "meddle"):
+                self._midway.strike(fault)
+        dropped = any(fault.kind == "drop" for fault in due)
+        async for reply in perform(self.instrument, text, available):
+            if dropped:
+                break
+            out, cut = self.faults.spoiled(reply + b"\n")
+            await answer(out)
+            if cut:
+                break
+        if dropped:
+            raise ConnectionDropped
+
+
+async def serve_socket(exchange: Exchange, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Serve one client of port 5025 until it goes."""
+
+    async def answer(data: bytes) -> None:
+        writer.write(data)
+        await writer.drain()
+
+    framer = Framer()
+    with contextlib.suppress(ConnectionError, ConnectionDropped):
+        while data := await reader.read(CHUNK):
+            try:
+                for message in framer.feed(data):
+                    await exchange.message(message, answer)
+            except CommandError as error:
+                exchange.instrument.status.error(error)

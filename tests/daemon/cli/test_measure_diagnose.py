@@ -1,0 +1,134 @@
+"""`pzctl measure --diagnose` on the simulated bench: what one sweep leaves open is decided by further ones."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pzctl
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.daemon.report.document.html_report import report_html
+from pzctl.daemon.samples.sample_record import sample_record
+from pzctl.daemon.samples.sample_selection import open_journal
+from pzctl.daemon.wire.events import DiagnosisEvent, SweepEvent
+from pzctl.models.build import Build
+
+ECHO = "guest_examples:Echo"
+PZCTL = Path(sys.executable).with_name("pzctl")
+BUILD = """
+name = "S1"
+diameter_mm = 16.0
+layers = [{ name = "disk", kind = "piezo", material = "Pz27", thickness_mm = { value = 0.512, u = 0.001 } }]
+load = { back = "air", front = "air" }
+steps = [{ name = "disk", layers = ["disk"] }]
+sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 161 }], oscillator_V = 0.5, bandwidth = 5 }
+"""
+
+
+def measured(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+    """Measure and diagnose a bare disk through the command line."""
+    (home / "S1.toml").write_text(BUILD)
+    words = ("measure", "--build", "S1.toml", "--diagnose", "--json", *words)
+    environment = {**os.environ, "PZCTL_HOME": str(home), "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": ""}
+    done = subprocess.run(
+        [PZCTL, *words],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=home,
+        stdin=subprocess.DEVNULL,
+    )
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
+    (found,) = json.loads(done.stdout)["diagnoses"]
+    return found
+
+
+def test_what_one_sweep_leaves_open_is_decided_by_a_wider_one(start_daemon, tmp_path: Path) -> None:
+    start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
+    found = the_diagnosis(measured(tmp_path, "--yes"))
+    (finding,) = found["findings"]
+    assert (found["verdict"], finding["effect"]) == ("explained", "stray-capacitance")
+    assert any("wider" in one["kind"] for one in found["decided_by"])
+    assert not [one for one in finding["alternatives"] if one["probability"] > 0.01]
+    size = finding["parameters"]["capacitance"]
+    assert abs(size["value"] - 5e-12) < max(5 * size["u"], 0.03 * 5e-12)
+
+
+def test_a_lead_is_told_from_a_stray_capacitance_and_what_only_a_person_can_decide_is_said(
+    start_daemon, tmp_path: Path
+) -> None:
+    start_daemon(simulator={"hidden": {"lead-inductance": 3e-10}, "jig": "ideal"})
+    done = measured(tmp_path, "--yes")
+    found = the_diagnosis(done)
+    (finding,) = found["findings"]
+    others = {one["effect"] for one in finding["alternatives"] if one["probability"] > 0.01}
+    assert {finding["effect"], *others} == {"lead-inductance", "cable"}, "a short cable is an inductance"
+    assert "no sweep can decide; to tell" in done.stderr
+    assert "sweep a short circuit in the same clip" in done.stderr
+
+
+def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> None:
+    start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
+    done = measured(tmp_path)
+    found = the_diagnosis(done)
+    assert found["verdict"] == "no-mismatch"
+    assert found["decided_by"] == []
+    (proposal,) = found["would_measure"]
+    assert {"effect": "stray-capacitance", "where": "terminals"} in proposal["decides"]
+    assert 10 < proposal["seconds"] < 100
+    assert "proposal for disk: sweep from 1.5 to 16.5 MHz" in done.stderr
+    assert "nobody can be asked here" in done.stderr
+    with pzctl.connect() as lab:
+        assert [one.state for one in lab.samples()[0].measurements] == ["measured"]
+
+
+def test_a_deciding_measurement_is_kept_and_is_no_record_of_its_step(start_daemon, build: Build) -> None:
+    start_daemon("Echo")
+    with pzctl.connect() as lab:
+        own = lab.measure(build, "disk").id
+        aside = lab.measure(build, "disk", decides=own).id
+        later = lab.measure(build, "ml1").id
+        events = [one.event for one in lab.sweeps(aside) if isinstance(one.event, SweepEvent)]
+        assert {(event.measurement, event.decides) for event in events} == {(aside, own)}
+        earlier = {one.event.measurement for one in lab.sweeps(later) if isinstance(one.event, SweepEvent)}
+        assert earlier == {own, later}, "a later step is fitted with the step's own record"
+        lab.wait_fit(ECHO, later)
+        assert not lab.fits(aside)
+        assert aside not in lab.unanswered(ECHO)
+        with pytest.raises(DaemonError, match=r"is of 'S4\.a' at step 'disk'; one of 'S4.a' at step 'ml1'"):
+            lab.begin(build, "ml1", decides=own)
+
+
+def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
+    start_daemon, tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]
+) -> None:
+    start_daemon(names=("mason",), simulator={"hidden": {"drive-nonlinearity": 200.0}, "jig": "ideal"})
+    (tmp_path / "S1.toml").write_text(BUILD)
+    build = read_build(tmp_path / "S1.toml")
+    with pzctl.connect() as lab:
+        one = lab.measure(build, "disk").id
+        assert lab.wait_fit("mason", one).chi2_per_dof > 1.4
+        assert [finding["effect"] for finding in lab.wait_diagnosis(one)["findings"]] == ["drive-nonlinearity"]
+        (event,) = (heard.event for heard in lab.fits(one) if isinstance(heard.event, DiagnosisEvent))
+        assert event.topic == b"diagnosis.S1.disk."
+        lab.bench({"command": "hidden", "drive-nonlinearity": 0.0})
+        sound = lab.measure(build, "disk").id
+        lab.wait_fit("mason", sound)
+        wait_until(lambda: lab.metrics().errands == 0)
+        assert not [heard for heard in lab.fits(sound) if isinstance(heard.event, DiagnosisEvent)]
+    archive = open_journal()
+    page = report_html(sample_record(archive, one))
+    archive.close()
+    assert "guilty: layer:disk" in page, "the picture is there, with its place marked"
+    assert "bends with the oscillator level" in page

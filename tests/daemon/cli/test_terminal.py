@@ -1,0 +1,144 @@
+"""The command line as people meet it: help with examples, quiet, JSON, colours by tolerance, completion, exit codes."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from pzctl.daemon.cli import app
+from pzctl.daemon.cli.lab import keys_commands as keys_room
+from pzctl.daemon.cli.records import journal_commands as journal_room
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.daemon.report.tables.deviation import deviation
+from pzctl.daemon.report.tables.fit_tables import fit_table, print_fit
+from pzctl.daemon.report.tables.numbers import with_uncertainty
+from pzctl.daemon.report.terminal import be_quiet, console
+from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.interface import Constant, FitResult, FitTask, Noise
+from pzctl.fitters.layered.mason import Mason
+from pzctl.models.build import Build, LayerSpec, Quantity
+from pzctl.models.sweep import Sweep
+
+ROOMS = {(): app, ("journal",): journal_room.app, ("keys",): keys_room.app}
+COMMANDS = [
+    (*prefix, str(one.name)) for prefix, room in ROOMS.items() for one in room.registered_commands if not one.hidden
+]
+SERVING = {"daemon", "sim"}
+"""They answer nothing: the one logs as JSON where asked, the other says its addresses as JSON anyway."""
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_helps_with_an_example_can_be_quiet_and_answers_as_json(words: tuple[str, ...]) -> None:
+    shown = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "200"})
+    assert shown.exit_code == 0
+    assert f"pzctl {' '.join(words)}" in shown.output.split("Example", 1)[1]
+    assert "--quiet" in shown.output
+    assert ("--json" in shown.output) == (" ".join(words) not in SERVING)
+
+
+def test_quiet_leaves_standard_output_alone() -> None:
+    be_quiet(True)
+    assert console(stderr=True).quiet
+    assert not console().quiet
+    be_quiet(False)
+    assert not console(stderr=True).quiet
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "written"),
+    [
+        (1.514e11, 3e8, "1.514(3)e11"),
+        (1.5144e11, 1.2e8, "1.5144(12)e11"),
+        (5.1198e-4, 9.998e-7, "5.120(10)e-4"),
+        (2455.0, 150.0, "2455(150)"),
+        (0.0, 2e-3, "0.000(2)"),
+        (7700.0, 0.0, "7700"),
+        (2.8e6, 0.0, "2.8e6"),
+        (-1.25e-10, None, "-1.25e-10"),
+        (float("nan"), 1.0, "-"),
+    ],
+)
+def test_numbers_are_written_as_in_the_field(value: float, u: float | None, written: str) -> None:
+    assert with_uncertainty(value, u) == written
+
+
+@pytest.mark.parametrize(
+    ("re", "words", "verdict"),
+    [(101.0, "+1.0 % (0.7 u)", "near"), (102.0, "+2.0 % (1.4 u)", "off"), (104.0, "+4.0 % (2.8 u)", "far")],
+)
+def test_a_deviation_counts_in_uncertainties_of_both(re: float, words: str, verdict: str) -> None:
+    assert deviation(re, 1.0, Quantity(100.0, u=1.0), free=True) == (words, verdict)
+
+
+def drawn(build: Build, colours: bool) -> str:
+    constants = {f"a.{k}": Constant(100.0 + k, 0.0, 1.0, 0.0, "m") for k in (1, 2, 4)}
+    noise = Noise(1e-4, "repeats")
+    result = FitResult("B", "mason", "1", ("disk",), noise, 1.0, constants, {}, (), 1e-4, True, 1, 0.1)
+    paper = io.StringIO()
+    system: Any = "standard" if colours else "auto"
+    Console(file=paper, force_terminal=colours, width=120, color_system=system).print(fit_table(result, build))
+    return paper.getvalue()
+
+
+def test_the_table_shows_by_colour_what_is_within_tolerance_and_does_without_where_it_is_piped() -> None:
+    air = Quantity(1.0)
+    values = {str(k): Quantity(100.0, u=1.0) for k in (1, 2, 4)}
+    layer = LayerSpec("a", "elastic", values)
+    build = Build("B", air, (layer,), None, None, ())  # type: ignore[arg-type]
+    coloured = drawn(build, colours=True)
+    for sign, part in (("32", "+1.0 %"), ("33", "+2.0 %"), ("1;31", "+4.0 %")):
+        assert f"\x1b[{sign}m{part}" in coloured
+    assert "\x1b" not in drawn(build, colours=False)
+
+
+PZCTL = Path(sys.executable).with_name("pzctl")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="bash completes here")
+def test_the_shell_completes_commands() -> None:
+    environment = {**os.environ, "_PZCTL_COMPLETE": "complete_bash", "COMP_WORDS": "pzctl mea", "COMP_CWORD": "1"}
+    done = subprocess.run([PZCTL], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["measure"]
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        (["fitters", "--json"], 0),
+        (["--version"], 0),
+        (["samples"], 1),
+        (["fit", "x"], 2),
+        (["no-such"], 2),
+        (["effects", "no-such"], 2),
+    ],
+)
+def test_exit_status(words: list[str], status: int, tmp_path: Path) -> None:
+    environment = {**os.environ, "PZCTL_HOME": str(tmp_path)}
+    done = subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+    assert bool(done.stderr) == bool(status)
+
+
+def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:
+    """With PZCTL_SCREENSHOTS it is kept: `make pictures`."""
+    build = read_build(THESIS_BUILD)
+    rng = np.random.default_rng(0)
+    f = np.linspace(1e6, 15e6, 801)
+    noise = 3e-5 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+    sweep = Sweep(f, stack_of(build, build.steps[0]).impedance(f) * np.exp(noise))
+    paper = Console(record=True, file=io.StringIO(), width=112, force_terminal=True, color_system="truecolor")
+    print_fit(paper, Mason().fit(FitTask(build, {"disk": (sweep,)})), build)
+    svg = re.sub(r"@font-face \{.*?\}", "", paper.export_svg(title="pzctl show thesis --step disk"), flags=re.DOTALL)
+    assert "c33D" in svg
+    assert "url(http" not in svg, "nothing from outside"
+    folder = Path(os.environ.get("PZCTL_SCREENSHOTS", tmp_path))
+    (folder / "terminal-fit.svg").write_text(svg, encoding="utf-8")

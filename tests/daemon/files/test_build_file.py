@@ -1,0 +1,260 @@
+"""build.toml: what is read, and the sentence for everything that can be wrong in it."""
+
+import contextlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pzctl.daemon.files.builds.build_check import check_build
+from pzctl.daemon.files.builds.build_file import BuildError, build_from_json, build_to_json, parse_build, read_build
+from pzctl.models.base.errors import PzctlError
+from pzctl.models.constants.piezo_constants import EPS0
+from pzctl.models.materials import find
+
+S4 = """\
+name = "S4"
+diameter_mm = { value = 16.0, u = 0.1 }
+
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "Pz27"
+thickness_mm = { value = 0.512, u = 0.001 }
+c33D_1e10_Pa = { re = 14.4, im = 0.1, u = 0.3 }
+eps33S_r = { re = 914, im = -15, u = 40, u_im = 5 }
+
+[[layers]]
+name = "glue1"
+kind = "elastic"
+material = "epoxy"
+thickness_um = 10
+
+[[layers]]
+name = "ml1"
+kind = "elastic"
+z_MRayl = { value = 10.3, u = 0.5 }
+c_m_s = 2455
+q = { value = 60, u = 30 }
+thickness_mm = 0.139
+
+[load]
+back = "air"
+front = { z_MRayl = 1.5 }
+
+[[steps]]
+name = "disk"
+layers = ["disk"]
+[[steps]]
+name = "ml1"
+layers = ["disk", "glue1", "ml1"]
+
+[sweep]
+segments = [ { start_MHz = 1, stop_MHz = 6, points = 801 }, { start_kHz = 500, stop_MHz = 15.5, points = 401 } ]
+oscillator_V = 0.5
+bandwidth = 3
+"""
+
+
+def test_every_value_arrives_in_si_with_its_uncertainty_and_source() -> None:
+    build = parse_build(S4)
+    disk, glue, ml1 = build.layers
+    assert build.diameter is not None
+    assert build.diameter.re == pytest.approx(0.016)
+    assert build.area.re == pytest.approx(math.pi * 0.008**2)
+    assert build.area.u / build.area.re == pytest.approx(2 * 0.1 / 16)
+    assert disk.values["thickness"].re == pytest.approx(0.512e-3)
+    assert disk.values["thickness"].u == pytest.approx(1e-6)
+    assert disk.values["c33D"].value == pytest.approx(14.4e10 + 0.1e10j)
+    assert (disk.values["c33D"].u, disk.values["c33D"].u_im) == pytest.approx((3e9, 3e9)), "u is that of both parts"
+    assert disk.values["eps33S"].u_im == pytest.approx(5 * EPS0)
+    assert glue.values["thickness"].re == pytest.approx(10e-6)
+    assert ml1.values["z"].re == pytest.approx(10.3e6)
+    assert ml1.values["c"].u == 0, "a bare number is taken as exact"
+    assert ml1.values["c"].source == "build.toml"
+    assert build.front.z.re == pytest.approx(1.5e6)
+    assert build.plan is not None
+    assert [s.start_Hz for s in build.plan.segments] == pytest.approx([1e6, 500e3])
+    assert (build.plan.bandwidth, build.plan.segments[1].points) == (3, 401)
+
+
+def test_what_the_file_leaves_out_is_the_librarys() -> None:
+    disk = parse_build(S4).layer("disk")
+    pz27 = find("Pz27").values
+    assert disk.values["h33"] == pz27["h33"]
+    assert disk.nominal == pz27, "the data sheet stays beside the values given"
+    assert disk.nominal["c33D"] != disk.values["c33D"]
+
+
+def test_density_stands_for_the_impedance_of_an_elastic_layer() -> None:
+    text = S4.replace("z_MRayl = { value = 10.3, u = 0.5 }", "density_kg_m3 = { value = 4000, u = 40 }")
+    z = parse_build(text).layer("ml1").values["z"]
+    assert z.re == pytest.approx(4000 * 2455)
+    assert z.u == pytest.approx(40 * 2455)
+
+
+def test_all_open_cases_are_read(cases: Path) -> None:
+    files = sorted(cases.glob("*/build.toml"))
+    assert len(files) == 10
+    for file in files:
+        assert read_build(file).name == file.parent.name
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('name = "S4"', 'nam = "S4"', "nam is not a known key; did you mean name?"),
+        ('name = "S4"', 'name = "../S4"', "name is '../S4'; allowed are letters"),
+        ('name = "S4"', "name = 4", "name is 4; a text in quotes is needed"),
+        ('name = "S4"', "name = S4", "not TOML: Invalid value (at line 1, column 8)"),
+        ("{ value = 16.0, u = 0.1 }", "16,5", "numbers are written with a point, and here is '16,5'"),
+        ("diameter_mm = { value = 16.0, u = 0.1 }", "", "the file has no size; write diameter_mm = ... or area_mm2"),
+        ("diameter_mm = {", "area_mm2 = 2\ndiameter_mm = {", "area_mm2 is given beside diameter_mm"),
+        (
+            "thickness_mm = 0.139",
+            "thickness_mm = -0.139",
+            "thickness_mm (of layer 'ml1') is -0.139; a positive",
+        ),
+        ("thickness_mm = 0.139", "thickness_mm = nan", "layers[2].thickness_mm (of layer 'ml1') is nan; a finite"),
+        ("thickness_mm = 0.139", "thickness_mm = true", "is true; a number is needed"),
+        ("thickness_mm = 0.139", "thickness_mm = '0.139'", "is '0.139'; a number is needed"),
+        ("thickness_mm = 0.139", "thickness_mm = 1" + "0" * 400, "a finite number is needed"),
+        ("thickness_mm = 0.139", "thickness_mm = 1" + "0" * 5000, "beyond reason"),
+        ("thickness_mm = 0.139", "", "layers[2] (layer 'ml1') has no thickness; give thickness_mm or thickness_um"),
+        ("thickness_mm = 0.139", "thicknes_mm = 0.139", "did you mean thickness_mm?"),
+        ("thickness_mm = 0.139", "thickness_mm = 1\nthickness_um = 1", "thickness_um (of layer 'ml1') is given beside"),
+        ("thickness_mm = 0.139", "thickness_mm = {value=1, u=-1}", "layers[2].thickness_mm.u (of layer 'ml1') is -1"),
+        ("thickness_mm = 0.139", "thickness_mm = {value=1, sd=1}", "thickness_mm.sd (of layer 'ml1') is not a known"),
+        (
+            "thickness_mm = 0.139",
+            "thickness_mm = {re=1, im=1}",
+            "thickness_mm.re (of layer 'ml1') is not a known key; allowed",
+        ),
+        ("thickness_mm = 0.139", "thickness_mm = {u=1}", "layers[2].thickness_mm (layer 'ml1') has no value"),
+        ("c_m_s = 2455", "c_m_s = 2455\ndensity_kg_m3 = 1", "density_kg_m3 (of layer 'ml1') is given beside z_MRayl"),
+        ("im = 0.1", "im = -0.1", "imaginary part -0.1, a gain"),
+        ("im = -15", "im = 15", "is x (1 - j tan d)"),
+        (
+            'kind = "piezo"',
+            'kind = "ceramic"',
+            "layers[0].kind (of layer 'disk') is 'ceramic'; ",
+        ),
+        ('kind = "piezo"\nmaterial = "Pz27"', 'kind = "piezo"', "has no density; give density_kg_m3; or name a"),
+        ('material = "Pz27"', 'material = "Pz72"', "layers[0].material (of layer 'disk') is 'Pz72': "),
+        ('material = "epoxy"', 'material = "Pz27"', "layers[1] (layer 'glue1') has no z; give z_MRayl"),
+        ('name = "glue1"', 'name = "disk"', "layers[1].name is 'disk', which is that of layers[0] too"),
+        ('name = "glue1"', 'name = "glue.1"', "layers[1].name is 'glue.1'; allowed are letters"),
+        ('name = "glue1"', 'name = "back"', "layers[1].name is 'back', which means something else"),
+        ('name = "ml1"\nlayers', 'name = "disk"\nlayers', "steps[1].name is 'disk', which is that of steps[0] too"),
+        ('"glue1", "ml1"]', '"glue", "ml1"]', "names 'glue'; the layers are disk, glue1, ml1"),
+        ('"glue1", "ml1"]', '"ml1", "glue1"]', "in the order of [[layers]]: disk, glue1, ml1"),
+        ('"disk", "glue1", "ml1"]', '"glue1", "ml1"]', "lacks disk; without its piezo layer"),
+        ('layers = ["disk"]', 'layers = ["disk", "glue1", "ml1"]\n[[steps]]\nname="x"\nlayers=["disk"]', "lacks glue1"),
+        ('layers = ["disk"]', "layers = [1]", "steps[0].layers[0] (of step 'disk') is 1; a text in quotes"),
+        ('back = "air"', "", "load has no back; write back"),
+        ('back = "air"', 'back = "Pz27"', "load.back is 'Pz27', which has no z in the library"),
+        ("z_MRayl = 1.5 }", "z = 1.5 }", "load.front.z is not a known key; allowed here: z_MRayl"),
+        ("stop_MHz = 6", "stop_MHz = 0.6", "sweep.segments[0]: segment: stop 600000 Hz is not above start 1e+06 Hz"),
+        ("stop_MHz = 6", "stop_MHz = 6, stop_kHz = 6000", "sweep.segments[0] has no single stop"),
+        ("points = 401", "points = 1.5", "sweep.segments[1].points is 1.5; a whole number"),
+        ("bandwidth = 3", "bandwidth = 6", "sweep.bandwidth is 6; 1 (fast) to 5"),
+        (
+            "bandwidth = 3",
+            "oscillator_mA = 5",
+            "sweep.oscillator_mA is given beside oscillator_V; the device is driven",
+        ),
+        ("oscillator_V = 0.5", "oscillator_mA = 0", "sweep.oscillator_mA is 0; a positive number is needed"),
+        ("bandwidth = 3", "point_delay_s = -1", "sweep.point_delay_s is -1; 0 s (none) or more is needed"),
+    ],
+)
+def test_anything_wrong_is_one_sentence_that_names_the_place(old: str, new: str, says: str) -> None:
+    assert old in S4
+    with pytest.raises(BuildError) as caught:
+        parse_build(S4.replace(old, new, 1), "my/build.toml")
+    sentence = str(caught.value)
+    assert sentence.startswith("my/build.toml: ")
+    assert says in sentence
+    assert "\n" not in sentence
+
+
+def test_a_device_is_driven_by_current_and_waited_for() -> None:
+    plan = parse_build(
+        S4.replace("oscillator_V = 0.5", "oscillator_mA = 5\npoint_delay_s = 0.01\nsweep_delay_s = 2")
+    ).plan
+    assert plan is not None
+    assert (plan.oscillator_A, plan.point_delay_s, plan.sweep_delay_s) == (0.005, 0.01, 2.0)
+
+
+def test_two_disks_or_none_are_refused() -> None:
+    elastic = S4.replace('kind = "piezo"\nmaterial = "Pz27"', 'kind = "elastic"\nmaterial = "epoxy"')
+    elastic = "\n".join(line for line in elastic.splitlines() if "c33D" not in line and "eps33S" not in line)
+    with pytest.raises(BuildError, match="no piezo layer"):
+        parse_build(elastic)
+    with pytest.raises(BuildError, match=r"2 piezo layers \(disk, glue1\)"):
+        parse_build(S4.replace('kind = "elastic"\nmaterial = "epoxy"', 'kind = "piezo"\nmaterial = "Pz27"'))
+
+
+def test_a_transducer_without_a_step_is_refused() -> None:
+    with pytest.raises(BuildError, match=r"steps is empty; at least one \[\[steps\]\] is needed"):
+        check_build(replace(parse_build(S4), steps=()), "S4.toml")
+
+
+def test_what_is_no_text_file_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "build.toml"
+    for content, says in (
+        (b"", "empty"),
+        (b"\xff\xfe\x00", "byte 1 is not UTF-8"),
+        (b"x=" + b"[" * 9000, "TOML|reason"),
+    ):
+        file.write_bytes(content)
+        with pytest.raises(BuildError, match=says):
+            read_build(file)
+    with pytest.raises(BuildError, match="is a folder"):
+        read_build(tmp_path)
+    with pytest.raises(BuildError, match="No such file"):
+        read_build(tmp_path / "absent.toml")
+
+
+def test_a_windows_editor_does_no_harm(tmp_path: Path) -> None:
+    file = tmp_path / "build.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + S4.replace("\n", "\r\n").encode())
+    assert read_build(file) == parse_build(S4)
+
+
+def test_json_brings_the_same_build_back() -> None:
+    build = parse_build(S4)
+    assert build_from_json(json.loads(json.dumps(build_to_json(build)))) == build
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (("area", "re"), "big", r"Expected `float`, got `str` - at `\$\.area\.re`"),
+        (("name",), "a/b", "name is 'a/b'"),
+        (("steps", 0, "layers"), ["nothing"], "names 'nothing'"),
+        (("plan", "segments", 0, "points"), 1, "1 points; at least 2"),
+    ],
+)
+def test_json_that_is_no_build_is_refused(path: tuple[str | int, ...], value: object, says: str) -> None:
+    obj = build_to_json(parse_build(S4))
+    place = json.loads(json.dumps(obj))
+    target = place
+    for key in path[:-1]:
+        target = target[key]
+    target[path[-1]] = value
+    with pytest.raises(BuildError, match=says):
+        build_from_json(place)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, len(S4) - 1), st.sampled_from('"[]{}=,.-1e#\n\x00aé')), max_size=4))
+def test_a_damaged_file_never_shows_a_traceback(changes: list[tuple[int, str]]) -> None:
+    text = S4
+    for place, letter in changes:
+        text = text[:place] + letter + text[place + 1 :]
+    with contextlib.suppress(PzctlError):  # any other exception is the failure looked for
+        check_build(parse_build(text), "again")

@@ -1,0 +1,241 @@
+"""Several benches keep one record on a PostgreSQL server: as durable as a folder's, and each counts for itself."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import postgres
+import pytest
+
+from pzctl import connect
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.journal import migrations
+from pzctl.daemon.journal.journal_reader import Archive
+from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.retention import Keeper, copy_journal
+from pzctl.daemon.journal.store import JournalAway, JournalError
+from pzctl.daemon.server.launch import start
+from pzctl.daemon.wire.events import Sample, StateEvent
+from pzctl.models.build import Build
+from pzctl.models.sweep_plan import Segment, SweepPlan
+
+why_not = postgres.reason_why_not()
+pytestmark = pytest.mark.skipif(bool(why_not), reason=why_not)
+psycopg = pytest.importorskip("psycopg")
+
+
+ECHO = "guest_examples:Echo"
+SOON = SweepPlan((Segment(1e6, 6e6, 5), Segment(5e5, 15.5e6, 5)))
+"""Done in a moment where the build's own plan takes seconds."""
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[postgres.Server]:
+    with postgres.running() as found:
+        yield found
+
+
+@pytest.fixture
+def restartable(server: postgres.Server) -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
+    """What ends the server at once, and what starts it again; it runs again after the test."""
+    yield server.stop, server.start
+    server.start()
+
+
+@pytest.fixture
+def url(server: postgres.Server) -> Iterator[str]:
+    """An empty database."""
+    yield server.url
+    with psycopg.connect(server.url, autocommit=True) as db:
+        db.execute("DROP SCHEMA public CASCADE; DROP SCHEMA IF EXISTS pzctl_v3 CASCADE; CREATE SCHEMA public")
+
+
+def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str]":
+    program = Path(sys.executable).with_name("pzctl")
+    environment = {**os.environ, "PZCTL_HOME": str(home), "PZCTL_JOURNAL": url, "PZCTL_STATION": "b"}
+    return subprocess.run([program, *words], env=environment, capture_output=True, text=True, check=False)
+
+
+def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk is measured on bench a; bench b measures the next step, knows the first, and fits what a measured."""
+    places = {}
+    try:
+        for station in ("a", "b"):
+            monkeypatch.setenv("PZCTL_HOME", str(tmp_path / station))
+            simulator = {"time_scale": 0.0}
+            places[station] = start(Options(fitters=(), simulator=simulator, journal=url, station=station))
+        with (
+            connect(places["a"].events, places["a"].requests) as a,
+            connect(places["b"].events, places["b"].requests) as b,
+        ):
+            assert "secret" not in str(a.settings())
+            disk = a.measure(build, "disk")
+            ml1 = b.measure(build, "ml1")
+            heard = b.sweeps(ml1.id)
+            assert [one.event.measurement for one in heard] == [disk.id] * 2 + [ml1.id] * 2
+            assert heard[0].sweep().impedance.tobytes() == disk.sweeps[0].impedance.tobytes()
+            seqs = [one.event.seq for one in b.replay(1)]
+            assert seqs == list(range(1, len(seqs) + 1)), "each station counts for itself"
+            assert [one.step for one in a.samples()[0].measurements] == ["disk", "ml1"]
+        listed = pzctl(tmp_path / "c", url, "samples").stdout
+        assert build.name in listed
+        told = pzctl(tmp_path / "c", url, "journal", "verify")
+        assert "4 arrays: all whole" in told.stdout, told.stderr
+        copied = pzctl(tmp_path / "c", url, "journal", "backup", str(tmp_path / "copy"))
+        assert "and verified" in copied.stdout, copied.stderr
+        copy = Archive(tmp_path / "copy", "b")
+        assert (len(copy.measurements()), len(copy.sweeps(disk.id)), copy.verify()) == (2, 2, [])
+        copy.close()
+        pruned = pzctl(
+            tmp_path / "b2", url, "journal", "prune", "--before", "2999-01-01", "--backup", str(tmp_path / "x")
+        )
+        assert "another daemon writes this journal as station 'b'" in pruned.stderr
+        os.kill(places["b"].pid, signal.SIGTERM)
+    finally:
+        for place in places.values():
+            os.kill(place.pid, signal.SIGKILL)
+
+
+def test_killed_at_any_moment_nothing_announced_is_lost(
+    start_daemon, end, url: str, build: Build, tmp_path: Path
+) -> None:
+    where = start_daemon(journal=url, station="a")
+    with connect() as lab:
+        events = lab.listen(patience=60)
+        for _ in range(20):
+            lab.begin(build, "disk")
+        heard = [next(events) for _ in range(30)]
+        end(where.pid, signal.SIGKILL)
+        again = start_daemon(journal=url, station="a")
+    with connect() as lab:
+        recorded = {one.event.seq: one.event for one in lab.replay(1)}
+        assert all(recorded[one.event.seq] == one.event for one in heard)
+        states = {one.state for one in lab.samples()[0].measurements}
+        assert states <= {"measured", "abandoned"}
+        assert again.run == lab.hello().run != where.run
+    archive = Archive(url, "a")
+    assert archive.verify() == []
+    archive.close()
+
+
+def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
+    start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until
+) -> None:
+    """While it is gone nothing new is measured, what runs is finished, and is there when it is back."""
+    stop_server, start_server = restartable
+    start_daemon("Echo", journal=url, station="a", time_scale=0.3)
+    with connect() as lab:
+        lab.wait_fit(ECHO, lab.measure(build, "disk", SOON).id, patience=60)
+        events = lab.listen(patience=60)
+        running, waiting = lab.begin(build, "disk"), lab.begin(build, "ml1", SOON)
+        while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
+            pass
+        stop_server()
+        wait_until(lambda: any((tmp_path / "unsaved").glob("*.event")))
+        with pytest.raises(DaemonError, match="the journal's server has gone, and nothing is measured until it is"):
+            lab.begin(build, "disk")
+        with pytest.raises(DaemonError, match="the journal cannot be read"):
+            lab.samples()
+        assert lab.status().queue == (waiting,), "the daemon answers; what waits is not begun"
+        start_server()
+        ended: list[str | None] = []
+        while len(ended) < 2:
+            if isinstance(event := next(events).event, StateEvent) and event.state == "measured":
+                ended.append(event.measurement)
+        assert ended == [running, waiting]
+        again = lab.measure(build, "disk", SOON)
+        assert len(again.sweeps) == 2
+        seqs = [one.event.seq for one in lab.replay(1)]
+        assert seqs == list(range(1, len(seqs) + 1)), "none lost, none twice"
+    assert not any((tmp_path / "unsaved").iterdir())
+    archive = Archive(url, "a")
+    assert [one.state for one in archive.measurements()] == ["measured"] * 4
+    assert archive.verify() == []
+    archive.close()
+
+
+def test_what_was_measured_while_the_server_was_gone_outlives_the_daemon(
+    start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until, end
+) -> None:
+    stop_server, start_server = restartable
+    where = start_daemon(journal=url, station="a", time_scale=0.3)
+    with connect() as lab:
+        events = lab.listen(patience=60)
+        running = lab.begin(build, "disk")
+        while not (isinstance(event := next(events).event, StateEvent) and event.state == "measuring"):
+            pass
+        stop_server()
+        wait_until(lambda: len(list((tmp_path / "unsaved").glob("*.event"))) == 3)
+    end(where.pid, signal.SIGKILL)
+    start_server()
+    start_daemon(journal=url, station="a")
+    archive = Archive(url, "a")
+    assert [(one.id, one.state) for one in archive.measurements()] == [(running, "measured")]
+    assert len(archive.sweep_ids(running)) == 2
+    assert archive.verify() == []
+    archive.close()
+
+
+def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "one", url, "a")
+    journal.append(StateEvent(state="started"))
+    with psycopg.connect(url, autocommit=True) as db:
+        db.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid != pg_backend_pid()")
+    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@.*the journal's server has gone"):
+        journal.append(StateEvent(state="started"))
+    other = Journal(tmp_path / "other", url, "a")
+    other.append(StateEvent(state="started"))
+    other.close()
+    assert journal.store.gone
+    with pytest.raises(JournalError, match="stood at event 1 when its server went, and stands at 2 now"):
+        journal.resume(journal.reopened())
+    journal.close()
+    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@/gone.*the journal cannot be read or written"):
+        Archive(url.replace("/record", "/gone"))
+
+
+def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build, tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal")
+    measurement, _ = journal.begin_measurement("r", build, "disk")
+    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(build.name, "disk")))[1]
+    copy_journal(journal, url, "old")
+    with pytest.raises(JournalError, match="station 'old' is in this journal already"):
+        copy_journal(journal, url, "old")
+    journal.close()
+    keeper = Keeper(tmp_path / "other", url, "old")
+    with pytest.raises(JournalError, match="another daemon writes this journal as station 'old'"):
+        Journal(tmp_path / "third", url, "old")
+    other = Journal(tmp_path / "third", url, "new")
+    kept, _ = other.begin_measurement("s", build, "disk")
+    other.append(StateEvent(state="measured", measurement=kept, sample=Sample(build.name, "disk")))
+    assert keeper.replay(1, None, 10) == [said]
+    assert keeper.prune("2999-01-01", tmp_path / "backup") == 1
+    assert [one.id for one in keeper.measurements()] == [kept], "nothing of another station goes"
+    assert (keeper.verify(), keeper.append(StateEvent(state="started"))[0].seq) == ([], 2)
+    other.close()
+    keeper.close()
+
+
+def test_tables_change_when_nobody_writes_them_and_are_copied_first(
+    url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = Journal(tmp_path / "journal", url, "a")
+    measurement, _ = journal.begin_measurement("r", build, "disk")
+    monkeypatch.setattr(migrations, "VERSION", 4)
+    monkeypatch.setattr(migrations, "PATIENCE", 0.1)
+    monkeypatch.setattr(
+        migrations, "_POSTGRES_STEPS", (*migrations._POSTGRES_STEPS, "ALTER TABLE runs ADD COLUMN x INT")
+    )
+    with pytest.raises(JournalError, match="of version 3, and a daemon of an older pzctl writes it"):
+        Journal(tmp_path / "later", url, "b")
+    journal.close()
+    with pytest.raises(JournalError, match="of version 3; version 4 is read here; start the daemon once"):
+        Archive(url)
+    later = Archive(url, write=True)
+    assert [one.id for one in later.measurements()] == [measurement]
+    assert later.store.all("SELECT id FROM pzctl_v3.measurements") == [(measurement,)]
+    later.close()

@@ -1,0 +1,150 @@
+"""Who may see the live page and command it, and what it answers; without a browser."""
+
+import asyncio
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.daemon.page.page_guard import is_loopback
+from pzctl.daemon.page.page_server import page_app
+
+TOKEN = "so-secret"  # noqa: S105
+BUILD = """
+name = "B"
+diameter_mm = 16
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "Pz27"
+thickness_mm = 0.5
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+"""
+
+
+def ask(path: str, token: str | None = None, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    """Ask the application itself, as a server would."""
+    where, _, query = path.partition("?")
+    given = {"host": "127.0.0.1:8294", **headers}
+    scope = {
+        "type": "http",
+        "http_version": "1.1",
+        "method": method,
+        "scheme": "http",
+        "path": where,
+        "raw_path": where.encode(),
+        "query_string": query.encode(),
+        "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+        "client": ("127.0.0.1", 1),
+        "server": ("127.0.0.1", 8294),
+    }
+    asked: list[bool] = []
+    heard: list[dict[str, Any]] = []
+
+    async def receive() -> dict[str, Any]:
+        if asked:
+            await asyncio.Event().wait()  # the browser stays
+        asked.append(True)
+        return {"type": "http.request", "body": b"{}", "more_body": False}
+
+    async def send(message: Any) -> None:
+        heard.append(dict(message))
+
+    asyncio.run(page_app(parse_build(BUILD), token)(scope, receive, send))
+    body = b"".join(message.get("body", b"") for message in heard)
+    return heard[0]["status"], {name.decode(): value.decode() for name, value in heard[0]["headers"]}, body
+
+
+@pytest.fixture(autouse=True)
+def _home(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+
+
+def test_without_a_token_only_this_machine_by_its_own_name() -> None:
+    assert ask("/")[0] == 200
+    assert ask("/", host="evil.example:8294")[0] == 421, "a foreign name that was made to point here"
+    assert ask("/", host="localhost:1")[0] == 200
+
+
+def test_with_a_token_nobody_without_it() -> None:
+    assert ask("/", token=TOKEN, host="10.0.0.7:8294")[0] == 401
+    assert ask("/api/now?token=wrong", token=TOKEN)[0] == 401
+    status, headers, _ = ask("/?token=so-secret", token=TOKEN, host="10.0.0.7:8294")
+    assert (status, headers["location"]) == (303, "/"), "the token leaves the address bar"
+    assert "httponly" in headers["set-cookie"].lower()
+    assert ask("/", token=TOKEN, host="10.0.0.7:8294", cookie="pzctl-token=so-secret")[0] == 200
+
+
+def test_commands_come_from_the_page_itself() -> None:
+    assert ask("/api/cancel", method="POST", origin="http://evil.example")[0] == 403
+    assert ask("/api/cancel", method="POST")[0] == 403
+    status, _, body = ask("/api/cancel", method="POST", origin="http://127.0.0.1:8294")
+    assert (status, b"no daemon runs" in body) == (409, True), "let through, and answered with the sentence"
+
+
+def test_the_page_may_load_nothing_from_outside() -> None:
+    _, headers, body = ask("/")
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert b"://" not in body
+    assert ask("/static/uPlot.LICENSE.txt")[2].startswith(b"The MIT License")
+
+
+def test_what_is_not_there_is_a_sentence() -> None:
+    status, _, body = ask("/api/record/nothing")
+    assert status == 404
+    assert b"nothing was measured yet" in body
+    assert ask("/api/now")[2].startswith(b'{"daemon":{"there":false')
+
+
+@pytest.mark.parametrize(
+    ("host", "here"), [("127.0.0.1", True), ("::1", True), ("localhost", True), ("10.0.0.7", False), ("lab-pc", False)]
+)
+def test_what_is_this_machine(host: str, here: bool) -> None:
+    assert is_loopback(host) == here
+
+
+def test_by_hand_a_wish_that_cannot_be_is_a_sentence() -> None:
+    headers = {"origin": "http://127.0.0.1:8294"}
+    status, _, body = ask("/api/look", method="POST", **headers)
+    assert (status, b"missing required field `measurement`" in body) == (404, True)
+
+
+def reached(address: str) -> bool:
+    try:
+        with urlopen(address, timeout=2) as answer:  # noqa: S310
+            return answer.status == 200
+    except (URLError, ConnectionError, TimeoutError):
+        return False
+
+
+def test_a_page_beside_the_daemon_ends_with_it_even_when_that_is_killed() -> None:
+    command = [Path(sys.executable).with_name("pzctl"), "daemon", "--page", "--page-port", "0", "--time-scale", "0"]
+    daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ)
+    assert daemon.stderr is not None
+    try:
+        address = daemon.stderr.readline().split()[-1]
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", address)
+        deadline = time.monotonic() + 120
+        while not reached(f"{address}api/now"):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+    finally:
+        daemon.kill()
+        daemon.wait(60)
+        daemon.stderr.close()
+    while reached(address):
+        assert time.monotonic() < deadline, "the page outlived its daemon"
+        time.sleep(0.1)

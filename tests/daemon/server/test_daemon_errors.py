@@ -1,0 +1,150 @@
+"""Sentences of a daemon that is asked what it cannot do, and of clients whose daemon is not there, or hangs."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from contextlib import aclosing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from pzctl import connect, connect_async
+from pzctl.daemon.cli import app
+from pzctl.daemon.client import async_connection as aiowire
+from pzctl.daemon.client import connection
+from pzctl.daemon.client.client import Client
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.server.launch import start
+from pzctl.daemon.server.requests.request_handlers import MOST_FITTERS
+from pzctl.daemon.server.requests.submissions import MOST_ANSWERS
+from pzctl.daemon.server.workers.job_runner import MOST as MOST_ERRANDS
+from pzctl.daemon.wire import requests as ask
+from pzctl.daemon.wire.replies import Answer
+from pzctl.daemon.wire.uuid7 import uuid7
+from pzctl.models.base.errors import PzctlError
+from pzctl.models.build import Build
+
+
+def submitted(lab: Client, measurement: str, sweeps: tuple[str, ...], **answer: Any) -> object:
+    said: dict[str, Any] = {"version": "1", **answer}
+    request = ask.Submit(id=uuid7(), measurement=measurement, sweeps=sweeps, fitter="mine", **said)
+    return lab._asker.ask(request, Answer)
+
+
+def sentence(work: Callable[[], object]) -> str:
+    with pytest.raises(PzctlError) as caught:
+        work()
+    return str(caught.value)
+
+
+def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> None:
+    where = start_daemon()
+    host, port = where.resource.split("::")[1:3]
+    assert start(Options(resource=f"{host}:{port}")) == where, "the same instrument by its short name"
+    with connect() as lab:
+        one = lab.measure(build, "disk")
+        sweeps = tuple(sweep.id for sweep in one.sweeps)
+        assert build.plan is not None
+        failed = lab.begin(build, "disk", replace(build.plan, bandwidth=9))
+        with pytest.raises(DaemonError, match="bandwidth is 9; a 4294A can do 1 to 5"):
+            lab.measure(build, "disk", replace(build.plan, bandwidth=9))
+        for work, says in (
+            (
+                lambda: lab.begin(replace(build, plan=None), "disk"),
+                "neither the request nor build 'S4.a' says what to sweep; give a plan, or a [sweep] table in "
+                "build.toml",
+            ),
+            (lab.cancel, "nothing is being measured"),
+            (lambda: lab.fit(failed, "bvd"), f"measurement {failed!r} is failed; it has no complete sweeps"),
+            (
+                lambda: lab.bench({"command": "step", "name": "ml7"}),
+                "bench: no gluing step 'ml7'; there are disk, ml1, ml2",
+            ),
+            (
+                lambda: submitted(lab, one.id, ("x",), error="no"),
+                "answer of 'mine': the journal holds no sweep 'x'",
+            ),
+            (
+                lambda: submitted(lab, one.id, sweeps, error="no", diagnosis={}),
+                "answer of 'mine' holds error and diagnosis; exactly one of report, error, diagnosis is needed",
+            ),
+            (
+                lambda: [submitted(lab, one.id, sweeps, error="no", version=str(k)) for k in range(MOST_ANSWERS + 1)],
+                f"fitter 'mine' answered this measurement {MOST_ANSWERS} times already",
+            ),
+            (
+                lambda: [lab.hello(f"fitter{k}", "1") for k in range(MOST_FITTERS + 1)],
+                f"{MOST_FITTERS} fitters said hello already",
+            ),
+            (
+                lambda: start(Options(resource="127.0.0.1:5025")),
+                f"a daemon runs already (process {where.pid}) and measures with {where.resource}, not 127.0.0.1:5025; "
+                "end it first",
+            ),
+            (
+                lambda: raised(["screenshot", str(tmp_path / "s.tif"), "--resource", str(where.resource)]),
+                f"the daemon that runs owns {where.resource}; end it with `pzctl daemon --stop`",
+            ),
+            (
+                lambda: raised(["measure", "--step", "disk", "--resource", "127.0.0.1:5025"]),
+                f"the daemon that runs owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
+            ),
+            (
+                lambda: [diagnosed(lab, one.id, k) for k in range(MOST_ERRANDS + 1)],
+                f"{MOST_ERRANDS} fits and diagnoses run or wait already",
+            ),
+        ):
+            assert sentence(work) == says
+
+
+def raised(words: list[str]) -> None:
+    done = CliRunner().invoke(app, words)
+    assert done.exception is not None
+    raise done.exception
+
+
+def diagnosed(lab: Client, measurement: str, k: int) -> object:
+    """Ask for one of a hundred diagnoses that differ in what they take in."""
+    effects = (("leakage",), ("cable",), ("lead-inductance",))[k % 3]
+    wish = ask.Diagnose(
+        id=uuid7(), measurement=measurement, effects=effects, also=(measurement,) * (k // 6), propose=bool(k // 3 % 2)
+    )
+    return lab._asker.ask(wish, Answer, patience=60.0)
+
+
+def test_a_daemon_that_hangs_and_one_that_is_not_there(
+    start_daemon, monkeypatch: pytest.MonkeyPatch, build: Build
+) -> None:
+    where = start_daemon()
+    for module in (connection, aiowire):
+        monkeypatch.setattr(module, "SILENCE", 0.3)
+        monkeypatch.setattr(module, "PATIENCE", 0.3)
+
+    async def heard() -> None:
+        async with connect_async() as lab, aclosing(lab.listen()) as events:
+            waiting = asyncio.ensure_future(anext(events))
+            await asyncio.sleep(1.5)
+            os.kill(where.pid, signal.SIGSTOP)
+            await waiting
+
+    with connect() as lab:
+        events = lab.listen(10.0)
+        lab._subscribed()
+        os.kill(where.pid, signal.SIGSTOP)
+        try:
+            says = f"daemon at {where.events}: not a sound for 0.3 s; it has ended or hangs"
+            assert sentence(lambda: next(events)) == says
+            with Client(where.events, where.requests) as other:
+                says = f"daemon at {where.events}: no welcome within 0.3 s; is it running?"
+                assert sentence(lambda: other.listen(1.0)) == says
+        finally:
+            os.kill(where.pid, signal.SIGCONT)
+    try:
+        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: not a sound for 0.3 s")
+    finally:
+        os.kill(where.pid, signal.SIGCONT)

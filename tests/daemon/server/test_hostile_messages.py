@@ -1,0 +1,223 @@
+"""Messages made to harm: none is believed, none is obeyed, and whoever asks properly is answered meanwhile."""
+
+import asyncio
+import json
+import mmap
+import random
+import socket
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import raw_peer
+import zmq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pzctl import connect
+from pzctl.daemon.files.paths import home, log_file
+from pzctl.daemon.server.access.connection_guard import MOST_CONNECTIONS, Intake, _sockets
+from pzctl.daemon.server.requests.request_server import NAMES, _read
+from pzctl.daemon.wire.events import decode
+from pzctl.daemon.wire.frames import MOST_FRAMES, WireError
+from pzctl.models.build import Build
+
+FOLDER = Path(__file__).parents[2] / "wire" / "v1"
+
+
+def golden() -> dict[str, list[bytes]]:
+    """Every message of wire 1, as frames."""
+    found: dict[str, list[bytes]] = {}
+    for path in sorted(FOLDER.glob("*.frames")):
+        data, frames = path.read_bytes(), []
+        while data:
+            length = int.from_bytes(data[:4], "little")
+            frames.append(data[4 : 4 + length])
+            data = data[4 + length :]
+        found[path.stem] = frames
+    return found
+
+
+GOLDEN = golden()
+SHAPES = ([10**12], [2**62, 4], [-1], [0] * 50, ["801"], [801.0], [], [3, 0])
+DTYPES = ("<f8", "<c16", ">f8", "O", "<U9", "|V8", "object")
+
+
+def mutated(seed: int) -> list[bytes]:
+    """A message of wire 1, harmed in one of the ways that harm programs."""
+    chance = random.Random(seed)  # noqa: S311
+    frames = list(chance.choice(list(GOLDEN.values())))
+    way = chance.randrange(7)
+    k = chance.randrange(len(frames))
+    if way == 0:
+        frames[k] = frames[k][: chance.randrange(len(frames[k]) + 1)]
+    elif way == 1 and frames[k]:
+        at = chance.randrange(len(frames[k]))
+        frames[k] = frames[k][:at] + chance.randbytes(chance.randrange(1, 9)) + frames[k][at + 1 :]
+    elif way == 2:
+        frames = [chance.randbytes(chance.randrange(200)) for _ in range(chance.randrange(1, 6))]
+    elif way == 3:
+        frames += [b""] * chance.choice((1, 3, MOST_FRAMES))
+    elif way == 4:
+        frames[min(k, 1)] = b'{"id":"x","request":' + b"[" * chance.choice((10, 100_000))
+    else:
+        head = 0 if b'"request"' in frames[0] else 1
+        header = json.loads(frames[head])
+        columns = [{"name": "frequency", "unit": "Hz", "dtype": chance.choice(DTYPES), "shape": chance.choice(SHAPES)}]
+        key = chance.choice(("columns", "id", "v", "seq", "since", "build", "sample", "measurement", "curves"))
+        header[key] = chance.choice((columns, None, -1, 2**70, "../../../etc/passwd", {"a": [{}] * 100}, "x" * 10_000))
+        frames[head] = json.dumps(header).encode()
+    return frames
+
+
+@settings(deadline=None, max_examples=500)
+@given(st.integers(0, 2**32))
+def test_readers_say_what_is_wrong_or_read(seed: int) -> None:
+    frames = mutated(seed)
+    for read in (decode, _read):
+        with suppress(WireError):  # anything else that it raises is a defect
+            read(frames)
+
+
+@pytest.fixture
+def sender() -> "Iterator[zmq.Socket[bytes]]":
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    with context.socket(zmq.DEALER) as link:
+        link.setsockopt(zmq.LINGER, 0)
+        link.setsockopt(zmq.RCVTIMEO, 20_000)
+        yield link
+    context.term()
+
+
+def test_the_daemon_answers_all_of_it_and_goes_on(start_daemon, build: Build, sender) -> None:
+    where = start_daemon()
+    sender.connect(where.requests)
+    obeyed = (b'"shutdown"', b'"lease"')  # one that is still whole ends the daemon, or takes the instrument
+    harmless = [frames for frames in map(mutated, range(1500)) if not any(word in frames[0] for word in obeyed)]
+    answered = 0
+    with connect() as lab:
+        for k, frames in enumerate(harmless):
+            sender.send_multipart(frames if frames[0] else [b"x", *frames])
+            answered += not json.loads(sender.recv_multipart()[0])["ok"]
+            if k % 500 == 0:
+                assert lab.status().seq > 0
+        assert answered > 1000
+        assert lab.metrics().counts["garbage"] > 500
+        assert lab.measure(build, "disk").sweeps
+
+
+ENDLESS = {
+    "empty frames": (b"DEALER", raw_peer.MORE + b"\0"),
+    "short frames": (b"DEALER", raw_peer.MORE + b"\x7d" + bytes(125)),
+    "the longest frames": (b"DEALER", raw_peer.LARGE + (8 << 20).to_bytes(8, "big") + bytes(8 << 20)),
+    "subscriptions": (b"SUB", b"".join(b"\0\5\1" + k.to_bytes(4, "big") for k in range(10_000))),
+    "the same subscription": (b"SUB", b"\0\2\1x"),
+    "what is taken back": (b"SUB", b"\0\2\0x"),
+}
+
+
+def test_who_sends_without_end_is_cut_off_before_memory_runs_out(start_daemon, build: Build, tmp_path: Path) -> None:
+    where = start_daemon()
+    memory = Path(f"/proc/{where.pid}/statm")
+    with connect() as lab, connect() as listener:
+        events = listener.listen(patience=60)
+        before = int(memory.read_text().split()[1])
+        for what, (kind, sent) in ENDLESS.items():
+            with raw_peer.greeted(where.requests if kind == b"DEALER" else where.events, kind) as link:
+                assert raw_peer.send_until_cut(link, sent * (65_536 // len(sent) or 1), 4 << 30), what
+            assert lab.status().seq > 0
+            assert int(memory.read_text().split()[1]) - before < (500 << 20) // mmap.PAGESIZE, what
+        assert lab.metrics().counts["cut-off"] >= len(ENDLESS)
+        assert "was cut off: it sends without end" in log_file(tmp_path, "daemon").read_text()
+        assert lab.measure(build, "disk").sweeps
+        assert next(events).event.seq > 0, "who listens properly goes on hearing"
+
+
+def test_where_the_kernel_tells_nothing_that_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("pzctl.daemon.server.access.connection_guard.sys.platform", "darwin")
+    intake = Intake({5470: 1}, Counter())
+    asyncio.run(asyncio.wait_for(intake.watch(), 5))
+    intake.look(0.0)
+    assert [one.levelname for one in caplog.records] == ["WARNING"]
+    assert "who sends without end is not cut off here" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what comes over a connection")
+@pytest.mark.parametrize("known", [True, False])
+def test_a_connection_that_goes_between_being_listed_and_looked_at(
+    known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)), server.accept()[0] as ours:
+            intake, listed = Intake({port: 1}, Counter()), list(_sockets())
+            if known:
+                intake.look(0.0)
+            assert ours.fileno() in dict(listed)
+    monkeypatch.setattr("pzctl.daemon.server.access.connection_guard._sockets", lambda: iter(listed))
+    intake.look(1.0)
+
+
+def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:
+    where = start_daemon()
+    links: list[socket.socket] = []
+    with connect() as lab:
+        for endpoint, kind in ((where.events, b"SUB"), (where.requests, b"DEALER")):
+            host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+            for sent in (b"", b"GET / HTTP/1.1\r\n\r\n", raw_peer.GREETING[:20], raw_peer.GREETING + bytes(300)):
+                links.append(socket.create_connection((host, int(port))))
+                links[-1].sendall(sent)
+            links.append(raw_peer.greeted(endpoint, kind))
+            with suppress(OSError):
+                links[-1].sendall(random.Random(0).randbytes(1 << 20))  # noqa: S311
+        assert lab.measure(build, "disk").sweeps
+    for link in links:
+        link.close()
+
+
+def test_who_only_connects_takes_no_descriptors_that_the_journal_needs(start_daemon, build: Build, wait_until) -> None:
+    where = start_daemon()
+    host, _, port = where.events.removeprefix("tcp://").rpartition(":")
+    with connect() as lab, ExitStack() as stack:
+        lab.status()
+        for _ in range(MOST_CONNECTIONS + 100):
+            with suppress(ConnectionResetError):  # cut off already
+                stack.enter_context(socket.create_connection((host, int(port))))
+        wait_until(lambda: len(list(Path(f"/proc/{where.pid}/fd").iterdir())) < MOST_CONNECTIONS + 60)
+        assert lab.measure(build, "disk").sweeps
+
+
+def test_a_fitter_that_says_hello_without_end_does_not_fill_the_journal(start_daemon) -> None:
+    where = start_daemon()
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    with connect() as lab, context.socket(zmq.DEALER) as link:
+        link.connect(where.requests)
+        before = lab.status().seq
+        for k in range(300):
+            link.send(json.dumps({"id": str(k), "request": "hello", "fitter": "f", "version": str(k)}).encode())
+            link.recv()
+        found = lab.status()
+        assert 0 < found.seq - before < 10
+        assert found.fitters[0].version == "299"
+    context.term()
+
+
+@pytest.mark.parametrize("name", ["../../../escape", "/tmp/escape", "a\0b", "..", "x" * 5000])  # noqa: S108
+def test_no_name_leads_out_of_the_data_folder(start_daemon, build: Build, name: str) -> None:
+    start_daemon("Echo")
+    with connect() as lab:
+        before = set(home().parent.iterdir())
+        lab.measure(replace(build, name=name), "disk")
+        assert set(home().parent.iterdir()) == before
+        assert lab.samples(name)[0].name == name
+
+
+def test_every_request_is_known_by_the_docs() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
+    assert not [name for name in NAMES if f"| `{name}` |" not in text]

@@ -1,0 +1,58 @@
+"""Fits and diagnoses that are asked for: done once, by any installed fitter, in a process of their own."""
+
+import numpy as np
+import pytest
+
+import pzctl
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.daemon.files.worker_limits import Limits
+from pzctl.daemon.wire.events import DiagnosisEvent, FitEvent
+from pzctl.fitters.interface import FitError
+from pzctl.models.build import Build
+
+THESIS = THESIS_BUILD
+
+
+def test_a_fit_and_a_diagnosis_of_what_was_measured(start_daemon) -> None:
+    start_daemon()
+    known = read_build(THESIS)
+    with pzctl.connect() as lab:
+        measurement = lab.measure(known, "disk").id
+        result = lab.fit(measurement, "mason")
+        assert result.steps == ("disk",)
+        assert result.converged
+        truth = lab.bench({"command": "truth"})["constants"]["disk.c33D"]["re"]
+        assert np.isclose(result.constants["disk.c33D"].re, truth, rtol=0.01)
+        assert lab.fit(measurement, "mason").seconds == result.seconds, "not done again"
+        found = lab.diagnose(measurement, ["leakage", "series-resistance"])
+        assert found["verdict"] in ("no-mismatch", "explained", "partly-explained", "unexplained")
+        assert {f["effect"] for f in found["findings"]} <= {"leakage", "series-resistance", "polarity", "unknown"}
+        kinds = [(type(one.event), one.event.fitter) for one in lab.fits(measurement)]
+        assert kinds == [(FitEvent, "mason"), (DiagnosisEvent, "diagnosis")]
+        assert lab.diagnose(measurement, ["series-resistance", "leakage"]) == found
+
+
+def test_what_cannot_be_done_is_said(start_daemon, build: Build) -> None:
+    start_daemon()
+    with pzctl.connect() as lab:
+        measurement = lab.measure(build, "disk").id
+        for ask, says in (
+            (lambda: lab.fit(measurement, "nobody"), "'nobody' is not installed here; there are bvd, disk"),
+            (lambda: lab.fit(measurement, "os:system"), "'os:system' is not installed here"),
+            (lambda: lab.fit("m", "mason"), "holds no measurement 'm'"),
+            (lambda: lab.diagnose(measurement, ["magic"]), "effect 'magic' is not known; there are"),
+        ):
+            with pytest.raises(DaemonError, match=says):
+                ask()
+        with pytest.raises(FitError):
+            lab.fit(measurement, "mason", patience=60)
+
+
+def test_an_errand_that_takes_too_long_is_ended(start_daemon, build: Build) -> None:
+    start_daemon(limits=Limits(seconds=0.2))
+    with pzctl.connect() as lab:
+        measurement = lab.measure(build, "disk").id
+        for _ in range(2):
+            with pytest.raises(FitError, match=r"mason of measurement .*: no answer within 0.2 s"):
+                lab.fit(measurement, "mason")

@@ -1,0 +1,68 @@
+"""A guest that hangs, leaks or talks without end is ended and answered for; measuring goes on meanwhile."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from pzctl.daemon.client.client import connect
+from pzctl.daemon.files.worker_limits import Limits
+from pzctl.daemon.server.workers.pending_results import Ledger
+from pzctl.daemon.server.workers.supervisor import QUIET
+from pzctl.daemon.wire.events import FitEvent, Sample, StateEvent
+from pzctl.fitters.interface import FitError
+from pzctl.models.build import Build
+
+ECHO = "guest_examples:Echo"
+
+
+@pytest.mark.parametrize(
+    ("fitter", "limits", "says"),
+    [
+        ("Hangs", Limits(seconds=1.0), r"died 2 times over this measurement: gave no answer within 1 s"),
+        ("Leaks", Limits(memory_MB=1500), r"died 2 times .* needs more than the 1500 MB"),
+        ("Chatters", Limits(), r"failed: OSError: .*File too large"),
+    ],
+)
+def test_a_bad_guest_is_answered_for(start_daemon, build: Build, fitter: str, limits: Limits, says: str) -> None:
+    start_daemon(fitter, "Echo", limits=limits)
+    with connect() as lab:
+        measurement = lab.measure(build, "disk").id
+        assert lab.wait_fit(ECHO, measurement).steps == ("disk",), "the good one beside it is not disturbed"
+        with pytest.raises(FitError, match=says):
+            lab.wait_fit(f"guest_examples:{fitter}", measurement)
+        assert lab.measure(build, "ml1").sweeps
+
+
+def test_the_log_of_a_guest_is_bounded(start_daemon, build: Build, tmp_path: Path) -> None:
+    start_daemon("Chatters")
+    with connect() as lab, pytest.raises(FitError):
+        lab.wait_fit("guest_examples:Chatters", lab.measure(build, "disk").id)
+    assert sum(path.stat().st_size for path in (tmp_path / "log").iterdir()) < 70 << 20
+
+
+def test_the_ledger_knows_who_owes_what_since_when() -> None:
+    now = 0.0
+    ledger = Ledger(["a", "b"], lambda: now)
+    for moment, measurement in ((1.0, "m1"), (2.0, "m2")):
+        now = moment
+        ledger.note(StateEvent(state="measured", measurement=measurement))
+    now = 5.0
+    assert (ledger.first("a"), ledger.waited("a", began=0.0), ledger.waited("a", began=4.0)) == ("m1", 4.0, 1.0)
+    sample = Sample("s", "disk")
+    ledger.note(FitEvent(measurement="m1", sample=sample, fitter="a", version="1", sweeps=()))
+    now = 6.0
+    assert (ledger.first("a"), ledger.waited("a", began=0.0)) == ("m2", 1.0)
+    assert (ledger.first("b"), ledger.waited("b", began=0.0)) == ("m1", 5.0)
+    assert (ledger.first("stranger"), ledger.waited("stranger", 0.0)) == (None, 0.0)
+
+
+def test_hello_said_over_and_over_is_news_once(start_daemon) -> None:
+    start_daemon()
+    with connect() as lab:
+        before = lab.hello("me", "1").seq
+        for _ in range(50):
+            lab.hello("me", "1")
+        assert lab.hello("me", "1").seq == before
+        time.sleep(QUIET)
+        assert lab.hello("me", "2").seq == before + 1

@@ -1,0 +1,28 @@
+"""What `pzctl doctor` is told: what was found, who answered, and what was not looked at."""
+
+import importlib.util
+
+from pzctl.drivers.visa import discover
+from pzctl.sim.server import SimOptions, running
+
+
+def test_the_search_says_what_it_could_not_look_at():
+    result = discover.discover(list_seconds=30)
+    assert any("HOST:5025" in what for what in result.not_scanned)
+    assert all("Traceback" not in what and "\n" not in what for what in result.not_scanned)
+    said = "; ".join(result.not_scanned)
+    for module, remedy in discover.MISSING.items():
+        assert (remedy in said) == (importlib.util.find_spec(module) is None)
+
+
+def test_a_child_that_hangs_is_ended_and_says_so():
+    answer = discover._in_child("import time; time.sleep(60)", [], 1.0)
+    assert "nothing came within 1 s" in answer["error"]
+
+
+def test_who_answers_is_asked_in_a_child():
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0)) as sim:
+        found = discover._identified(sim.resource, 5.0)
+    assert found.idn == "HEWLETT-PACKARD,4294A,MY43202956,REV1.11"
+    assert "nothing listens there" in discover._identified(sim.resource, 5.0).says
+    assert discover._identified("ASRL1::INSTR", 5.0).says.startswith("not asked")

@@ -1,0 +1,229 @@
+"""The diagnosis on devices of an independent world: what was planted is found, where it is, and nothing else."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.findings import Diagnosis
+from pzctl.fitters.diagnosis.validation.held_out import blocks
+from pzctl.fitters.interface import FitError, FitTask
+from pzctl.models.base.arrays import Complexes, Reals
+from pzctl.models.sweep import Sweep
+
+CASES = (
+    "null",
+    "lead",
+    "taper",
+    "hidden-mass",
+    "glue-null",
+    "glue-missing",
+    "void",
+    "drift",
+    "lead-and-taper",
+    "unknown",
+)
+
+
+def given(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
+    truth = json.loads((cases / "truth.json").read_text())[name]
+    sweeps = {
+        step: tuple(read_recording(cases / name / file) for file in files) for step, files in truth["files"].items()
+    }
+    return FitTask(read_build(cases / name / "build.toml"), sweeps), truth
+
+
+@cache
+def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
+    task, truth = given(cases, name)
+    return diagnose(task), truth
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_open_case(cases: Path, name: str) -> None:
+    diagnosis, truth = diagnosed(cases, name)
+    assert diagnosis.verdict == truth["verdict"]
+    found = {(finding.effect, finding.step): finding.where for finding in diagnosis.findings}
+    assert set(found) == {(planted["effect"], planted["step"]) for planted in truth["findings"]}
+    for planted in truth["findings"]:
+        assert found[planted["effect"], planted["step"]] in planted["where"]
+    assert set(truth["not_decidable"]) <= {entry.effect for entry in diagnosis.not_decidable}
+
+
+def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "glue-missing")
+    (finding,) = diagnosis.findings
+    assert diagnosis.final.held_out < 0.1 * diagnosis.baseline.held_out
+    assert diagnosis.final.held_out < 1.2
+    assert finding.probability > 0.9
+    thickness = finding.parameters["thickness"]
+    assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
+
+
+def test_the_range_of_a_thickness_does_not_hang_on_a_shape_that_nothing_tells(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "taper")
+    half_range = diagnosis.findings[0].parameters["half_range"]
+    assert abs(half_range.value - truth["findings"][0]["half_range"]) < 3 * half_range.u
+
+
+def test_constants_are_freed_of_their_bias(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "lead-and-taper")
+    true = complex(*truth["constants"]["disk.eps33S"])
+    before, after = (side.constants["disk.eps33S"] for side in (diagnosis.baseline, diagnosis.final))
+    assert abs(complex(after.re, after.im) - true) < 0.2 * abs(complex(before.re, before.im) - true)
+    assert after.u_im is not None
+    assert abs(after.im - true.imag) < 3 * after.u_im
+
+
+def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
+
+    sweep = read_recording(cases / "null" / "disk.csv")
+    task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (replace(sweep, impedance=-sweep.impedance),)})
+    diagnosis = diagnose(task)
+    assert [finding.effect for finding in diagnosis.findings] == ["polarity"]
+    assert np.isfinite(diagnosis.final.chi2_per_dof)
+    assert "inverted" in diagnosis.findings[0].says
+
+
+@pytest.mark.parametrize("step", [4e-4, 1.2e-3])  # two and six times the noise
+def test_a_flaw_of_the_instrument_is_not_called_physics(cases: Path, step: float) -> None:
+    sweep = read_recording(cases / "null" / "disk.csv")
+    upper = sweep.frequency > 0.6 * sweep.frequency[-1]
+    stepped = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + step, 1.0))
+    diagnosis = diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (stepped,)}))
+    assert diagnosis.verdict == "unexplained"
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.where) == ("unknown", "any")
+    assert "range" in finding.says
+    assert abs(finding.parameters["frequency"].value / sweep.frequency[upper][0] - 1) < 0.02
+
+
+def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
+    diagnosis = diagnose(given(cases, "lead")[0], effects=("leakage",))
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert diagnosis.verdict == "unexplained"
+
+
+def test_what_explains_most_but_not_all_is_told_and_not_named(cases: Path) -> None:
+    diagnosis = diagnose(given(cases, "void")[0], effects=("local-mass",))
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert "Nearest comes local-mass at face:front: it takes away 89" in diagnosis.says[-1]
+
+
+def bare_disk(cases: Path) -> tuple[Sweep, Reals, Complexes]:
+    """Return the recording of a disk that hides nothing, its frequencies, and its admittance."""
+    sweep = read_recording(cases / "null" / "disk.csv")
+    return sweep, sweep.frequency, 1 / sweep.impedance
+
+
+def with_admittance(cases: Path, sweep: Sweep, admittance: Complexes, *effects: str) -> Diagnosis:
+    changed = replace(sweep, impedance=1 / admittance)
+    return diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (changed,)}), effects=effects)
+
+
+def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    x = f / 3.6e6
+    assert blocks(sweep)[np.argmin(np.abs(x - 1))]
+    line = 2j * np.pi * f * 1e-13 / (1 - x**2 + 1j * x / 90)
+    diagnosis = with_admittance(cases, sweep, admittance + line, "spurious-resonance")
+    assert [finding.effect for finding in diagnosis.findings] == ["spurious-resonance"]
+    assert "but not this" in diagnosis.findings[0].says
+    without, _ = diagnosed(cases, "null")
+    assert diagnosis.final.held_out == pytest.approx(without.baseline.held_out, rel=0.05)
+
+
+def test_what_rises_towards_the_end_of_a_band_is_no_line(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    leaking = 1e-3 * float(np.median(np.abs(admittance))) * f[0] / f
+    diagnosis = with_admittance(cases, sweep, admittance + leaking, "spurious-resonance", "dielectric-dispersion")
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+
+
+def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    x = np.arange(f.size) / (f.size - 1) - 0.5
+    dip = 1 - 8e-3 / (1 + (x / 0.003) ** 2) - 2e-3 / (1 + (x / 0.015) ** 2)
+    diagnosis = with_admittance(cases, sweep, admittance / dip, "spurious-resonance")
+    assert diagnosis.verdict == "unexplained"
+    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert "a glitch" in diagnosis.findings[0].says
+
+
+def test_a_loop_beside_the_lead_is_not_called_physics(cases: Path) -> None:
+    sweep, f, admittance = bare_disk(cases)
+    jw, w = 2j * np.pi * f, 2 * np.pi * 3.3e6
+    loop = -jw * jw * 2e-8 / (jw + w / 5 + w * w / jw)  # couples over a band a fifth as wide as its frequency
+    diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance", "temperature-drift")
+    assert [(finding.effect, finding.where) for finding in diagnosis.findings] == [("unknown", "any")]
+    assert "in series" in diagnosis.findings[0].says
+    assert diagnosis.findings[0].parameters["q"].value == pytest.approx(5, rel=0.05)
+
+
+def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> None:
+    task, truth = given(cases, "glue-missing")
+    (planted,) = truth["findings"]
+    diagnosis = diagnose(task, (planted["effect"],), hold_out="steps")
+    assert [finding.effect for finding in diagnosis.findings] == [planted["effect"]]
+    assert diagnosis.final.held_out < 1.2
+    assert diagnosis.final.held_out < 0.01 * diagnosis.baseline.held_out
+    f = task.sweeps["disk"][0].frequency
+    assert diagnosis.held_out_Hz == (((f[0], f[-1]),), ())
+    with pytest.raises(FitError, match="no step was recorded after another"):
+        diagnose(given(cases, "lead")[0], (), hold_out="steps")
+
+
+def test_another_sample_bears_a_finding_out_or_does_not_have_it(cases: Path) -> None:
+    task, truth = given(cases, "lead")
+    (planted,) = truth["findings"]
+    build = read_build(cases / "null" / "build.toml")
+    sweep, f, admittance = bare_disk(cases)
+    found, _ = diagnosed(cases, "lead")
+    sizes = {name: size.value for name, size in found.findings[0].parameters.items()}
+    # the jig that both were in, and a better one
+    leads = {"as long": 1.0, "ten times as long": 10.0, "none": 0.0}
+    impedances = {
+        name: 1 / admittance + times * (sizes["resistance"] + 2j * np.pi * f * sizes["inductance"])
+        for name, times in leads.items()
+    }
+    others = {name: FitTask(build, {"disk": (replace(sweep, impedance=Z),)}) for name, Z in impedances.items()}
+    diagnosis = diagnose(task, (planted["effect"],), others=others)
+    said = {other.sample: other for other in diagnosis.others}
+    assert "bears it out" in said["as long"].says
+    assert said["as long"].chi2_per_dof_after < 1.2 < said["as long"].chi2_per_dof_before
+    assert "part of it" in said["ten times as long"].says
+    assert "does not have lead-inductance at terminals" in said["none"].says
+    nothing = diagnose(others["none"], (planted["effect"],), others={"next": others["as long"]})
+    assert [other.says for other in nothing.others] == ["Nothing was found here that sample next could bear out."]
+
+
+def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
+    task, truth = given(cases, "lead")
+    (planted,) = truth["findings"]
+    (sweep,) = task.sweeps["disk"]
+    above = diagnose(task, (planted["effect"],), hold_out="overtones")
+    assert [finding.effect for finding in above.findings] == [planted["effect"]]
+    assert above.final.held_out < 0.2 * above.baseline.held_out
+    with pytest.raises(FitError, match="every step has one recording"):
+        diagnose(task, (), hold_out="repeats")
+    with pytest.raises(FitError, match="not points"):
+        diagnose(task, (), hold_out="points")
+    middle = 0.5 * sweep.frequency[-1]
+    for part, refused in (
+        (sweep.frequency < middle, "no recording goes above"),
+        (sweep.frequency > 1.3 * middle, "nothing is left to fit"),
+    ):
+        narrow = {"disk": (replace(sweep, frequency=sweep.frequency[part], impedance=sweep.impedance[part]),)}
+        with pytest.raises(FitError, match=refused):
+            diagnose(replace(task, sweeps=narrow), (), hold_out="overtones")
+    again, _ = given(cases, "drift")
+    repeated = diagnose(again, ("temperature-drift",), hold_out="repeats")
+    assert [finding.effect for finding in repeated.findings] == ["temperature-drift"]
+    assert repeated.final.held_out < 0.1 * repeated.baseline.held_out

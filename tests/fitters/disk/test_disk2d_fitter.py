@@ -1,0 +1,169 @@
+"""Fitter disk2d: a disk that is known, a real recording, and what is refused."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import find_peaks
+
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, finite_disk
+from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.fitters.disk.two_d.tensor_coordinates import COORDINATES, tensor_block
+from pzctl.fitters.interface import FitError, FitTask
+from pzctl.models.constants.passivity import passivity_margin
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.disk_model import Disk2D
+from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.materials import find
+from pzctl.models.stack import CausalConstantQ
+from pzctl.models.sweep import Sweep
+
+TRUTH = Tensor6mm(*(find("Pz27 Bergen").values[name].value for name in CONSTANTS))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    before = os.environ.get("PZCTL_HOME")
+    os.environ["PZCTL_HOME"] = str(tmp_path_factory.mktemp("home"))
+    yield
+    if before is None:
+        del os.environ["PZCTL_HOME"]
+    else:
+        os.environ["PZCTL_HOME"] = before
+
+
+def build(diameter, thickness, density, material="PZT-5A", more=""):
+    return parse_build(
+        f"""
+name = "D"
+diameter_mm = {diameter}
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "{material}"
+thickness_mm = {thickness}
+density_kg_m3 = {density}
+{more}
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+""",
+        "build.toml",
+    )
+
+
+def test_coordinates_make_the_constants_and_their_derivatives_and_cannot_leave_passivity():
+    block = tensor_block("disk")
+    values = np.array([part for name in CONSTANTS for z in [getattr(TRUTH, name)] for part in (z.real, z.imag)])
+    x = block.inverse(values)
+    made, J = block.forward(x)
+    np.testing.assert_allclose(made, values, rtol=1e-9)
+    for k in range(len(COORDINATES)):
+        step = np.zeros_like(x)
+        step[k] = 1e-6
+        slope = (block.forward(x + step)[0] - block.forward(x - step)[0]) / 2e-6
+        np.testing.assert_allclose(J[:, k], slope, rtol=1e-5, atol=1e-7 * np.abs(slope).max())
+    far = block.forward(x + np.random.default_rng(0).normal(0, 0.5, x.size))[0].reshape(-1, 2)
+    assert passivity_margin(Tensor6mm(*(complex(re, im) for re, im in far)).law) > -1e-9
+
+
+def test_the_reduced_disk_is_kept_and_a_damaged_file_is_made_again(tmp_path):
+    _, first = reduced_disk(4.0, lambda _: None)
+    (file,) = (tmp_path.parent / os.environ["PZCTL_HOME"] / "cache").glob("disk2d-*.npz")
+    said = []
+    _, again = reduced_disk(4.0, said.append)
+    assert not said
+    np.testing.assert_array_equal(first.stiffness, again.stiffness)
+    file.write_bytes(file.read_bytes()[:1000])
+    _, third = reduced_disk(4.0, said.append)
+    assert len(said) > 1
+    assert third.stiffness.shape == first.stiffness.shape
+
+
+def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
+    diameter, thickness, density = 10e-3, 1e-3, 7700.0
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    area = np.pi * diameter**2 / 4
+    f = np.concatenate([np.linspace(0.15e6, 0.6e6, 151), np.linspace(1.6e6, 2.6e6, 201)])
+    reference = float(np.sqrt(f[0] * f[-1]))
+    disk = Disk2D("disk", TRUTH, area, thickness, density, reduced, CausalConstantQ(reference))
+    rng = np.random.default_rng(1)
+    noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    sweep = Sweep(f, disk.impedance(f) * np.exp(noise))
+    result = Disk2DFitter().fit(FitTask(build(10, 1, 7700), {"disk": (sweep,)}))
+    assert result.converged
+    assert result.rms_log_error < 4e-4
+    for name in CONSTANTS:
+        true, found = complex(getattr(TRUTH, name)), result.constants[f"disk.{name}"]
+        assert abs(found.re - true.real) < 4 * found.u_re, name
+        assert abs(found.im - true.imag) < 4 * found.u_im, name
+    assert result.constants["disk.c33E"].u_re < 1e-3 * TRUTH.c33E.real
+    assert not any("only together" in sentence or "Further from" in sentence for sentence in result.says)
+    (low,) = (c for name, c in result.derived.items() if "capacitance_at_113.1_kHz" in name)
+    true = 1 / (2j * np.pi * 113137.085 * disk.impedance(np.array([113137.085]))[0])
+    assert abs(low.re - true.real) < 4 * low.u_re
+    # between the two bands, where nothing was recorded
+    between = np.linspace(0.65e6, 1.55e6, 9001)
+    Z = disk.impedance(between)
+    for kind, curve in (("fs", (1 / Z).real), ("fp", Z.real)):
+        true = between[find_peaks(np.log(curve), prominence=0.02)[0]]
+        told = [c for name, c in result.derived.items() if name.startswith(f"disk.{kind}") and c.unit == "Hz"]
+        assert len(true) > 5
+        for f in true:
+            nearest = min(told, key=lambda c: abs(c.re - f))
+            assert abs(nearest.re - f) < 4 * nearest.u_re + 60, kind
+
+
+def test_a_very_soft_ceramic_unlike_any_of_the_library_is_found_from_the_constants_of_another():
+    real = np.array([126e9, 79.5e9, 84.1e9, 117e9, 23e9, -6.55, 23.3, 17.0, 15.05e-9, 13.02e-9])
+    loss = np.where(np.arange(10) < 5, 1 / 65, np.where(np.arange(10) < 8, 0.0, -0.02))
+    truth = Tensor6mm(*(real * (1 + 1j * loss)))
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    f = np.linspace(1.4e6, 3.2e6, 301)
+    law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
+    Z = Disk2D("disk", truth, np.pi * 25e-6, 1e-3, 7500.0, reduced, law).impedance(f)
+    rng = np.random.default_rng(2)
+    sweep = Sweep(f, Z * np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))))
+    result = finite_disk(FitTask(build(10, 1, 7500, "Pz27"), {"disk": (sweep,)}))
+    assert result.chi2_per_dof < 1.3
+    for name in CONSTANTS:
+        assert abs(result.constants[f"disk.{name}"].re - getattr(truth, name).real) < (
+            4 * result.constants[f"disk.{name}"].u_re
+        ), name
+
+
+def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recordings):
+    sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
+    few = replace(sweep, frequency=sweep.frequency[::4], impedance=sweep.impedance[::4])
+    result = Disk2DFitter().fit(FitTask(build(20, 2.013, 7956), {"disk": (few,)}))
+    assert result.rms_log_error < 0.05  # one dimension leaves 0.59
+    # a narrow band about the thickness mode tells next to nothing of motion along the circumference
+    assert any("only together: disk.c12E" in sentence for sentence in result.says)
+    # half of what a soft ceramic has: it stands in for what is left, and is not said silently
+    assert any("Further from" in sentence and "disk.eps11S" in sentence for sentence in result.says)
+    tensor = Tensor6mm(*(complex(c.re, c.im) for c in (result.constants[f"disk.{name}"] for name in CONSTANTS)))
+    assert passivity_margin(tensor.law) > 0
+    assert 0.42 < tensor.thickness.kt.real < 0.55
+    assert 500 < tensor.eps33S.real / 8.854e-12 < 1100
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (build(100, 0.5, 7700), "serves for diameter/thickness"),
+        (build(20, 1.9, 7700), "reaches up to"),
+        (build(20, 1.9, 7700, more="electrode_diameter_mm = 20.5"), "is 20.5; `disk2d` serves for 10 to 20"),
+        (build(20, 1.9, 7700, more="electrode_diameter_mm = { value = 19, u = 0.1 }"), "takes it as exact"),
+    ],
+)
+def test_disks_and_recordings_out_of_reach_are_refused(given, says):
+    f = np.linspace(5e6, 6e6, 30)
+    C = 8e-9 * given.area.re / given.layers[0].values["thickness"].re
+    with pytest.raises(FitError, match=says):
+        Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * C)),)}))

@@ -1,0 +1,98 @@
+"""Recordings that determine nothing are said, not fitted; and answers that no ceramic could give."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.interface import FitError, FitResult, FitTask
+from pzctl.fitters.layered.mason import Mason
+from pzctl.models.base.arrays import Complexes, Reals
+from pzctl.models.sweep import Sweep
+
+RNG = np.random.default_rng(5)
+
+
+@pytest.fixture
+def good(cases: Path) -> Sweep:
+    return read_recording(cases / "null" / "disk.csv")
+
+
+def fit(cases: Path, sweep: Sweep, area: float = 1.0, *, given: bool = False) -> FitResult:
+    """Fit with another area; `given`: with a permittivity that the build file gives, and knows badly."""
+    build = read_build(cases / "null" / "build.toml")
+    assert build.diameter is not None
+    diameter = replace(build.diameter, re=build.diameter.re * area**0.5)
+    build = replace(build, area=replace(build.area, re=build.area.re * area), diameter=diameter)
+    if given:
+        (disk, *others) = build.layers
+        eps = disk.values["eps33S"]
+        own = replace(eps, re=eps.re / area, u=0.3 * eps.re / area, source="build.toml")
+        build = replace(build, layers=(replace(disk, values={**disk.values, "eps33S": own}), *others))
+    return Mason().fit(FitTask(build, {"disk": (sweep,)}))
+
+
+def noise(f: Reals) -> Complexes:
+    return 1 + 1e-3 * (RNG.standard_normal(f.size) + 1j * RNG.standard_normal(f.size))
+
+
+@pytest.mark.parametrize(
+    ("made", "sentence"),
+    [
+        (lambda f, Z: -Z, "is inverted: resistance is negative at 100% of its points"),
+        (lambda f, Z: Z.conj(), "conjugate it"),
+        (lambda f, Z: 0.3 + 2j * np.pi * f * 2e-8, "is it shorted?"),
+        (lambda f, Z: 0.3 * noise(f), "this is a short circuit"),
+        (lambda f, Z: noise(f) / (2j * np.pi * f * 2e-13), "this is an open circuit"),
+        (lambda f, Z: noise(f) * (1 - 0.01j) / (2j * np.pi * f * 2e-9), "shows no resonance"),
+        (lambda f, Z: 8 * Z, "diameter or thickness of the build file"),
+    ],
+    ids=["inverted", "conjugated", "wire", "short", "open", "capacitor", "size"],
+)
+def test_a_degenerate_recording(
+    cases: Path, good: Sweep, made: Callable[[Reals, Complexes], Complexes], sentence: str
+) -> None:
+    sweep = Sweep(good.frequency, made(good.frequency, good.impedance), id="odd.csv")
+    with pytest.raises(FitError) as caught:
+        fit(cases, sweep)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_too_few_points_in_a_linewidth(cases: Path, good: Sweep) -> None:
+    few, fewer = (Sweep(good.frequency[::n], good.impedance[::n], id="few.csv") for n in (4, 16))
+    assert any("points lie in the linewidth" in sentence for sentence in fit(cases, few).says)
+    with pytest.raises(FitError, match="the resonance is lost between them: sweep it every"):
+        fit(cases, fewer)
+
+
+def named(sentence: str) -> float:
+    return float(sentence.partition("a diameter of ")[2].partition(" mm")[0])
+
+
+@pytest.mark.parametrize("area", [0.72, 1.52])
+def test_a_doubtful_diameter_is_said_with_the_right_one(cases: Path, good: Sweep, area: float) -> None:
+    (said,) = [sentence for sentence in fit(cases, good, area).says if "a diameter of" in sentence]
+    assert named(said) == pytest.approx(right_diameter(cases), rel=0.05)
+    assert not any("a diameter of" in sentence for sentence in fit(cases, good).says)
+
+
+@pytest.mark.parametrize("area", [0.33, 3.0])
+def test_the_diameter_of_another_disk_is_refused_unless_the_permittivity_is_given(
+    cases: Path, good: Sweep, area: float
+) -> None:
+    with pytest.raises(FitError, match="which no disk of it has: a diameter of") as caught:
+        fit(cases, good, area)
+    assert named(str(caught.value)) == pytest.approx(right_diameter(cases), rel=0.05)
+    (said,) = [sentence for sentence in fit(cases, good, area, given=True).says if "a diameter of" in sentence]
+    assert named(said) == pytest.approx(right_diameter(cases), rel=0.05)
+
+
+def right_diameter(cases: Path) -> float:
+    right = read_build(cases / "null" / "build.toml").diameter
+    assert right is not None
+    return 1e3 * right.re

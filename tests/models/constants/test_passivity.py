@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pzctl.models.constants.passivity import (
+    PassivityError,
+    is_passive,
+    passivity_margin,
+    radial_coordinates,
+    radial_from_coordinates,
+    tensor_coordinates,
+    tensor_from_coordinates,
+    thickness_coordinates,
+    thickness_from_coordinates,
+)
+from pzctl.models.constants.piezo_constants import Radial, Thickness
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.materials import MATERIALS, SHERRIT_RADIAL
+
+
+def anywhere(count):
+    return arrays(np.float64, count, elements=st.floats(-1.5, 1.5))
+
+
+def constants(material, names):
+    return [material.values[name].value for name in names.split()]
+
+
+PIEZO = [m for m in MATERIALS if m.kind == "piezo"]
+
+
+@pytest.mark.parametrize("material", PIEZO, ids=lambda m: m.name)
+def test_the_library_makes_no_energy(material):
+    if {"c33D", "h33", "eps33S"} <= set(material.values):
+        assert is_passive(Thickness(*constants(material, "c33D h33 eps33S")).law)
+    if {"s11E", "s12E", "d31", "eps33T"} <= set(material.values):
+        assert is_passive(Radial(*constants(material, "s11E s12E d31 eps33T")).law)
+    if "c11E" in material.values:
+        names = "c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S"
+        assert is_passive(Tensor6mm(*constants(material, names)).law)
+
+
+def test_the_thesis_table_4_7_with_4_3_makes_energy():
+    # c'' as printed has the sign of exp(-jwt), eps'' that of exp(+jwt)
+    eps = (859.8075 - 9.7584j) * 8.854e-12
+    printed = Thickness(1.5139e11 * (1 - 0.0095j), 19.8617e8 + 0.098e8j, eps)
+    assert passivity_margin(printed.law) < -0.005
+
+
+@given(anywhere(6))
+def test_thickness_coordinates_never_leave_passivity(x):
+    values, _ = thickness_from_coordinates(x)
+    made = Thickness(*values)
+    assert is_passive(made.law)
+    assert thickness_coordinates(made) == pytest.approx(x, abs=1e-6)
+
+
+@given(anywhere(8))
+def test_radial_coordinates_never_leave_passivity(x):
+    values, _ = radial_from_coordinates(x)
+    made = Radial(*values)
+    assert is_passive(made.law)
+    assert radial_coordinates(made) == pytest.approx(x, abs=1e-6)
+
+
+@given(anywhere(20))
+@example(x=np.full(20, 5e-324))
+def test_tensor_coordinates_never_leave_passivity(x):
+    made = tensor_from_coordinates(x)
+    assert is_passive(made.law)
+
+
+@pytest.mark.parametrize("size", ["thickness", "radial"])
+@given(seed=st.integers(0, 10**6))
+def test_derivatives_by_the_coordinates_are_exact(size, seed):
+    forward, count = {"thickness": (thickness_from_coordinates, 6), "radial": (radial_from_coordinates, 8)}[size]
+    x = np.random.default_rng(seed).uniform(-1, 1, count)
+    _, slopes = forward(x)
+    for k in range(count):
+        step = np.zeros(count)
+        step[k] = 1e-5
+        difference = (forward(x + step)[0] - forward(x - step)[0]) / 2e-5
+        assert slopes[:, k] == pytest.approx(difference, rel=1e-7, abs=1e-7 * np.abs(slopes).max())
+
+
+def test_real_constants_survive_the_way_there_and_back():
+    values, _ = radial_from_coordinates(radial_coordinates(SHERRIT_RADIAL))
+    assert values == pytest.approx(
+        [SHERRIT_RADIAL.s11E, SHERRIT_RADIAL.s12E, SHERRIT_RADIAL.d31, SHERRIT_RADIAL.eps33T]
+    )
+    bergen = next(m for m in PIEZO if m.name == "Pz27 Bergen")
+    tensor = Tensor6mm(*constants(bergen, "c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S"))
+    assert passivity_margin(tensor.law) > 0.001
+    back = tensor_from_coordinates(tensor_coordinates(tensor))
+    assert list(vars(back).values()) == pytest.approx(list(vars(tensor).values()), rel=1e-10)
+
+
+def test_constants_that_make_energy_have_no_coordinates():
+    with pytest.raises(PassivityError, match="one of them is not"):
+        radial_coordinates(Radial(17e-12 + 1e-13j, -6e-12, -2e-10, 2.7e-8 - 1e-10j))

@@ -1,0 +1,174 @@
+"""The catalogue: what must hold for every effect at every place, whatever the stack."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pzctl
+from pzctl.models.effects import Device, EffectError, catalogue, find_effect
+from pzctl.models.effects.base.effect import Stage
+from pzctl.models.stack import AIR, CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
+
+DESIGN = {
+    "lead-inductance", "series-resistance", "stray-capacitance", "leakage", "cable", "electrode-mass", "local-mass",
+    "bond-layer", "bond-void", "thickness-variation", "surface-layer", "lateral-modes", "loss-dispersion",
+    "dielectric-dispersion", "face-load", "finite-backing", "spurious-resonance", "temperature-drift",
+    "drive-nonlinearity", "sweep-lag", "polarity",
+}  # fmt: skip
+WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:")
+F = np.linspace(1e6, 15e6, 120)
+WIDE = np.geomspace(40.0, 110e6, 120)
+WEIGHTS, STEPS = np.array([-1, 9, -45, 45, -9, 1]) / 60, (-3, -2, -1, 1, 2, 3)
+LINEAR = [effect for effect in catalogue() if effect.stage < Stage.RECORD]
+
+
+def around(value: float) -> st.SearchStrategy[float]:
+    return st.floats(0.7 * value, 1.4 * value)
+
+
+@st.composite
+def stacks(draw: st.DrawFn) -> Stack:
+    """A disk with none to four layers before and behind it, passive, sometimes on a backing."""
+    law = draw(st.sampled_from([None, CausalConstantQ(4e6)]))
+    laws = {} if law is None else {"c_law": law, "h_law": law, "eps_law": law}
+    c33D = draw(around(1.45e11)) * complex(1, draw(st.floats(0.005, 0.03)))
+    eps33S = draw(around(8e-9)) * complex(1, -draw(st.floats(0.005, 0.03)))
+    disk = Piezo("disk", draw(around(0.5e-3)), draw(around(7700)), c33D, complex(draw(around(1.7e9))), eps33S, **laws)
+
+    def layer(name: str) -> Elastic:
+        thickness = draw(st.sampled_from([5e-6, 20e-6, 140e-6, 500e-6]))
+        return Elastic(name, thickness, draw(around(6e6)), draw(around(2500)), draw(st.floats(10, 100)))
+
+    behind = [layer(f"b{k}") for k in range(draw(st.integers(0, 1)))]
+    before = [layer(f"f{k}") for k in range(draw(st.integers(0, 3)))]
+    back = draw(st.sampled_from([AIR, HalfSpace("tungsten", 5e6)]))
+    front = draw(st.sampled_from([AIR, HalfSpace("water", 1.5e6)]))
+    return Stack((*behind, disk, *before), back, front, draw(around(7.85e-5)))
+
+
+@st.composite
+def sizes(draw: st.DrawFn, device: Device, effect, where: str) -> dict[str, float]:
+    """Physical values of an effect's knobs."""
+    return {
+        knob.name: min(max(knob.null + draw(st.floats(0.1, 3)) * knob.typical, knob.lower), knob.upper)
+        for knob in effect.knobs(device.bare, where)
+    }
+
+
+@st.composite
+def devices(draw: st.DrawFn, effects=LINEAR) -> Device:
+    """A stack with one to four different effects somewhere, in any order."""
+    device = Device(draw(stacks()))
+    for effect in draw(st.lists(st.sampled_from(effects), min_size=1, max_size=4, unique=True)):
+        places = effect.places(device.bare)
+        if places:
+            where = draw(st.sampled_from(places))
+            device = device.with_effect(effect, where, draw(sizes(device, effect, where)))
+    return device
+
+
+def test_every_effect_of_the_design_is_there_and_speaks() -> None:
+    assert {effect.name for effect in catalogue()} == DESIGN
+    for effect in catalogue():
+        for text in (effect.says.format(where="layer:disk"), effect.separates, *effect.references):
+            assert len(text) > 15, effect.name
+    with pytest.raises(EffectError, match=r"'gremlins'.*cable"):
+        find_effect("gremlins")
+
+
+@settings(deadline=None, max_examples=60)
+@given(stacks())
+def test_at_null_the_model_is_the_one_without_the_effect(stack: Stack) -> None:
+    Z = stack.impedance(F)
+    for effect in catalogue():
+        for where in effect.places(stack):
+            assert where.startswith(WHERES)
+            device = Device(stack).with_effect(effect, where)
+            assert np.max(np.abs(device.impedance(F) / Z - 1)) < 1e-12, (effect.name, where)
+
+
+@settings(deadline=None, max_examples=15)
+@given(stacks())
+def test_every_effect_is_felt_at_null_by_its_first_knob(stack: Stack) -> None:
+    for effect in catalogue():
+        for where in effect.places(stack):
+            for knob in effect.knobs(stack, where):
+                assert knob.lower <= knob.null <= knob.upper
+                assert knob.typical > 0
+            device = Device(stack).with_effect(effect, where)
+            names = [name for name in device.parameters() if name not in stack.parameters()]
+            _, J = device.jacobian(F, names)
+            assert np.all(np.isfinite(J)), (effect.name, where)
+            if names:
+                size = np.sqrt(np.mean(np.abs(J[0]) ** 2)) * effect.knobs(stack, where)[0].typical
+                assert 1e-9 < size < 3, (effect.name, where)
+
+
+def differences(device: Device, name: str) -> tuple[np.ndarray, float]:
+    """d ln Z / d name by a sixth-order difference, and its rounding."""
+    value = device.parameters()[name]
+    h = 1e-4 * (1e6 if name == "disk.h33.im" else abs(value))
+    Z = device.impedance(F)
+    logs = [np.log(device.replace({name: value + k * h}).impedance(F) / Z) for k in STEPS]
+    return WEIGHTS @ logs / h, 1e-12 / h
+
+
+@settings(deadline=None, max_examples=25)
+@given(devices())
+def test_derivatives_by_the_stacks_parameters_are_exact_whatever_was_added(device: Device) -> None:
+    names = list(device.bare.parameters())
+    _, J = device.jacobian(F, names)
+    for name, row in zip(names, J, strict=True):
+        expected, rounding = differences(device, name)
+        assert np.max(np.abs(expected - row)) < 1e-6 * np.max(np.abs(row)) + rounding, name
+
+
+@settings(deadline=None, max_examples=60)
+@given(devices(catalogue()), st.randoms())
+def test_the_order_in_which_effects_are_added_does_not_matter(device: Device, random) -> None:
+    turned = Device(device.bare)
+    for one in random.sample(device.added, len(device.added)):
+        turned = turned.with_effect(one.effect, one.where, one.values)
+    assert np.array_equal(turned.impedance(F), device.impedance(F))
+
+
+@settings(deadline=None, max_examples=100)
+@given(devices([effect for effect in LINEAR if effect.name not in ("spurious-resonance", "dielectric-dispersion")]))
+def test_what_is_added_gives_no_energy(device: Device) -> None:
+    """A residue turned by a phase, or a permittivity bent against causality, may: those two describe, not explain."""
+    Z = device.impedance(WIDE)
+    assert np.all(np.isfinite(Z))
+    assert np.all(Z.real >= -1e-10 * np.abs(Z))
+
+
+@settings(deadline=None, max_examples=40)
+@given(devices(catalogue()), st.sampled_from([-1e30, 1e30]))
+def test_no_value_whatever_breaks_a_device(device: Device, extreme: float) -> None:
+    own = device.bare.parameters()
+    bounded = {
+        one.prefix + knob.name
+        for one in device.added
+        for knob in one.effect.knobs(device.bare, one.where)
+        if np.isfinite(knob.upper) or extreme < 0
+    }
+    wild = device.replace({name: extreme for name in device.parameters() if name in bounded and name not in own})
+    assert np.all(np.isfinite(wild.impedance(WIDE)))
+
+
+def test_a_new_effect_is_one_new_file(tmp_path: Path) -> None:
+    """In a copy of the package: a file more, and the catalogue has it."""
+    root = Path(pzctl.__path__[0])
+    copy = tmp_path / "pzctl"
+    shutil.copytree(root / "models", copy / "models", ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "__init__.py").touch()
+    new = (copy / "models" / "effects" / "leakage.py").read_text().replace('"leakage"', '"moonlight"')
+    (copy / "models" / "effects" / "moonlight.py").write_text(new)
+    code = "from pzctl.models.effects import find_effect as f; print(f('moonlight').name, f('leakage').name)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.stdout.split() == ["moonlight", "leakage"], run.stderr

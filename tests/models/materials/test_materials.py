@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from pzctl.models.constants.piezo_constants import EPS0, Radial, Thickness
+from pzctl.models.materials import MATERIALS, MaterialError, find
+
+
+def thickness_of(material):
+    return Thickness(*(material.values[name].value for name in ("c33D", "h33", "eps33S")))
+
+
+def radial_of(material):
+    return Radial(*(material.values[name].value for name in ("s11E", "s12E", "d31", "eps33T")))
+
+
+def test_pz27_is_the_data_sheet_of_the_thesis():
+    pz27 = find("pz-27")
+    assert pz27.name == "Pz27"
+    assert pz27.values["eps33S"].re == pytest.approx(913.73 * EPS0)
+    assert thickness_of(pz27).kt.real == pytest.approx(0.4695, abs=2e-4)
+    assert thickness_of(pz27).Qm == pytest.approx(80)
+    assert radial_of(pz27).sigma_p.real == pytest.approx(0.3892, abs=5e-5)
+    assert radial_of(pz27).kp.real == pytest.approx(0.59, abs=0.005)
+
+
+# kt, kp, sigma_p as the sources themselves or their checked derivations state them
+@pytest.mark.parametrize(
+    ("name", "kt", "kp", "sigma"),
+    [("Pz27 Bergen", 0.469, 0.585, 0.361), ("PIC255", 0.487, 0.664, 0.418)],
+)
+def test_couplings_of_full_sets(name, kt, kp, sigma):
+    material = find(name)
+    assert thickness_of(material).kt.real == pytest.approx(kt, abs=1e-3)
+    assert radial_of(material).kp.real == pytest.approx(kp, abs=1e-3)
+    assert radial_of(material).sigma_p.real == pytest.approx(sigma, abs=1e-3)
+
+
+def test_sherrits_sample_has_both_of_its_couplings():
+    sample = radial_of(find("Sherrit radial"))
+    assert sample.kp.real == pytest.approx(0.5827, abs=2e-4)
+    assert sample.kp_IEEE.real == pytest.approx(0.5945, abs=2e-4)
+    assert sample.c11p == pytest.approx(6.829e10 * (1 + 0.01614j), rel=5e-4)
+
+
+@pytest.mark.parametrize("material", MATERIALS, ids=lambda m: m.name)
+def test_every_value_has_a_source_and_is_passive(material):
+    for name, value in material.values.items():
+        assert value.source, name
+        assert np.isfinite([value.re, value.im, value.u, value.u_im]).all()
+        if name.startswith("c") and material.kind == "piezo":
+            assert value.re > 0
+            assert value.im >= 0
+        if name.startswith("eps"):
+            assert value.im <= 0
+    if "q" in material.values:
+        v = material.values
+        assert v["z"].re == pytest.approx(v["density"].re * v["c"].re, rel=1e-9)
+
+
+def test_an_unknown_name_gets_its_neighbours():
+    with pytest.raises(MaterialError, match=r"'PZ72' is not known: did you mean Pz27.*pzctl materials"):
+        find("PZ72")
