@@ -48,7 +48,7 @@ class LayerSpec:
 
 
 @dataclass(frozen=True)
-class Load:
+class LoadSpec:
     """What the outermost face rests on: a half-space of specific acoustic impedance `z`."""
 
     name: str
@@ -75,8 +75,8 @@ class Build:
     """m2."""
     layers: tuple[LayerSpec, ...]
     """Back to front."""
-    back: Load
-    front: Load
+    back: LoadSpec
+    front: LoadSpec
     steps: tuple[Step, ...]
     """In gluing order."""
     diameter: Quantity | None = None

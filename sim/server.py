@@ -20,7 +20,7 @@ from .transport.ftp import FtpServer
 from .transport.gpib import GpibDevice
 from .transport.listener import Handler, Listener, SimError
 from .transport.prologix import serve_prologix
-from .transport.session import Exchange, Midway, serve_socket
+from .transport.session import Exchange, InFlight, serve_socket
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Simulator:
         hide(bench, o.hidden)
         self.instrument = Instrument(bench, o.time_scale)
         faults = Faults()
-        midway = Midway(self.instrument, self._power_cycle)
+        midway = InFlight(self.instrument, self._power_cycle)
         exchange = Exchange(self.instrument, faults, midway)
         bench_port = BenchPort(self.instrument, faults, midway, self._power_cycle)
         self.port = self._listen(o.port, lambda r, w: self._powered(serve_socket(exchange, r, w)))

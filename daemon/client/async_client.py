@@ -19,13 +19,13 @@ from ...models.sweep_plan import SweepPlan
 from ..wire import replies as reply
 from ..wire import requests as ask
 from ..wire.curve_keys import ClientKey
-from ..wire.events import Heard, ProgressEvent
+from ..wire.events import ProgressEvent, ReceivedEvent
 from ..wire.uuid7 import uuid7
-from .async_connection import AsyncAsker, AsyncSubscription
+from .async_connection import AsyncRequestClient, AsyncSubscription
 from .client import BENCH_PATIENCE
 from .connection import LOOKS, DaemonError
 from .location import address
-from .result_waiter import Answers, Following, Measurement, diagnosis_of, fit_of, require
+from .result_waiter import Answers, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
 
 
 @asynccontextmanager
@@ -38,7 +38,7 @@ async def connect_async(
     """
     events, requests, own = address(events, requests, key)
     context = zmq.asyncio.Context()
-    asker = AsyncAsker(context, requests, own)
+    asker = AsyncRequestClient(context, requests, own)
     try:
         yield AsyncClient(context, events, asker, own)
     finally:
@@ -52,7 +52,9 @@ class AsyncClient:
     Every method raises DaemonError where the daemon refuses, does not answer, or has gone.
     """
 
-    def __init__(self, context: zmq.asyncio.Context, events: str, asker: AsyncAsker, key: ClientKey | None) -> None:
+    def __init__(
+        self, context: zmq.asyncio.Context, events: str, asker: AsyncRequestClient, key: ClientKey | None
+    ) -> None:
         self._context = context
         self._endpoint = events
         self._asker = asker
@@ -60,47 +62,47 @@ class AsyncClient:
 
     async def hello(self) -> reply.HelloAnswer:
         """Ask who is there."""
-        return await self._asker.ask(ask.Hello(id=uuid7()), reply.HelloAnswer)
+        return await self._asker.ask(ask.HelloRequest(id=uuid7()), reply.HelloAnswer)
 
     async def status(self) -> reply.StatusAnswer:
         """Ask what is going on."""
-        return await self._asker.ask(ask.Status(id=uuid7()), reply.StatusAnswer)
+        return await self._asker.ask(ask.StatusRequest(id=uuid7()), reply.StatusAnswer)
 
     async def metrics(self) -> reply.MetricsAnswer:
         """Ask what was counted and timed since the daemon began."""
-        return await self._asker.ask(ask.Metrics(id=uuid7()), reply.MetricsAnswer)
+        return await self._asker.ask(ask.MetricsRequest(id=uuid7()), reply.MetricsAnswer)
 
     async def settings(self) -> dict[str, Any]:
         """Ask how the daemon was started."""
-        return (await self._asker.ask(ask.Settings(id=uuid7()), reply.SettingsAnswer)).settings
+        return (await self._asker.ask(ask.SettingsRequest(id=uuid7()), reply.SettingsAnswer)).settings
 
     async def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return (await self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer, LOOKS)).samples
+        return (await self._asker.ask(ask.SamplesRequest(id=uuid7(), name=name), reply.SamplesAnswer, LOOKS)).samples
 
-    async def sweeps(self, measurement: str) -> tuple[Heard, ...]:
+    async def sweeps(self, measurement: str) -> tuple[ReceivedEvent, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
-        return tuple((await self._asker.events(ask.Sweeps(id=uuid7(), measurement=measurement)))[0])
+        return tuple((await self._asker.events(ask.SweepsRequest(id=uuid7(), measurement=measurement)))[0])
 
-    async def fits(self, measurement: str) -> tuple[Heard, ...]:
+    async def fits(self, measurement: str) -> tuple[ReceivedEvent, ...]:
         """Return what the fitters answered to a measurement: fit and diagnosis events."""
-        return tuple((await self._asker.events(ask.Fits(id=uuid7(), measurement=measurement)))[0])
+        return tuple((await self._asker.events(ask.FitsRequest(id=uuid7(), measurement=measurement)))[0])
 
     async def bench(self, command: dict[str, Any]) -> dict[str, Any]:
         """Give the simulator's bench a command; return what it answers."""
-        request = ask.Bench(id=uuid7(), command=command)
+        request = ask.BenchRequest(id=uuid7(), command=command)
         return (await self._asker.ask(request, reply.BenchAnswer, BENCH_PATIENCE)).answer
 
     async def begin(
         self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
     ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.Measure(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
+        request = ask.MeasureRequest(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
         return (await self._asker.ask(request, reply.MeasureAnswer)).measurement
 
     async def cancel(self, measurement: str | None = None) -> None:
         """Cancel a measurement; the running one where none is named."""
-        await self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), reply.Answer)
+        await self._asker.ask(ask.CancelRequest(id=uuid7(), measurement=measurement), reply.Answer)
 
     @asynccontextmanager
     async def lease(self, owner: str, seconds: float = 60.0) -> AsyncGenerator[str]:
@@ -108,29 +110,29 @@ class AsyncClient:
 
         Raises DaemonError where it is leased to another one already (code `leased`) or measures (code `busy`).
         """
-        request = ask.Lease(id=uuid7(), owner=owner, seconds=seconds)
+        request = ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds)
         held = (await self._asker.ask(request, reply.LeaseAnswer)).lease
         try:
             yield held
         finally:
             with suppress(DaemonError):  # it may have expired
-                await self._asker.ask(ask.Release(id=uuid7(), lease=held), reply.Answer)
+                await self._asker.ask(ask.ReleaseRequest(id=uuid7(), lease=held), reply.Answer)
 
     async def shutdown(self) -> None:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
-        await self._asker.ask(ask.Shutdown(id=uuid7()), reply.Answer)
+        await self._asker.ask(ask.ShutdownRequest(id=uuid7()), reply.Answer)
 
-    async def listen(self) -> AsyncGenerator[Heard]:
+    async def listen(self) -> AsyncGenerator[ReceivedEvent]:
         """Yield every event from the first step on, in order, none lost; each listener has a socket of its own."""
         async with self._subscribed() as subscription:
             while True:
                 yield await subscription.receive()
 
-    async def replay(self, since: int, until: int | None = None) -> AsyncGenerator[Heard]:
+    async def replay(self, since: int, until: int | None = None) -> AsyncGenerator[ReceivedEvent]:
         """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
         more = True
         while more:
-            heard, more = await self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
+            heard, more = await self._asker.events(ask.ReplayRequest(id=uuid7(), since=since, until=until))
             for one in heard:
                 yield one
             since = heard[-1].event.seq + 1 if heard else since
@@ -180,7 +182,9 @@ class AsyncClient:
             answers = await self._answers(measurement)
             answers.forget_given_up(measurement, fitter)
             if answers.find(measurement, fitter) is None:
-                await self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), reply.ErrandAnswer)
+                await self._asker.ask(
+                    ask.FitRequest(id=uuid7(), measurement=measurement, fitter=fitter), reply.JobAnswer
+                )
             return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
 
     async def diagnose(
@@ -190,9 +194,9 @@ class AsyncClient:
 
         Raises FitError where it cannot be, DaemonError where an effect is not known or no answer comes in time.
         """
-        request = ask.Diagnose(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
+        request = ask.DiagnoseRequest(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
         async with self._subscribed() as subscription:
-            wanted = await self._asker.ask(request, reply.ErrandAnswer)
+            wanted = await self._asker.ask(request, reply.JobAnswer)
             answers = await self._answers(measurement)
             answers.forget_given_up(measurement, wanted.fitter)
             key = (measurement, wanted.fitter, wanted.version)
@@ -217,7 +221,7 @@ async def _followed(
     subscription: AsyncSubscription, measurement: str, progress: Callable[[ProgressEvent], None]
 ) -> Measurement:
     """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
-    following = Following(measurement, progress)
+    following = MeasurementWaiter(measurement, progress)
     while (found := following.take(await subscription.receive())) is None:
         pass
     return found
@@ -225,7 +229,7 @@ async def _followed(
 
 async def _answer(
     subscription: AsyncSubscription, answers: Answers, key: tuple[str, str, str | None], patience: float
-) -> Heard:
+) -> ReceivedEvent:
     """Listen until there is an answer under this key, or one in the fitter's place. Raises DaemonError."""
     measurement, fitter, _ = key
     try:

@@ -11,17 +11,17 @@ import zmq.asyncio
 
 from ..server.sockets import limit, unlock
 from ..wire.curve_keys import ClientKey
-from ..wire.events import WELCOME, Envelope, Heard, decode, envelope
+from ..wire.events import WELCOME, Envelope, ReceivedEvent, decode, envelope
 from ..wire.frames import LARGEST_FRAME, WireError, from_json, to_json
 from ..wire.replies import Answer, EventsAnswer, HelloAnswer
-from ..wire.requests import Hello, Replay, Request
+from ..wire.requests import HelloRequest, ReplayRequest, Request
 from ..wire.uuid7 import uuid7
 from .connection import PATIENCE, SILENCE, TRIES, DaemonError, not_let_in, read_answer, read_events
 
 A = TypeVar("A", bound=Answer)
 
 
-class AsyncAsker:
+class AsyncRequestClient:
     """Asks the daemon; answers find who asked by their id. A request is sent again where no answer comes."""
 
     def __init__(self, context: zmq.asyncio.Context, endpoint: str, key: ClientKey | None) -> None:
@@ -56,7 +56,7 @@ class AsyncAsker:
             del self._waiting[request.id]
         raise DaemonError(f"daemon at {self.endpoint}: no answer in {TRIES} tries of {patience:g} s; is it running?")
 
-    async def events(self, request: Request) -> tuple[list[Heard], bool]:
+    async def events(self, request: Request) -> tuple[list[ReceivedEvent], bool]:
         """Return the events of an answer that carries some, and whether there are more. Raises DaemonError."""
         answer, frames = await self.ask_frames(request, EventsAnswer)
         return read_events(answer, frames), answer.more
@@ -78,10 +78,12 @@ class AsyncAsker:
 class AsyncSubscription:
     """Hears every event from the moment it is opened, in order, none lost, none twice: `connection.Subscription`."""
 
-    def __init__(self, context: zmq.asyncio.Context, endpoint: str, asker: AsyncAsker, key: ClientKey | None) -> None:
+    def __init__(
+        self, context: zmq.asyncio.Context, endpoint: str, asker: AsyncRequestClient, key: ClientKey | None
+    ) -> None:
         self.endpoint = endpoint
         self._asker = asker
-        self._waiting: deque[Heard] = deque()
+        self._waiting: deque[ReceivedEvent] = deque()
         self._seq = 0
         self._socket = context.socket(zmq.SUB)
         limit(self._socket)  # pyright: ignore[reportArgumentType]
@@ -94,9 +96,9 @@ class AsyncSubscription:
         frames = await self._received(SILENCE, "no welcome")
         if frames != [WELCOME]:
             raise WireError(f"endpoint {self.endpoint}: it begins with {frames[0][:40]!r}; a pzctl daemon says welcome")
-        self._seq = (await self._asker.ask(Hello(id=uuid7()), HelloAnswer)).seq
+        self._seq = (await self._asker.ask(HelloRequest(id=uuid7()), HelloAnswer)).seq
 
-    async def receive(self) -> Heard:
+    async def receive(self) -> ReceivedEvent:
         """Return the next event that is no beat. Raises DaemonError where the daemon has fallen silent."""
         while not self._waiting:
             await self._take(await self._received(SILENCE, "not a sound"))
@@ -120,7 +122,7 @@ class AsyncSubscription:
         until = found.seq if is_beat else found.seq - 1
         more = until > self._seq
         while more:
-            heard, more = await self._asker.events(Replay(id=uuid7(), since=self._seq + 1, until=until))
+            heard, more = await self._asker.events(ReplayRequest(id=uuid7(), since=self._seq + 1, until=until))
             self._waiting.extend(heard)
             self._seq = heard[-1].event.seq if heard else until
         if is_beat or found.seq <= self._seq:

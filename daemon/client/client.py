@@ -21,12 +21,12 @@ from ..files.auto_diagnosis import DIAGNOSIS
 from ..wire import replies as reply
 from ..wire import requests as ask
 from ..wire.curve_keys import ClientKey
-from ..wire.events import Heard, ProgressEvent
+from ..wire.events import ProgressEvent, ReceivedEvent
 from ..wire.result_messages import curve_columns, report_of
 from ..wire.uuid7 import uuid7
-from .connection import LOOKS, Asker, DaemonError, Subscription
+from .connection import LOOKS, DaemonError, RequestClient, Subscription
 from .location import address
-from .result_waiter import Answers, Following, Measurement, diagnosis_of, fit_of, require
+from .result_waiter import Answers, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
 
 BENCH_PATIENCE = 60.0
 """Seconds that a bench command may take."""
@@ -49,7 +49,7 @@ class Client:
 
     def __init__(self, events: str, requests: str, key: ClientKey | None = None) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._asker = Asker(self._context, requests, key)
+        self._asker = RequestClient(self._context, requests, key)
         self._key = key
         self._endpoint = events
         self._subscription: Subscription | None = None
@@ -72,58 +72,58 @@ class Client:
 
     def hello(self, fitter: str | None = None, version: str | None = None) -> reply.HelloAnswer:
         """Ask who is there; a fitter gives its name and version and is then listed as ready."""
-        return self._asker.ask(ask.Hello(id=uuid7(), fitter=fitter, version=version), reply.HelloAnswer)
+        return self._asker.ask(ask.HelloRequest(id=uuid7(), fitter=fitter, version=version), reply.HelloAnswer)
 
     def status(self) -> reply.StatusAnswer:
         """Ask what is going on."""
-        return self._asker.ask(ask.Status(id=uuid7()), reply.StatusAnswer)
+        return self._asker.ask(ask.StatusRequest(id=uuid7()), reply.StatusAnswer)
 
     def metrics(self) -> reply.MetricsAnswer:
         """Ask what was counted and timed since the daemon began."""
-        return self._asker.ask(ask.Metrics(id=uuid7()), reply.MetricsAnswer)
+        return self._asker.ask(ask.MetricsRequest(id=uuid7()), reply.MetricsAnswer)
 
     def settings(self) -> dict[str, Any]:
         """Ask how the daemon was started."""
-        return self._asker.ask(ask.Settings(id=uuid7()), reply.SettingsAnswer).settings
+        return self._asker.ask(ask.SettingsRequest(id=uuid7()), reply.SettingsAnswer).settings
 
     def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
         """Return what was measured, by sample; only of sample `name` where one is given."""
-        return self._asker.ask(ask.Samples(id=uuid7(), name=name), reply.SamplesAnswer, patience=LOOKS).samples
+        return self._asker.ask(ask.SamplesRequest(id=uuid7(), name=name), reply.SamplesAnswer, patience=LOOKS).samples
 
-    def sweeps(self, measurement: str) -> tuple[Heard, ...]:
+    def sweeps(self, measurement: str) -> tuple[ReceivedEvent, ...]:
         """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
-        return tuple(self._asker.events(ask.Sweeps(id=uuid7(), measurement=measurement))[0])
+        return tuple(self._asker.events(ask.SweepsRequest(id=uuid7(), measurement=measurement))[0])
 
-    def fits(self, measurement: str) -> tuple[Heard, ...]:
+    def fits(self, measurement: str) -> tuple[ReceivedEvent, ...]:
         """Return what the fitters answered to a measurement: fit and diagnosis events."""
-        return tuple(self._asker.events(ask.Fits(id=uuid7(), measurement=measurement))[0])
+        return tuple(self._asker.events(ask.FitsRequest(id=uuid7(), measurement=measurement))[0])
 
     def unanswered(self, fitter: str) -> tuple[str, ...]:
         """Return the measurements of the daemon's run that a fitter has not answered."""
-        return self._asker.ask(ask.Unanswered(id=uuid7(), fitter=fitter), reply.MeasurementsAnswer).measurements
+        return self._asker.ask(ask.UnansweredRequest(id=uuid7(), fitter=fitter), reply.MeasurementsAnswer).measurements
 
     def bench(self, command: dict[str, Any]) -> dict[str, Any]:
         """Give the simulator's bench a command; return what it answers."""
-        request = ask.Bench(id=uuid7(), command=command)
+        request = ask.BenchRequest(id=uuid7(), command=command)
         return self._asker.ask(request, reply.BenchAnswer, patience=BENCH_PATIENCE).answer
 
     def cancel(self, measurement: str | None = None) -> None:
         """Cancel a measurement; the running one where none is named."""
-        self._asker.ask(ask.Cancel(id=uuid7(), measurement=measurement), reply.Answer)
+        self._asker.ask(ask.CancelRequest(id=uuid7(), measurement=measurement), reply.Answer)
 
     def shutdown(self) -> None:
         """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
-        self._asker.ask(ask.Shutdown(id=uuid7()), reply.Answer)
+        self._asker.ask(ask.ShutdownRequest(id=uuid7()), reply.Answer)
 
-    def replay(self, since: int, until: int | None = None) -> Iterator[Heard]:
+    def replay(self, since: int, until: int | None = None) -> Iterator[ReceivedEvent]:
         """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
         more = True
         while more:
-            heard, more = self._asker.events(ask.Replay(id=uuid7(), since=since, until=until))
+            heard, more = self._asker.events(ask.ReplayRequest(id=uuid7(), since=since, until=until))
             yield from heard
             since = heard[-1].event.seq + 1 if heard else since
 
-    def listen(self, patience: float) -> Iterator[Heard]:
+    def listen(self, patience: float) -> Iterator[ReceivedEvent]:
         """Return every event from now on, in order, none lost; they end when none comes within `patience` seconds."""
         subscription = self._subscribed()
         return iter(lambda: subscription.receive(patience), None)
@@ -165,7 +165,7 @@ class Client:
         decides: str | None = None,
     ) -> str:
         """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.Measure(
+        request = ask.MeasureRequest(
             id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease, decides=decides
         )
         return self._asker.ask(request, reply.MeasureAnswer).measurement
@@ -177,12 +177,12 @@ class Client:
         The daemon lets go of the instrument, so that other tools may talk to it. Raises DaemonError where it is
         leased to another one already (code `leased`) or measures (code `busy`).
         """
-        held = self._asker.ask(ask.Lease(id=uuid7(), owner=owner, seconds=seconds), reply.LeaseAnswer).lease
+        held = self._asker.ask(ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds), reply.LeaseAnswer).lease
         try:
             yield held
         finally:
             with suppress(DaemonError):  # it may have expired
-                self._asker.ask(ask.Release(id=uuid7(), lease=held), reply.Answer)
+                self._asker.ask(ask.ReleaseRequest(id=uuid7(), lease=held), reply.Answer)
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
         """Return what a fitter answered to a measurement, waiting for it.
@@ -202,7 +202,7 @@ class Client:
         self._answers.note(self.fits(measurement))
         self._answers.forget_given_up(measurement, fitter)
         if self._answers.find(measurement, fitter) is None:
-            self._asker.ask(ask.Fit(id=uuid7(), measurement=measurement, fitter=fitter), reply.ErrandAnswer)
+            self._asker.ask(ask.FitRequest(id=uuid7(), measurement=measurement, fitter=fitter), reply.JobAnswer)
         return fit_of(self._answer(measurement, fitter, None, patience))
 
     def diagnose(
@@ -221,8 +221,8 @@ class Client:
         effect is not known or no answer comes in time.
         """
         self._subscribed()
-        request = ask.Diagnose(id=uuid7(), measurement=measurement, **_wishes(effects, also, propose))
-        wanted = self._asker.ask(request, reply.ErrandAnswer)
+        request = ask.DiagnoseRequest(id=uuid7(), measurement=measurement, **_wishes(effects, also, propose))
+        wanted = self._asker.ask(request, reply.JobAnswer)
         self._answers.note(self.fits(measurement))
         self._answers.forget_given_up(measurement, wanted.fitter)
         return diagnosis_of(self._answer(measurement, wanted.fitter, wanted.version, patience))
@@ -267,8 +267,10 @@ class Client:
         self._asker.ask(self._submission(measurement, sweeps, fitter, version, **found), reply.Answer, raw)
 
     @staticmethod
-    def _submission(measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any) -> ask.Submit:
-        return ask.Submit(
+    def _submission(
+        measurement: str, sweeps: Sequence[str], fitter: str, version: str, **answer: Any
+    ) -> ask.SubmitRequest:
+        return ask.SubmitRequest(
             id=uuid7(), measurement=measurement, sweeps=tuple(sweeps), fitter=fitter, version=version, **answer
         )
 
@@ -281,7 +283,7 @@ class Client:
         self, subscription: Subscription, measurement: str, progress: Callable[[ProgressEvent], None]
     ) -> Measurement:
         """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
-        following = Following(measurement, progress)
+        following = MeasurementWaiter(measurement, progress)
         while True:
             heard = subscription.receive(1.0)
             self._answers.note([heard] if heard else [])
@@ -291,7 +293,7 @@ class Client:
 
     def _answer(
         self, measurement: str, fitter: str, version: str | None, patience: float, *, kept: bool = False
-    ) -> Heard:
+    ) -> ReceivedEvent:
         """Listen until there is an answer, of this version where one is given, or one in the fitter's place.
 
         Raises DaemonError where none comes in time, or where a fitter that has to be a `kept` one is none.

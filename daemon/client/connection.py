@@ -11,10 +11,10 @@ import zmq
 from ...models.base.errors import PzctlError
 from ..server.sockets import limit, unlock
 from ..wire.curve_keys import ClientKey
-from ..wire.events import WELCOME, Envelope, Heard, decode, envelope
+from ..wire.events import WELCOME, Envelope, ReceivedEvent, decode, envelope
 from ..wire.frames import LARGEST_FRAME, WireError, from_json, to_json
 from ..wire.replies import Answer, EventsAnswer, HelloAnswer, Refusal
-from ..wire.requests import Hello, Replay, Request
+from ..wire.requests import HelloRequest, ReplayRequest, Request
 from ..wire.uuid7 import uuid7
 
 SILENCE = 20.0
@@ -46,7 +46,7 @@ def not_let_in(endpoint: str) -> DaemonError:
     )
 
 
-class Asker:
+class RequestClient:
     """Asks the daemon one thing after the other. A request is sent again where no answer comes: ids make that safe."""
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, key: ClientKey | None = None) -> None:
@@ -74,7 +74,7 @@ class Asker:
                 return read_answer(frames[0], expected), frames[1:]
         raise DaemonError(f"daemon at {self.endpoint}: no answer in {TRIES} tries of {patience:g} s; is it running?")
 
-    def events(self, request: Request) -> tuple[list[Heard], bool]:
+    def events(self, request: Request) -> tuple[list[ReceivedEvent], bool]:
         """Return the events of an answer that carries some, and whether there are more. Raises DaemonError."""
         answer, frames = self.ask_frames(request, EventsAnswer)
         return read_events(answer, frames), answer.more
@@ -103,12 +103,12 @@ class Subscription:
         self,
         context: "zmq.Context[zmq.Socket[bytes]]",
         endpoint: str,
-        asker: Asker,
+        asker: RequestClient,
         key: ClientKey | None = None,
     ) -> None:
         self.endpoint = endpoint
         self._asker = asker
-        self._waiting: deque[Heard] = deque()
+        self._waiting: deque[ReceivedEvent] = deque()
         self._socket = context.socket(zmq.SUB)
         limit(self._socket)
         unlock(self._socket, key)
@@ -116,13 +116,13 @@ class Subscription:
         self._socket.connect(endpoint)
         try:
             self._welcome()
-            self.seq = asker.ask(Hello(id=uuid7()), HelloAnswer).seq
+            self.seq = asker.ask(HelloRequest(id=uuid7()), HelloAnswer).seq
         except PzctlError:
             self.close()
             raise
         self._heard_at = time.monotonic()
 
-    def receive(self, patience: float) -> Heard | None:
+    def receive(self, patience: float) -> ReceivedEvent | None:
         """Return the next event that is no beat, or None where none comes within `patience` seconds.
 
         Raises DaemonError where the daemon has fallen silent, WireError where it speaks another wire.
@@ -176,7 +176,7 @@ class Subscription:
         """Ask for what was missed, up to and including `until`."""
         more = True
         while more:
-            heard, more = self._asker.events(Replay(id=uuid7(), since=self.seq + 1, until=until))
+            heard, more = self._asker.events(ReplayRequest(id=uuid7(), since=self.seq + 1, until=until))
             for event in heard:
                 self.seq = event.event.seq
                 self._waiting.append(event)
@@ -195,9 +195,9 @@ def read_answer(header: bytes, expected: type[A]) -> A:
     return from_json(header, msgspec.json.Decoder(expected), LARGEST_FRAME)
 
 
-def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[Heard]:
+def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[ReceivedEvent]:
     """Return the events whose frames stand behind an answer. Raises WireError."""
-    heard: list[Heard] = []
+    heard: list[ReceivedEvent] = []
     for count in answer.frames:
         event, frames = frames[:count], frames[count:]
         heard.append(decode(event))

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...fitters.interface import FitError, FitResult
 from ...models.sweep import Sweep
-from ..wire.events import DiagnosisEvent, FitEvent, Heard, ProgressEvent, StateEvent, SweepEvent
+from ..wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, StateEvent, SweepEvent
 from ..wire.replies import FitterState
 from ..wire.result_messages import curves_of, result_of
 from .connection import DaemonError
@@ -21,7 +21,7 @@ class Measurement:
     """One for each segment of the plan."""
 
 
-class Following:
+class MeasurementWaiter:
     """Takes what is heard until a measurement has ended."""
 
     def __init__(self, measurement: str, progress: Callable[[ProgressEvent], None]) -> None:
@@ -29,7 +29,7 @@ class Following:
         self._progress = progress
         self._sweeps: list[Sweep] = []
 
-    def take(self, heard: Heard) -> Measurement | None:
+    def take(self, heard: ReceivedEvent) -> Measurement | None:
         """Return the measurement once it is complete. Raises DaemonError where it ended without sweeps."""
         match heard.event:
             case ProgressEvent(measurement=m) as event if m == self._id:
@@ -51,9 +51,9 @@ class Answers:
     """The answers heard so far, the latest of each kept: for whoever waits for them later."""
 
     def __init__(self) -> None:
-        self._found: dict[tuple[str, str, str | None], Heard] = {}
+        self._found: dict[tuple[str, str, str | None], ReceivedEvent] = {}
 
-    def note(self, heard: Iterable[Heard]) -> None:
+    def note(self, heard: Iterable[ReceivedEvent]) -> None:
         """Keep those that are answers."""
         for one in heard:
             event = one.event
@@ -61,7 +61,7 @@ class Answers:
                 for version in (event.version, None):
                     self._found[event.measurement, event.fitter, version] = one
 
-    def find(self, measurement: str, fitter: str, version: str | None = None) -> Heard | None:
+    def find(self, measurement: str, fitter: str, version: str | None = None) -> ReceivedEvent | None:
         """Return the latest answer; of this version where one is given."""
         return self._found.get((measurement, fitter, version))
 
@@ -84,12 +84,12 @@ def require(fitter: str, states: Iterable[FitterState]) -> None:
         raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")
 
 
-def is_given_up(heard: Heard) -> bool:
+def is_given_up(heard: ReceivedEvent) -> bool:
     """Return whether the daemon answered in the place of a fitter that died or hung."""
     return isinstance(heard.event, FitEvent) and heard.event.version == ""
 
 
-def fit_of(heard: Heard) -> FitResult:
+def fit_of(heard: ReceivedEvent) -> FitResult:
     """Return the result that a fit event carries. Raises FitError where it is a refusal."""
     event = heard.event
     if not isinstance(event, FitEvent) or event.report is None:
@@ -97,7 +97,7 @@ def fit_of(heard: Heard) -> FitResult:
     return result_of(event.report, curves_of(event.curves, heard.arrays))
 
 
-def diagnosis_of(heard: Heard) -> dict[str, Any]:
+def diagnosis_of(heard: ReceivedEvent) -> dict[str, Any]:
     """Return what a diagnosis event says. Raises FitError where it is a refusal."""
     if isinstance(heard.event, DiagnosisEvent):
         return heard.event.diagnosis

@@ -23,7 +23,7 @@ from .auto_diagnosis import ASKED, AUTO
 from .worker_limits import Limits
 
 if TYPE_CHECKING:
-    from .daemon_options import Options
+    from .daemon_options import DaemonOptions
 
 PREFIX = "PZCTL_"
 """Of the environment's variables: PZCTL_RESOURCE, PZCTL_FITTERS (separated by commas) ..."""
@@ -136,11 +136,11 @@ def journal_of(found: Mapping[str, Any]) -> tuple[str | None, str]:
     return url, found.get("station", socket.gethostname()) if url else ""
 
 
-def options(found: Mapping[str, Any]) -> "Options":
+def options(found: Mapping[str, Any]) -> "DaemonOptions":
     """Return what a daemon is started with, of what `settings` returned."""
-    from .daemon_options import Options  # who only looks for the journal needs no daemon
+    from .daemon_options import DaemonOptions  # who only looks for the journal needs no daemon
 
-    default = Options()
+    default = DaemonOptions()
     limits = Limits(
         seconds=found.get("fit_seconds", default.limits.seconds),
         memory_MB=found.get("fit_memory_MB", default.limits.memory_MB),
@@ -152,7 +152,7 @@ def options(found: Mapping[str, Any]) -> "Options":
         if name in found
     }
     own["journal"], own["station"] = journal_of(found)
-    return Options(**own, simulator=simulator, limits=limits)
+    return DaemonOptions(**own, simulator=simulator, limits=limits)
 
 
 def _read(path: Path) -> dict[str, Any]:

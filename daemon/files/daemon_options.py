@@ -9,7 +9,7 @@ from .worker_limits import Limits
 
 
 @dataclass(frozen=True)
-class Options:
+class DaemonOptions:
     """How a daemon is started."""
 
     resource: str | None = None

@@ -7,17 +7,17 @@ from typing import Any
 import msgspec
 
 from ...models.build import Build
-from ..wire.events import Sample
+from ..wire.events import SampleStep
 from .store import JournalError, Place, digest_of, open_store
 
 
 @dataclass(frozen=True)
-class Measurement:
+class JournalMeasurement:
     """One measurement as the journal knows it."""
 
     id: str
     run: str
-    sample: Sample
+    sample: SampleStep
     state: str
     time: str
 
@@ -26,12 +26,12 @@ class Measurement:
 class History:
     """A measurement, the ids of its sweeps, and the names of those that answered it with a result."""
 
-    measurement: Measurement
+    measurement: JournalMeasurement
     sweeps: tuple[str, ...]
     fitters: tuple[str, ...]
 
 
-class Archive:
+class JournalReader:
     """A journal opened for reading, in a folder or at a URL; any number of processes may.
 
     `station` is whose events are counted and said again; measurements are those of all. Raises JournalError from
@@ -48,9 +48,9 @@ class Archive:
         """Where it is, in words."""
         return self.store.name
 
-    def reader(self) -> "Archive":
+    def reader(self) -> "JournalReader":
         """Return the same journal opened once more, for another thread to read. Touches nothing of what is open."""
-        return Archive(self._place, self.station)
+        return JournalReader(self._place, self.station)
 
     def close(self) -> None:
         """Let go of it."""
@@ -80,7 +80,7 @@ class Archive:
         rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
         return self._frames(rows, measurement)
 
-    def measurement(self, found: str) -> Measurement | None:
+    def measurement(self, found: str) -> JournalMeasurement | None:
         """Return the measurement with this id."""
         return next(iter(self.measurements("id = ?", found)), None)
 
@@ -102,13 +102,16 @@ class Archive:
         )
         return row[0] if row else None
 
-    def measurements(self, where: str = "TRUE", *values: str) -> list[Measurement]:
+    def measurements(self, where: str = "TRUE", *values: str) -> list[JournalMeasurement]:
         """Return the measurements for which the SQL condition holds, oldest first."""
         rows = self._all(
             f"SELECT id, run, sample, step, state, time FROM measurements WHERE {where} ORDER BY number",  # noqa: S608
             *values,
         )
-        return [Measurement(i, run, Sample(sample, step), state, time) for i, run, sample, step, state, time in rows]
+        return [
+            JournalMeasurement(i, run, SampleStep(sample, step), state, time)
+            for i, run, sample, step, state, time in rows
+        ]
 
     def histories(self, sample: str | None = None) -> list[History]:
         """Return every measurement, of one sample where it is named, with its sweeps and who answered; oldest first."""

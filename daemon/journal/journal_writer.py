@@ -17,13 +17,13 @@ from ..wire.events import DiagnosisEvent, Event, FitEvent, Payload, Sampled, Sta
 from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
 from .folder_lock import take_lock
-from .journal_reader import Archive, Measurement
+from .journal_reader import JournalMeasurement, JournalReader
 from .store import JournalError, Store, digest_of, open_store
 
 E = TypeVar("E", bound=Event)
 
 
-class Journal(Archive):
+class JournalWriter(JournalReader):
     """The journal opened for writing, which one process can for a data folder and for a station. Begins a new run.
 
     It is kept in the folder, or in the database at `url`; then the folder holds the lock alone. Raises JournalError
@@ -125,7 +125,7 @@ class Journal(Archive):
             )
         return new, True
 
-    def unfinished(self) -> list[Measurement]:
+    def unfinished(self) -> list[JournalMeasurement]:
         """Return the measurements of earlier runs that never came to an end."""
         rows = "state IN ('queued', 'measuring') AND run != ? AND station = ?"
         return self.measurements(rows, self.run, self.station)

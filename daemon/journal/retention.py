@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ...models.sweep import now_utc
-from .journal_reader import Archive
-from .journal_writer import Journal
+from .journal_reader import JournalReader
+from .journal_writer import JournalWriter
 from .migrations import TABLES
 from .store import JournalError, Place, without_password
 
@@ -21,7 +21,7 @@ COLUMNS = {
 ORDER = {"measurements": "number", "events": "station, seq"}
 
 
-class Keeper(Journal):
+class JournalMaintenance(JournalWriter):
     """A journal opened to be copied and pruned; no daemon may write it, or as this station, meanwhile."""
 
     def prune(self, before: str, backup: Place) -> int:
@@ -63,7 +63,7 @@ class Keeper(Journal):
         return int(row[0]) if row else 1
 
 
-def copy_journal(source: Archive, target: Place, station: str = "") -> int:
+def copy_journal(source: JournalReader, target: Place, station: str = "") -> int:
     """Copy a journal to a new folder, or into a database, while a daemon may go on writing it; verify the copy.
 
     `station` is what the nameless station of a folder is called in a database. Returns the number of events that were
@@ -74,7 +74,7 @@ def copy_journal(source: Archive, target: Place, station: str = "") -> int:
         raise JournalError(f"{target}: this is a file; a journal is copied to a new folder")
     if isinstance(target, Path) and target.exists() and any(target.iterdir()):
         raise JournalError(f"{target}: this folder is not empty; a journal is copied to a new one")
-    copy = Archive(target, write=True)
+    copy = JournalReader(target, write=True)
     try:
         with source.store.snapshot():
             stations = {found or station for (found,) in source.store.all("SELECT DISTINCT station FROM runs")}
@@ -91,7 +91,7 @@ def copy_journal(source: Archive, target: Place, station: str = "") -> int:
         copy.close()
 
 
-def _copy_table(source: Archive, copy: Archive, table: str, station: str) -> int:
+def _copy_table(source: JournalReader, copy: JournalReader, table: str, station: str) -> int:
     """Copy the rows of one table, and the arrays of those that have some; return how many rows there were."""
     columns = COLUMNS[table].split(", ")
     order = f" ORDER BY {ORDER[table]}" if table in ORDER else ""

@@ -16,7 +16,7 @@ AGAIN = 1.0
 """Seconds until a daemon that has gone is looked for again."""
 
 
-class Hub:
+class EventStream:
     """One listener for any number of pages. Acquisition does not wait for it: the daemon drops what is not read."""
 
     def __init__(self) -> None:

@@ -11,10 +11,10 @@ from typing import Any, Literal, TypeAlias
 import msgspec
 
 from ...fitters.interface import Curve
-from ...fitters.manual.manual_fit import ByHand, Choices, models_for
+from ...fitters.manual.manual_fit import Choices, ManualFit, models_for
 from ...fitters.plugins import DEFAULT
 from ...models.base.errors import PzctlError
-from ..samples.journal_manual_fit import InHand, of_measurement
+from ..samples.journal_manual_fit import JournalManualFit, of_measurement
 from ..samples.sample_selection import open_journal
 from .page_json import fitted_json, numbers_json
 
@@ -26,11 +26,11 @@ _NICE = 5
 """Below the daemon and whoever measures, above a diagnosis in the background: somebody waits for this."""
 
 
-class HandError(PzctlError):
+class ManualFitPoolError(PzctlError):
     """A request by hand that does not say what is wanted, or that came to nothing."""
 
 
-class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ManualFitRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the page sends: a measurement, and the choices made on it."""
 
     measurement: str
@@ -49,7 +49,7 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return Choices(self.free, self.values, self.bands, self.effects)
 
 
-class Hands:
+class ManualFitPool:
     """The process that looks and fits; begun when it is first needed. For any number of threads."""
 
     def __init__(self) -> None:
@@ -77,9 +77,9 @@ class Hands:
 
     def _ask(self, words: dict[str, Any], work: Work) -> dict[str, Any]:
         try:
-            wish = msgspec.convert(words, Wish)
+            wish = msgspec.convert(words, ManualFitRequest)
         except msgspec.ValidationError as error:
-            raise HandError(f"choices of a fit by hand: {error}") from None
+            raise ManualFitPoolError(f"choices of a fit by hand: {error}") from None
         with self._lock:
             pool = self._pool = self._pool or _begun()
         try:
@@ -88,7 +88,9 @@ class Hands:
             with self._lock:
                 self._pool = None if self._pool is pool else self._pool
             _end(pool)
-            raise HandError(f"the fit by hand gave no answer within {PATIENCE:g} s, or its process ended") from None
+            raise ManualFitPoolError(
+                f"the fit by hand gave no answer within {PATIENCE:g} s, or its process ended"
+            ) from None
 
 
 def _begun() -> ProcessPoolExecutor:
@@ -109,7 +111,7 @@ def _polite() -> None:
         os.nice(_NICE)
 
 
-def _answer(wish: Wish, work: Work) -> dict[str, Any]:
+def _answer(wish: ManualFitRequest, work: Work) -> dict[str, Any]:
     """Do the work, within the process."""
     journal = open_journal()
     try:
@@ -125,11 +127,11 @@ def _answer(wish: Wish, work: Work) -> dict[str, Any]:
 
 
 @lru_cache(4)
-def _in_hand(measurement: str, fitter: str, version: tuple[Any, ...]) -> InHand:
+def _in_hand(measurement: str, fitter: str, version: tuple[Any, ...]) -> JournalManualFit:
     return of_measurement(measurement, fitter)
 
 
-def _looked(hand: ByHand, choices: Choices) -> dict[str, Any]:
+def _looked(hand: ManualFit, choices: Choices) -> dict[str, Any]:
     look = hand.look(choices)
     return {
         "fitter": hand.fitter,

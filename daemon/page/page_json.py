@@ -12,13 +12,13 @@ from ...models.sweep import Sweep
 from ..client.client import fit_of
 from ..report.json_output.fit_json import fit_json
 from ..samples.sample_record import StepRecord
-from ..wire.events import BeatEvent, FitEvent, Heard, SweepEvent
+from ..wire.events import BeatEvent, FitEvent, ReceivedEvent, SweepEvent
 
 _DIGITS = 8
 """Significant digits that a screen can use; the files hold all."""
 
 
-def event_json(heard: Heard) -> dict[str, Any]:
+def event_json(heard: ReceivedEvent) -> dict[str, Any]:
     """Return an event with its numbers; `kind` says which."""
     event = heard.event
     if isinstance(event, BeatEvent):

@@ -23,8 +23,8 @@ from ..report.document.html_report import report_html
 from ..report.document.pdf_report import report_pdf
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
-from .event_stream import Hub
-from .manual_fit_pool import Hands
+from .event_stream import EventStream
+from .manual_fit_pool import ManualFitPool
 from .page_guard import Guard
 from .page_json import build_json, record_json
 
@@ -35,8 +35,8 @@ MOST_SAMPLES = 20
 
 def page_app(build: Build, token: str | None = None) -> Starlette:
     """Return the page of a lab that builds `build`; with a token, only who shows it is let in."""
-    hub, hands = Hub(), Hands()
-    desk = _Desk(build)
+    hub, hands = EventStream(), ManualFitPool()
+    desk = _PageRequestHandlers(build)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
@@ -88,7 +88,7 @@ def _answering(work: Callable[[dict[str, Any]], Response]) -> Any:
     return endpoint
 
 
-class _Desk:
+class _PageRequestHandlers:
     """What the page asks for; each method runs in a thread of its own and raises PzctlError."""
 
     def __init__(self, build: Build) -> None:

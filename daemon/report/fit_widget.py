@@ -14,24 +14,24 @@ from typing import Any
 import numpy as np
 
 from ...fitters.interface import Curve, FitResult
-from ...fitters.manual.adjustables import Handle
-from ...fitters.manual.manual_fit import ByHand, Choices, Look
+from ...fitters.manual.adjustables import Adjustable
+from ...fitters.manual.manual_fit import Choices, ManualFit, ModelPreview
 from ...models.base.errors import PzctlError
 from .tables.numbers import complex_with_uncertainty
 
 _STEPS = 400
 
 
-class NotebookError(PzctlError):
+class FitWidgetError(PzctlError):
     """What a notebook needs is not there."""
 
 
-def sliders(hand: ByHand, choices: Choices | None = None) -> Any:
+def sliders(hand: ManualFit, choices: Choices | None = None) -> Any:
     """Return a widget with a slider and a tick for each handle, and the curve. Raises NotebookError, FitError."""
-    return Board(hand, choices or Choices()).box
+    return FitWidget(hand, choices or Choices()).box
 
 
-def curve_svg(look: Look) -> str:
+def curve_svg(look: ModelPreview) -> str:
     """Return |Z| and phase of measurement and model over frequency, a column for each sweep, as SVG."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -61,15 +61,17 @@ def _column(axes: Any, curve: Curve) -> None:
     axes[1].set_xlabel("frequency (MHz)")
 
 
-class Board:
+class FitWidget:
     """The widget and what it shows."""
 
-    def __init__(self, hand: ByHand, choices: Choices) -> None:
+    def __init__(self, hand: ManualFit, choices: Choices) -> None:
         """Build the widget. Raises NotebookError where ipywidgets is not installed."""
         try:
             import ipywidgets  # type: ignore[reportMissingTypeStubs]
         except ModuleNotFoundError:
-            raise NotebookError("ipywidgets is not installed; sliders need it: pip install 'pzctl[notebook]'") from None
+            raise FitWidgetError(
+                "ipywidgets is not installed; sliders need it: pip install 'pzctl[notebook]'"
+            ) from None
         self._widgets: Any = ipywidgets
         self._hand, self._choices = hand, choices
         self.result: FitResult | None = None
@@ -99,7 +101,7 @@ class Board:
             effects=self._choices.effects,
         )
 
-    def _made(self, one: Handle) -> Any:
+    def _made(self, one: Adjustable) -> Any:
         look = {
             "description": f"{one.name} ({one.unit})",
             "style": {"description_width": "18em"},

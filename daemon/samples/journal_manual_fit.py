@@ -13,20 +13,20 @@ from dataclasses import replace
 import msgspec
 
 from ...fitters.interface import FitResult, FitTask
-from ...fitters.manual.manual_fit import ByHand, Choices
+from ...fitters.manual.manual_fit import Choices, ManualFit
 from ...fitters.plugins import DEFAULT
 from ...models.base.errors import PzctlError
 from ...models.sweep import Sweep
 from ..client.client import fit_of
 from ..files.paths import home
-from ..journal.journal_reader import Archive, Measurement
+from ..journal.journal_reader import JournalMeasurement, JournalReader
 from ..wire.events import FitEvent, decode
 from ..wire.frames import to_json
 from .result_writer import keeping
 from .sample_record import UnknownSampleError
 from .sample_selection import open_journal
 
-__all__ = ["ByHand", "Choices", "InHand", "NobodyError", "of_measurement", "of_sample"]
+__all__ = ["Choices", "JournalManualFit", "ManualFit", "NobodyError", "of_measurement", "of_sample"]
 
 _LONGEST_NAME = 64
 _FEW = 6
@@ -37,7 +37,7 @@ class NobodyError(PzctlError):
     """A fit by hand that is to be kept, and nobody who made it."""
 
 
-class InHand(ByHand):
+class JournalManualFit(ManualFit):
     """A measurement of the journal, taken in hand."""
 
     measurement = ""
@@ -78,7 +78,7 @@ def _signed(result: FitResult, choices: Choices, by: str, model: str) -> FitResu
     return replace(result, version=f"{result.version}+{mark}", says=(f"{says}.", *result.says), chosen=chosen)
 
 
-def of_sample(name: str, step: str | None = None, fitter: str = DEFAULT) -> InHand:
+def of_sample(name: str, step: str | None = None, fitter: str = DEFAULT) -> JournalManualFit:
     """Return the latest measurement of a sample's step in hand, with the steps before it; None: the latest step.
 
     `fitter`: whose model, `mason`, or of a bare round disk `radial` or `disk`. Handles begin where its latest fit
@@ -99,7 +99,7 @@ def of_sample(name: str, step: str | None = None, fitter: str = DEFAULT) -> InHa
         archive.close()
 
 
-def of_measurement(measurement: str, fitter: str = DEFAULT) -> InHand:
+def of_measurement(measurement: str, fitter: str = DEFAULT) -> JournalManualFit:
     """Return one measurement in hand, be it still running, with the latest of each step before it.
 
     `fitter` as in `of_sample`. Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
@@ -114,7 +114,7 @@ def of_measurement(measurement: str, fitter: str = DEFAULT) -> InHand:
         archive.close()
 
 
-def _in_hand(archive: Archive, one: Measurement, fitter: str) -> InHand:
+def _in_hand(archive: JournalReader, one: JournalMeasurement, fitter: str) -> JournalManualFit:
     build = archive.build(one.id)
     names = [step.name for step in build.steps]
     # The others' models are of one step alone: that of the bare disk.
@@ -127,12 +127,12 @@ def _in_hand(archive: Archive, one: Measurement, fitter: str) -> InHand:
             sweeps[step] = tuple(decode(event).sweep() for event in archive.sweeps(found))
             result = _fit(archive, found, fitter) or result
     task = FitTask(build, sweeps)
-    hand = InHand.after(task, result) if result is not None else InHand(task, fitter)
+    hand = JournalManualFit.after(task, result) if result is not None else JournalManualFit(task, fitter)
     hand.measurement = one.id
     return hand
 
 
-def _fit(archive: Archive, measurement: str, fitter: str) -> FitResult | None:
+def _fit(archive: JournalReader, measurement: str, fitter: str) -> FitResult | None:
     """Return a fitter's latest fit to a measurement."""
     for frames in reversed(archive.fits(measurement)):
         heard = decode(frames)

@@ -11,17 +11,17 @@ from ..client.client import Client
 from ..client.location import find
 from ..files.config import journal_of, settings
 from ..files.paths import journal_folder
-from ..journal.journal_writer import Journal
+from ..journal.journal_writer import JournalWriter
 from ..wire.events import FitEvent
 from ..wire.result_messages import curve_columns, report_of
 from .sample_selection import Sample
 
-Put: TypeAlias = Callable[[str, Sequence[str], FitResult], None]
+SaveResult: TypeAlias = Callable[[str, Sequence[str], FitResult], None]
 """Keeps a result; given the measurement's id, and those of the sweeps it is about."""
 
 
 @contextmanager
-def keeping(home: Path) -> Generator[Put]:
+def keeping(home: Path) -> Generator[SaveResult]:
     """Give a function that hands results to the daemon of this data folder, or writes them down where none runs.
 
     A result that the same version found before from the same sweeps is there already, and not written again. Raises
@@ -34,7 +34,7 @@ def keeping(home: Path) -> Generator[Put]:
                 measurement, sweeps, result.fitter, result.version, result
             )
         return
-    journal = Journal(journal_folder(home), *journal_of(settings({})))
+    journal = JournalWriter(journal_folder(home), *journal_of(settings({})))
     try:
         yield lambda measurement, sweeps, result: _write(journal, measurement, sweeps, result)
     finally:
@@ -55,7 +55,7 @@ def _sweeps(sample: Sample) -> tuple[str, ...]:
     return tuple(sweep.id for of_step in sample.job.task.sweeps.values() for sweep in of_step) if sample.job else ()
 
 
-def _write(journal: Journal, measurement: str, sweeps: Sequence[str], result: FitResult) -> None:
+def _write(journal: JournalWriter, measurement: str, sweeps: Sequence[str], result: FitResult) -> None:
     known = journal.measurement(measurement)
     if known is None:
         return

@@ -8,7 +8,7 @@ from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
 from ..client.client import fit_of
-from ..journal.journal_reader import Archive, Measurement
+from ..journal.journal_reader import JournalMeasurement, JournalReader
 from ..wire.events import DiagnosisEvent, FitEvent, SweepEvent, decode
 from ..wire.result_messages import curves_of
 
@@ -21,7 +21,7 @@ class UnknownSampleError(PzctlError):
 class StepRecord:
     """One measurement of one gluing step, and what was answered to it."""
 
-    measurement: Measurement
+    measurement: JournalMeasurement
     sweeps: tuple[Sweep, ...]
     idn: str
     """Who measured, as `*IDN?` said."""
@@ -46,7 +46,7 @@ class SampleRecord:
     """In the order in which they were measured."""
 
 
-def sample_record(archive: Archive, asked: str) -> SampleRecord:
+def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
     """Return what is known of a sample, or of the one measurement with this id.
 
     Raises UnknownSampleError, JournalError.
@@ -55,7 +55,7 @@ def sample_record(archive: Archive, asked: str) -> SampleRecord:
     found = [one] if one is not None else archive.measurements("sample = ? AND state = 'measured'", asked)
     if not found:
         raise UnknownSampleError(_unknown(archive, asked))
-    latest: dict[str, Measurement] = {}
+    latest: dict[str, JournalMeasurement] = {}
     for measurement in found:
         latest.pop(measurement.sample.step, None)
         latest[measurement.sample.step] = measurement
@@ -65,7 +65,7 @@ def sample_record(archive: Archive, asked: str) -> SampleRecord:
     return SampleRecord(found[-1].sample.name, build, tuple(_step(archive, measurement) for measurement in steps))
 
 
-def _unknown(archive: Archive, asked: str) -> str:
+def _unknown(archive: JournalReader, asked: str) -> str:
     names = list(dict.fromkeys(one.sample.name for one in archive.measurements("state = 'measured'")))
     close = get_close_matches(asked, names, n=1)
     if close:
@@ -74,7 +74,7 @@ def _unknown(archive: Archive, asked: str) -> str:
     return f"sample {asked!r}: the journal holds no sample and no measurement of that name; it holds {some}"
 
 
-def _step(archive: Archive, one: Measurement) -> StepRecord:
+def _step(archive: JournalReader, one: JournalMeasurement) -> StepRecord:
     heard = [decode(frames) for frames in archive.sweeps(one.id)]
     fits: dict[str, FitResult] = {}
     refusals: dict[str, str] = {}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...drivers.recordings import read_recording
 from ...fitters.interface import FitResult, FitTask
-from ...fitters.population.batch import Job
+from ...fitters.population.batch import BatchJob
 from ...models.base.errors import CannotError, PzctlError
 from ...models.build import Build, Quantity
 from ...models.sweep import Sweep
@@ -15,7 +15,7 @@ from ..client.location import find
 from ..files.builds.build_file import read_build
 from ..files.config import journal_of, settings
 from ..files.paths import home, journal_folder
-from ..journal.journal_reader import Archive, Measurement
+from ..journal.journal_reader import JournalMeasurement, JournalReader
 from ..wire.events import FitEvent, decode
 
 BUILD = "build.toml"
@@ -36,7 +36,7 @@ class Sample:
     """One sample, ready to be fitted, or the sentence that says why it is not."""
 
     name: str
-    job: Job | None
+    job: BatchJob | None
     error: str | None = None
     notes: tuple[str, ...] = ()
     """What a person should know of it, a sentence each."""
@@ -49,11 +49,11 @@ class LatestFit:
     """The fit of a sample's newest measurement that has one."""
 
     result: FitResult
-    measurement: Measurement
+    measurement: JournalMeasurement
     build: Build
 
 
-def open_journal() -> Archive:
+def open_journal() -> JournalReader:
     """Return this user's journal, opened for reading: that of the daemon which runs, else that of the settings.
 
     Raises NoSamplesError where nothing was ever measured.
@@ -61,16 +61,16 @@ def open_journal() -> Archive:
     running = find(home())
     url, station = (running.journal, running.station) if running else journal_of(settings({}))
     if url is not None:
-        return Archive(url, station)
+        return JournalReader(url, station)
     folder = journal_folder(home())
     if not (folder / "journal.sqlite").exists():
         raise NoSamplesError(f"no journal in {folder}: nothing was measured yet; begin with `pzctl measure`")
-    return Archive(folder)
+    return JournalReader(folder)
 
 
-def journal_samples(archive: Archive, free: tuple[str, ...] | None = None) -> list[Sample]:
+def journal_samples(archive: JournalReader, free: tuple[str, ...] | None = None) -> list[Sample]:
     """Return every sample with the latest complete measurement of each of its steps, and the build of the newest."""
-    latest: dict[str, dict[str, Measurement]] = {}
+    latest: dict[str, dict[str, JournalMeasurement]] = {}
     for one in archive.measurements("state = 'measured'"):
         steps = latest.setdefault(one.sample.name, {})
         steps.pop(one.sample.step, None)
@@ -81,7 +81,7 @@ def journal_samples(archive: Archive, free: tuple[str, ...] | None = None) -> li
 
 
 def _journal_sample(
-    archive: Archive, name: str, latest: dict[str, Measurement], free: tuple[str, ...] | None
+    archive: JournalReader, name: str, latest: dict[str, JournalMeasurement], free: tuple[str, ...] | None
 ) -> Sample:
     newest = list(latest.values())[-1].id
     try:
@@ -97,7 +97,7 @@ def _journal_sample(
     )
     if not known:
         return Sample(name, None, "no step of its latest build was measured", notes)
-    return Sample(name, Job(name, FitTask(build, sweeps, free)), notes=notes, measurement=latest[known[-1]].id)
+    return Sample(name, BatchJob(name, FitTask(build, sweeps, free)), notes=notes, measurement=latest[known[-1]].id)
 
 
 def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sample]:
@@ -132,7 +132,7 @@ def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
             f"{folder}: no recording; files named after the steps are needed: {', '.join(f'{s}.csv' for s in steps)}"
         )
         return Sample(folder.name, None, error, tuple(notes))
-    return Sample(folder.name, Job(folder.name, FitTask(build, there, free)), notes=tuple(notes))
+    return Sample(folder.name, BatchJob(folder.name, FitTask(build, there, free)), notes=tuple(notes))
 
 
 def step_of(stem: str, steps: Sequence[str]) -> str | None:
@@ -148,7 +148,7 @@ def step_of(stem: str, steps: Sequence[str]) -> str | None:
     return None
 
 
-def latest_fits(archive: Archive, fitter: str, step: str | None) -> dict[str, LatestFit]:
+def latest_fits(archive: JournalReader, fitter: str, step: str | None) -> dict[str, LatestFit]:
     """Return the latest fit of each sample that has one: that of its newest measurement (of `step`) with a result."""
     measured = archive.measurements("state = 'measured'")
     found: dict[str, LatestFit | None] = {one.sample.name: None for one in measured}
@@ -158,7 +158,7 @@ def latest_fits(archive: Archive, fitter: str, step: str | None) -> dict[str, La
     return {name: fit for name, fit in found.items() if fit is not None}
 
 
-def _fit_of_measurement(archive: Archive, one: Measurement, fitter: str) -> LatestFit | None:
+def _fit_of_measurement(archive: JournalReader, one: JournalMeasurement, fitter: str) -> LatestFit | None:
     if fitter not in archive.fitters(one.id):
         return None
     for frames in reversed(archive.fits(one.id)):

@@ -15,7 +15,16 @@ from ...models.build import Build
 from ...models.sweep import Sweep
 from ...models.sweep_plan import SweepPlan
 from ..journal.store import JournalError
-from ..wire.events import Event, Instrument, Payload, ProgressEvent, Sample, StateEvent, SweepEvent, sweep_columns
+from ..wire.events import (
+    Event,
+    InstrumentInfo,
+    Payload,
+    ProgressEvent,
+    SampleStep,
+    StateEvent,
+    SweepEvent,
+    sweep_columns,
+)
 from ..wire.uuid7 import uuid7
 
 log = logging.getLogger(__name__)
@@ -25,7 +34,7 @@ PROGRESS_EVERY = 0.2
 
 
 @dataclass(frozen=True)
-class Job:
+class MeasurementJob:
     """A measurement that was accepted."""
 
     measurement: str
@@ -39,9 +48,9 @@ class Job:
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     @property
-    def sample(self) -> Sample:
+    def sample(self) -> SampleStep:
         """What is measured."""
-        return Sample(self.build.name, self.step)
+        return SampleStep(self.build.name, self.step)
 
 
 class AnalyzerThread:
@@ -57,7 +66,7 @@ class AnalyzerThread:
         """Open the instrument and ask who it is. Raises InstrumentError."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, lambda: self._opened().identify())
 
-    async def measure(self, job: Job, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
+    async def measure(self, job: MeasurementJob, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
         """Carry out a job; `report` is called in the thread. Raises PlanError, Cancelled or InstrumentError."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._measure, job, report)
 
@@ -75,7 +84,7 @@ class AnalyzerThread:
             self._analyzer = self._open(self._resource)
         return self._analyzer
 
-    def _measure(self, job: Job, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
+    def _measure(self, job: MeasurementJob, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
         try:
             return self._opened().measure(job.plan, report, job.cancelled.is_set)
         except Cancelled:
@@ -99,19 +108,19 @@ class Acquisition:
     def __init__(
         self,
         analyzer: AnalyzerThread,
-        instrument: Instrument,
+        instrument: InstrumentInfo,
         publish: Callable[[Event, Payload], None],
         ready: Callable[[], Awaitable[None]],
     ) -> None:
-        self.current: Job | None = None
-        self.waiting: deque[Job] = deque()
+        self.current: MeasurementJob | None = None
+        self.waiting: deque[MeasurementJob] = deque()
         self._analyzer = analyzer
         self._instrument = instrument
         self._publish = publish
         self._ready = ready
         self._more = asyncio.Event()
 
-    def add(self, job: Job) -> None:
+    def add(self, job: MeasurementJob) -> None:
         """Put a job into the queue, behind those of the same or a higher priority."""
         behind = next((k for k, other in enumerate(self.waiting) if other.priority < job.priority), len(self.waiting))
         self.waiting.insert(behind, job)
@@ -148,7 +157,7 @@ class Acquisition:
             self._more.clear()
             await self._more.wait()
 
-    async def _do(self, job: Job) -> None:
+    async def _do(self, job: MeasurementJob) -> None:
         if job.cancelled.is_set():
             self._state(job, "cancelled", "the measurement was cancelled before it began")
             return
@@ -168,7 +177,7 @@ class Acquisition:
         else:
             self._state(job, "measured-aside" if job.decides else "measured", f"{len(sweeps)} sweep(s)")
 
-    def _announce(self, job: Job, sweeps: tuple[Sweep, ...]) -> None:
+    def _announce(self, job: MeasurementJob, sweeps: tuple[Sweep, ...]) -> None:
         for k, sweep in enumerate(sweeps, start=1):
             columns, payload = sweep_columns(sweep)
             event = SweepEvent(
@@ -187,11 +196,11 @@ class Acquisition:
             )
             self._publish(event, payload)
 
-    def _state(self, job: Job, state: str, says: str = "") -> None:
+    def _state(self, job: MeasurementJob, state: str, says: str = "") -> None:
         event = StateEvent(state=state, says=says, measurement=job.measurement, sample=job.sample)
         self._publish(event, ())
 
-    def _reporter(self, job: Job) -> Callable[[Progress], None]:
+    def _reporter(self, job: MeasurementJob) -> Callable[[Progress], None]:
         """Return what the analyzer's thread calls: it hands progress to the loop, not more often than is read."""
         loop = asyncio.get_running_loop()
         last = -PROGRESS_EVERY
@@ -205,7 +214,7 @@ class Acquisition:
         return report
 
 
-def _progress(job: Job, progress: Progress) -> ProgressEvent:
+def _progress(job: MeasurementJob, progress: Progress) -> ProgressEvent:
     return ProgressEvent(
         measurement=job.measurement,
         sample=job.sample,

@@ -167,14 +167,14 @@ def _rehearsal() -> Check:
     """Measure and fit the simulated disk through daemon, VISA, journal, sockets and fitter, in a folder of its own."""
     from ..client.client import connect
     from ..files.builds.build_file import THESIS_BUILD, read_build
-    from ..files.daemon_options import Options
+    from ..files.daemon_options import DaemonOptions
     from .launch import start
 
     begun = time.monotonic()
     build = read_build(THESIS_BUILD)
     try:
         with _own_folder():
-            where = start(Options(fitters=("mason",), simulator={"time_scale": 0.0}))
+            where = start(DaemonOptions(fitters=("mason",), simulator={"time_scale": 0.0}))
             with connect(where.events, where.requests) as lab:
                 try:
                     measurement = lab.measure(build, "disk")

@@ -14,7 +14,7 @@ from ...models.base.errors import PzctlError
 from ..client.client import Client
 from ..client.connection import DaemonError
 from ..client.location import Location, find, same_resource
-from ..files.daemon_options import Options
+from ..files.daemon_options import DaemonOptions
 from ..files.paths import home, journal_folder, log_file, writable_home
 from ..journal.folder_lock import is_written
 from ..wire.frames import to_json
@@ -38,12 +38,12 @@ def running() -> Location | None:
         return None
 
 
-def start(options: Options | None = None) -> Location:
+def start(options: DaemonOptions | None = None) -> Location:
     """Start a daemon in the background and return where it is; one that runs already is returned as it is.
 
     Raises DaemonError with the daemon's own sentence where it does not start, FolderError.
     """
-    wanted = options or Options()
+    wanted = options or DaemonOptions()
     deadline = time.monotonic() + PATIENCE
     while find(home()) is None and is_written(journal_folder(home())) and time.monotonic() < deadline:
         time.sleep(0.05)  # one is just starting, or ending
@@ -85,7 +85,7 @@ def main() -> None:
     """Run a daemon with the options given as JSON on standard input; used by `start`."""
     begin_log()
     try:
-        run(msgspec.json.decode(sys.stdin.buffer.read(), type=Options))
+        run(msgspec.json.decode(sys.stdin.buffer.read(), type=DaemonOptions))
     except PzctlError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_status)

@@ -26,27 +26,27 @@ from ...drivers.base.analyzer import Analyzer
 from ...models.sweep import now_utc
 from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
-from ..files.daemon_options import Options
+from ..files.daemon_options import DaemonOptions
 from ..files.paths import journal_folder, keys_folder, log_file, unsaved_folder, writable_home
 from ..files.worker_limits import allow_many_files
-from ..journal.journal_writer import Journal
+from ..journal.journal_writer import JournalWriter
 from ..journal.store import without_password
-from ..wire.events import BeatEvent, Event, FitEvent, Instrument, StateEvent, encode
+from ..wire.events import BeatEvent, Event, FitEvent, InstrumentInfo, StateEvent, encode
 from ..wire.metrics import Metrics
 from ..wire.replies import FitterState
-from .access.access_control import Gate
-from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, Intake
+from .access.access_control import AccessControl
+from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
 from .acquisition import Acquisition, AnalyzerThread
-from .publishing.durable_publisher import Publisher
-from .publishing.event_publisher import Voice
-from .publishing.spool import Unsaved
-from .requests.request_handlers import Desk
-from .requests.request_server import Reception
+from .publishing.durable_publisher import DurablePublisher
+from .publishing.event_publisher import EventPublisher
+from .publishing.spool import Spool
+from .requests.request_handlers import RequestHandlers
+from .requests.request_server import RequestServer
 from .simulated_analyzer import simulated_instrument
 from .sockets import bind_events, bind_requests, from_here, gate_for, port_of
-from .workers.job_runner import Errand, Errands
-from .workers.pending_results import Ledger
-from .workers.supervisor import Fate, Supervisor
+from .workers.job_runner import JobRunner, WorkerJob
+from .workers.pending_results import PendingResults
+from .workers.supervisor import Supervisor, WorkerExit
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ DEATHS = 2
 """How often a fitter may die over a measurement before its answer is that it cannot."""
 
 
-def run(options: Options) -> None:
+def run(options: DaemonOptions) -> None:
     """Run a daemon on the user's data folder until it is told to end (SIGTERM, SIGINT, or a request).
 
     Raises FolderError, EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the
@@ -76,11 +76,11 @@ def run(options: Options) -> None:
         runner.run(_serve(folder, options, open_analyzer))
 
 
-async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], Analyzer]) -> None:
+async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[str], Analyzer]) -> None:
     """Open everything, serve, and close everything in the opposite order, whatever happens."""
     resource = options.resource or ""
     async with AsyncExitStack() as stack:
-        journal = Journal(journal_folder(folder), options.journal, options.station)
+        journal = JournalWriter(journal_folder(folder), options.journal, options.station)
         stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
         withdraw(folder)  # what a killed daemon left
         stack.callback(withdraw, folder)
@@ -97,13 +97,13 @@ async def _serve(folder: Path, options: Options, open_analyzer: Callable[[str], 
         stack.callback(requests.close)
         metrics = Metrics()
         most = {port_of(heard_at): MOST_SUBSCRIBED, port_of(asked_at): LARGEST_MESSAGE}
-        intake = Intake(most, metrics.counts)
-        voice = Voice(plain, events)
+        intake = ConnectionGuard(most, metrics.counts)
+        voice = EventPublisher(plain, events)
         stack.callback(voice.close, lambda: intake.cut(port_of(heard_at), "the daemon ends"))
         analyzer = AnalyzerThread(resource, open_analyzer)
         stack.push_async_callback(analyzer.close)
         identity = await analyzer.identify()
-        instrument = Instrument(**asdict(identity), simulated=options.bench is not None)
+        instrument = InstrumentInfo(**asdict(identity), simulated=options.bench is not None)
         endpoints = (heard_at, asked_at)
         daemon = Daemon(
             journal, voice, requests, intake, metrics, analyzer, instrument, options, folder, endpoints, gate
@@ -131,17 +131,17 @@ class Daemon:
 
     def __init__(
         self,
-        journal: Journal,
-        voice: Voice,
+        journal: JournalWriter,
+        voice: EventPublisher,
         requests: zmq.asyncio.Socket,
-        intake: Intake,
+        intake: ConnectionGuard,
         metrics: Metrics,
         analyzer: AnalyzerThread,
-        instrument: Instrument,
-        options: Options,
+        instrument: InstrumentInfo,
+        options: DaemonOptions,
         folder: Path,
         endpoints: tuple[str, str],
-        gate: Gate | None,
+        gate: AccessControl | None,
     ) -> None:
         self._journal = journal
         self._voice = voice
@@ -154,10 +154,10 @@ class Daemon:
         self._deaths: dict[tuple[str, str], int] = {}
         around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
         self._metrics = metrics
-        self._publisher = Publisher(journal, Unsaved(unsaved_folder(folder)), self._metrics, voice.say, self._said)
+        self._publisher = DurablePublisher(journal, Spool(unsaved_folder(folder)), self._metrics, voice.say, self._said)
         self.publish = self._publisher.publish
         self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there)
-        self._ledger = Ledger(options.fitters)
+        self._ledger = PendingResults(options.fitters)
         self._supervisor = Supervisor(
             *around,
             limits=options.limits,
@@ -165,8 +165,8 @@ class Daemon:
             changed=self._fitter_changed,
             died=self._fitter_died,
         )
-        self._errands = Errands(*around, options.limits, lambda event: self.publish(event, ()))
-        desk = Desk(
+        self._errands = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
+        desk = RequestHandlers(
             journal=journal,
             acquisition=self._acquisition,
             supervisor=self._supervisor,
@@ -179,7 +179,7 @@ class Daemon:
             shutdown=self._end,
             metrics=self._metrics,
         )
-        self._reception = Reception(requests, desk, gate, intake)
+        self._reception = RequestServer(requests, desk, gate, intake)
 
     def _said(self, event: Event) -> None:
         """Take note of what was said."""
@@ -197,7 +197,7 @@ class Daemon:
             return
         known = self._journal.measurement(fit.measurement)
         if known is not None and not self._journal.answers(known.id, DIAGNOSIS):
-            self._errands.begin(Errand(known.id, None), known, self._journal.sweep_ids(known.id))
+            self._errands.begin(WorkerJob(known.id, None), known, self._journal.sweep_ids(known.id))
 
     async def serve(self) -> None:
         """Serve until told to end. Raises JournalError where the journal fails."""
@@ -255,7 +255,7 @@ class Daemon:
     def _fitter_changed(self, fitter: FitterState, says: str) -> None:
         self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
 
-    def _fitter_died(self, fate: Fate) -> None:
+    def _fitter_died(self, fate: WorkerExit) -> None:
         """Answer in a fitter's place what it died over, so that nobody waits for it in vain.
 
         It takes one measurement after the other: the first open one is what it died over.

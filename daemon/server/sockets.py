@@ -13,7 +13,7 @@ from ...models.base.errors import PzctlError
 from ..wire.curve_keys import ClientKey, KeyFileError
 from ..wire.events import WELCOME
 from ..wire.frames import LARGEST_FRAME
-from .access.access_control import DOMAIN, Gate
+from .access.access_control import DOMAIN, AccessControl
 
 LARGEST_SUBSCRIPTION = 512
 """Bytes; long enough for CURVE's handshake, which counts as well."""
@@ -52,7 +52,7 @@ def is_loopback(endpoint: str) -> bool:
         return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
 
 
-def gate_for(endpoints: Sequence[str], keys: Path) -> Gate | None:
+def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl | None:
     """Return what guards these endpoints; None where they can be reached from this machine only.
 
     Raises EndpointError for what is no endpoint, and where a guard is needed and there are no keys.
@@ -64,7 +64,7 @@ def gate_for(endpoints: Sequence[str], keys: Path) -> Gate | None:
     if not outside:
         return None
     try:
-        return Gate(keys)
+        return AccessControl(keys)
     except KeyFileError as error:
         raise EndpointError(
             f"endpoint {outside[0]!r} can be reached from other machines; that needs keys (`pzctl keys server`, then "
@@ -78,7 +78,7 @@ def from_here(endpoint: str) -> str:
 
 
 def bind_events(
-    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: Gate | None
+    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: AccessControl | None
 ) -> tuple["zmq.Socket[bytes]", str]:
     """Bind the socket that publishes; return it and the address it got. Raises EndpointError."""
     events = context.socket(zmq.PUB)
@@ -86,7 +86,9 @@ def bind_events(
     return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
 
 
-def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: Gate | None) -> tuple[zmq.asyncio.Socket, str]:
+def bind_requests(
+    context: zmq.asyncio.Context, endpoint: str, gate: AccessControl | None
+) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
     plain: zmq.Socket[bytes] = zmq.Socket(shadow=requests)
@@ -120,7 +122,7 @@ def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
 def _bind(
     any_socket: "zmq.Socket[bytes]",
     endpoint: str,
-    gate: Gate | None,
+    gate: AccessControl | None,
     *,
     kept: int = HIGH_WATER,
     waiting: int = HIGH_WATER,

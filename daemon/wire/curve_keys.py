@@ -37,7 +37,7 @@ class ServerKey(msgspec.Struct, frozen=True):
     secret: str
 
 
-class Client(msgspec.Struct, frozen=True):
+class AllowedClient(msgspec.Struct, frozen=True):
     """Who may come in, and what for."""
 
     name: str
@@ -72,11 +72,11 @@ def make_client(folder: Path, name: str, right: Right) -> ClientKey:
         raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
     server = server_key(folder)
     public, secret = zmq.curve_keypair()
-    write_secret(_file(folder, name), to_json(Client(name, public.decode(), right)))
+    write_secret(_file(folder, name), to_json(AllowedClient(name, public.decode(), right)))
     return ClientKey(server.public, public.decode(), secret.decode())
 
 
-def clients(folder: Path) -> tuple[Client, ...]:
+def clients(folder: Path) -> tuple[AllowedClient, ...]:
     """Return who may come in, by name. Raises KeyFileError."""
     return tuple(_parsed(path, _client) for path in sorted((folder / "clients").glob("*.json")))
 
@@ -131,5 +131,5 @@ def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
 
 
 _server = msgspec.json.Decoder(ServerKey)
-_client = msgspec.json.Decoder(Client)
+_client = msgspec.json.Decoder(AllowedClient)
 _own = msgspec.json.Decoder(ClientKey)

@@ -13,7 +13,7 @@ import msgspec
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
-from .frames import MOST_FRAMES, Array, Column, WireError, from_json, pack, to_json, unpack
+from .frames import MOST_FRAMES, Array, ColumnHeader, WireError, from_json, pack, to_json, unpack
 from .result_messages import FitReport
 
 WIRE = 1
@@ -26,7 +26,7 @@ Payload: TypeAlias = tuple[bytes, ...]
 """Raw frames, in the order of a header's `columns`."""
 
 
-class Instrument(msgspec.Struct, frozen=True):
+class InstrumentInfo(msgspec.Struct, frozen=True):
     """Who measured."""
 
     name: str
@@ -38,7 +38,7 @@ class Instrument(msgspec.Struct, frozen=True):
     simulated: bool
 
 
-class Sample(msgspec.Struct, frozen=True):
+class SampleStep(msgspec.Struct, frozen=True):
     """What was measured: the build's name, and the gluing step."""
 
     name: str
@@ -57,7 +57,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     """uuid7."""
     time: str = ""
     """RFC 3339, UTC."""
-    columns: tuple[Column, ...] = ()
+    columns: tuple[ColumnHeader, ...] = ()
 
     @property
     def topic(self) -> bytes:
@@ -75,7 +75,7 @@ class Sampled(Event, frozen=True, kw_only=True):
 
     measurement: str
     """uuid7; the same for all segments and all results of one measurement."""
-    sample: Sample
+    sample: SampleStep
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ class Sampled(Event, frozen=True, kw_only=True):
 class SweepEvent(Sampled, frozen=True, kw_only=True, tag="sweep"):
     """One segment, as recorded; columns `frequency` (Hz) and `impedance` (ohm). `id` is the sweep's id."""
 
-    instrument: Instrument
+    instrument: InstrumentInfo
     build: Build
     """The transducer, so that whoever hears the sweep needs nothing else to fit it."""
     segment: int
@@ -121,7 +121,7 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     says: str = ""
     """A sentence for people."""
     measurement: str | None = None
-    sample: Sample | None = None
+    sample: SampleStep | None = None
     fitter: str | None = None
 
 
@@ -176,7 +176,7 @@ class Envelope(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class ReceivedEvent:
     """An event that was read: header and arrays."""
 
     event: AnyEvent
@@ -206,7 +206,7 @@ def topic(kind: str, *names: str) -> bytes:
     ).encode()
 
 
-def sweep_columns(sweep: Sweep) -> tuple[tuple[Column, ...], Payload]:
+def sweep_columns(sweep: Sweep) -> tuple[tuple[ColumnHeader, ...], Payload]:
     """Return the columns of a sweep and their bytes."""
     f, z = pack("frequency", "Hz", sweep.frequency), pack("impedance", "ohm", sweep.impedance)
     return (f[0], z[0]), (f[1], z[1])
@@ -227,7 +227,7 @@ def envelope(frames: Sequence[bytes]) -> Envelope:
     return found
 
 
-def decode(frames: Sequence[bytes]) -> Heard:
+def decode(frames: Sequence[bytes]) -> ReceivedEvent:
     """Return the event. Raises WireError with a sentence, whatever the bytes are."""
     found = envelope(frames)
     if found.kind not in Envelope.KINDS:
@@ -235,4 +235,4 @@ def decode(frames: Sequence[bytes]) -> Heard:
     event = from_json(frames[1], _event)
     if not (event.run and event.time) or event.seq < 0:
         raise WireError("message: the header lacks run or time, or its seq is negative")
-    return Heard(event, unpack(event.columns, frames[2:]))
+    return ReceivedEvent(event, unpack(event.columns, frames[2:]))

@@ -30,7 +30,7 @@ class WireError(PzctlError):
     """Bytes that are no message of this wire."""
 
 
-class Column(msgspec.Struct, frozen=True):
+class ColumnHeader(msgspec.Struct, frozen=True):
     """What one raw frame holds: C order, little-endian; `<c16` is pairs of doubles re, im, re, im ..."""
 
     name: str
@@ -39,13 +39,13 @@ class Column(msgspec.Struct, frozen=True):
     shape: tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
 
 
-def pack(name: str, unit: str, array: Array) -> tuple[Column, bytes]:
+def pack(name: str, unit: str, array: Array) -> tuple[ColumnHeader, bytes]:
     """Return the description of an array and its bytes."""
     dtype: Literal["<f8", "<c16"] = "<c16" if np.iscomplexobj(array) else "<f8"
-    return Column(name, unit, dtype, array.shape), np.ascontiguousarray(array, dtype=dtype).tobytes()
+    return ColumnHeader(name, unit, dtype, array.shape), np.ascontiguousarray(array, dtype=dtype).tobytes()
 
 
-def unpack(columns: Sequence[Column], frames: Sequence[bytes]) -> dict[str, Array]:
+def unpack(columns: Sequence[ColumnHeader], frames: Sequence[bytes]) -> dict[str, Array]:
     """Return the arrays by name, read-only views of the frames. Raises WireError.
 
     Sizes are compared as whole numbers before an array is made: what a header claims is never allocated.

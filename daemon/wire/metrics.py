@@ -12,7 +12,7 @@ KEPT = 1000
 """Latest durations of each kind that the figures are taken from."""
 
 
-class Spread(msgspec.Struct, frozen=True):
+class TimingSummary(msgspec.Struct, frozen=True):
     """How long something took lately; seconds."""
 
     count: int
@@ -45,13 +45,15 @@ class Metrics:
         if isinstance(event, FitEvent) and event.measurement in self._measured:
             self.lasted("fit", time.monotonic() - self._measured[event.measurement])
 
-    def spreads(self) -> dict[str, Spread]:
+    def spreads(self) -> dict[str, TimingSummary]:
         """Return the figures of every kind of duration."""
         return {what: _spread(found) for what, found in self._durations.items()}
 
 
-def _spread(durations: Iterable[float]) -> Spread:
+def _spread(durations: Iterable[float]) -> TimingSummary:
     ordered = sorted(durations)
     if not ordered:
-        return Spread(0, None, None)
-    return Spread(len(ordered), ordered[len(ordered) // 2], ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))])
+        return TimingSummary(0, None, None)
+    return TimingSummary(
+        len(ordered), ordered[len(ordered) // 2], ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))]
+    )

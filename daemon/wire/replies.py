@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from .events import Instrument, Sample
-from .metrics import Spread
+from .events import InstrumentInfo, SampleStep
+from .metrics import TimingSummary
 
 
 class FitterState(msgspec.Struct, frozen=True):
@@ -36,7 +36,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     ok: bool = True
 
 
-class Problem(msgspec.Struct, frozen=True):
+class ErrorBody(msgspec.Struct, frozen=True):
     """Why not: a word for programs, a sentence for people, and what to do."""
 
     code: str
@@ -48,7 +48,7 @@ class Refusal(Answer, frozen=True, kw_only=True):
     """The answer to a request that cannot be met; `ok` is false."""
 
     ok: bool = False
-    error: Problem
+    error: ErrorBody
 
 
 class HelloAnswer(Answer, frozen=True, kw_only=True):
@@ -59,7 +59,7 @@ class HelloAnswer(Answer, frozen=True, kw_only=True):
     pid: int
     run: str
     seq: int
-    instrument: Instrument
+    instrument: InstrumentInfo
     events: str
     requests: str
     bench: str | None
@@ -72,7 +72,7 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     run: str
     seq: int
     measuring: str | None
-    sample: Sample | None
+    sample: SampleStep | None
     queue: tuple[str, ...]
     fitters: tuple[FitterState, ...]
     garbage: int
@@ -91,7 +91,7 @@ class MetricsAnswer(Answer, frozen=True, kw_only=True):
     connections."""
     queue: int
     errands: int
-    seconds: dict[str, Spread]
+    seconds: dict[str, TimingSummary]
     """Lately: `publish` (an event kept and said), `request` (until its answer), `fit` (after its sweep)."""
 
 
@@ -115,7 +115,7 @@ class LeaseAnswer(Answer, frozen=True, kw_only=True):
     until: str
 
 
-class ErrandAnswer(Answer, frozen=True, kw_only=True):
+class JobAnswer(Answer, frozen=True, kw_only=True):
     """Accepted, or answered before: what the events that carry the answer are known by."""
 
     measurement: str

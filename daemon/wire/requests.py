@@ -10,7 +10,7 @@ import msgspec
 from ...models.build import Build
 from ...models.sweep_plan import SweepPlan
 from .events import WIRE
-from .frames import Column
+from .frames import ColumnHeader
 from .result_messages import FitReport
 
 MOST_EVENTS = 50
@@ -26,26 +26,26 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="request"):
     v: int = WIRE
 
 
-class Hello(Request, frozen=True, kw_only=True, tag="hello"):
+class HelloRequest(Request, frozen=True, kw_only=True, tag="hello"):
     """Ask who is there. A fitter gives its name and version, and is then listed as ready."""
 
     fitter: str | None = None
     version: str | None = None
 
 
-class Status(Request, frozen=True, kw_only=True, tag="status"):
+class StatusRequest(Request, frozen=True, kw_only=True, tag="status"):
     """Ask what is going on."""
 
 
-class Metrics(Request, frozen=True, kw_only=True, tag="metrics"):
+class MetricsRequest(Request, frozen=True, kw_only=True, tag="metrics"):
     """Ask what was counted and timed since the daemon began."""
 
 
-class Settings(Request, frozen=True, kw_only=True, tag="settings"):
+class SettingsRequest(Request, frozen=True, kw_only=True, tag="settings"):
     """Ask how the daemon was started."""
 
 
-class Measure(Request, frozen=True, kw_only=True, tag="measure"):
+class MeasureRequest(Request, frozen=True, kw_only=True, tag="measure"):
     """Measure this step of this build; answered as soon as it is accepted."""
 
     build: Build
@@ -60,7 +60,7 @@ class Measure(Request, frozen=True, kw_only=True, tag="measure"):
     """The measurement of this step whose diagnosis it is to decide: kept, but no record of the step, and not fitted."""
 
 
-class Lease(Request, frozen=True, kw_only=True, tag="lease"):
+class LeaseRequest(Request, frozen=True, kw_only=True, tag="lease"):
     """Have the instrument to oneself for some seconds, or for longer; the daemon lets go of it meanwhile.
 
     Whoever holds the lease may talk to the instrument directly, or measure by requests that name it.
@@ -73,19 +73,19 @@ class Lease(Request, frozen=True, kw_only=True, tag="lease"):
     """The one that is held, to hold it for longer."""
 
 
-class Release(Request, frozen=True, kw_only=True, tag="release"):
+class ReleaseRequest(Request, frozen=True, kw_only=True, tag="release"):
     """Give a lease back."""
 
     lease: str
 
 
-class Cancel(Request, frozen=True, kw_only=True, tag="cancel"):
+class CancelRequest(Request, frozen=True, kw_only=True, tag="cancel"):
     """Cancel a measurement, queued or running; the running one where none is named."""
 
     measurement: str | None = None
 
 
-class Replay(Request, frozen=True, kw_only=True, tag="replay"):
+class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
     """The events `since` .. `until` (both included) once more; at most `max` in one answer."""
 
     since: Annotated[int, msgspec.Meta(ge=1)]
@@ -93,26 +93,26 @@ class Replay(Request, frozen=True, kw_only=True, tag="replay"):
     max: Annotated[int, msgspec.Meta(ge=1, le=MOST_EVENTS)] = MOST_EVENTS
 
 
-class Samples(Request, frozen=True, kw_only=True, tag="samples"):
+class SamplesRequest(Request, frozen=True, kw_only=True, tag="samples"):
     """Ask which samples were measured, at which steps."""
 
     name: str | None = None
     """Only this one."""
 
 
-class Sweeps(Request, frozen=True, kw_only=True, tag="sweeps"):
+class SweepsRequest(Request, frozen=True, kw_only=True, tag="sweeps"):
     """The sweeps of a measurement, after those of the latest measurement of each earlier step of the same sample."""
 
     measurement: str
 
 
-class Fits(Request, frozen=True, kw_only=True, tag="fits"):
+class FitsRequest(Request, frozen=True, kw_only=True, tag="fits"):
     """What the fitters answered to a measurement."""
 
     measurement: str
 
 
-class Fit(Request, frozen=True, kw_only=True, tag="fit"):
+class FitRequest(Request, frozen=True, kw_only=True, tag="fit"):
     """Fit a complete measurement with any installed fitter; answered as soon as it is accepted.
 
     What comes of it is a `fit` event, as from a fitter the daemon keeps.
@@ -122,7 +122,7 @@ class Fit(Request, frozen=True, kw_only=True, tag="fit"):
     fitter: str
 
 
-class Diagnose(Request, frozen=True, kw_only=True, tag="diagnose"):
+class DiagnoseRequest(Request, frozen=True, kw_only=True, tag="diagnose"):
     """Diagnose a complete measurement; answered as soon as it is accepted.
 
     What comes of it is a `diagnosis` event, or a `fit` event with the `error` that says why there is none.
@@ -137,13 +137,13 @@ class Diagnose(Request, frozen=True, kw_only=True, tag="diagnose"):
     """Whether to say which measurements would decide what stays open: `would_measure` in the diagnosis."""
 
 
-class Unanswered(Request, frozen=True, kw_only=True, tag="unanswered"):
+class UnansweredRequest(Request, frozen=True, kw_only=True, tag="unanswered"):
     """The measurements of this run that this fitter has not answered yet."""
 
     fitter: str
 
 
-class Submit(Request, frozen=True, kw_only=True, tag="submit"):
+class SubmitRequest(Request, frozen=True, kw_only=True, tag="submit"):
     """A fitter's answer: exactly one of `report`, `error`, `diagnosis`. Repeating it is harmless."""
 
     measurement: str
@@ -154,36 +154,36 @@ class Submit(Request, frozen=True, kw_only=True, tag="submit"):
     error: str | None = None
     diagnosis: dict[str, Any] | None = None
     curves: tuple[str, ...] = ()
-    columns: tuple[Column, ...] = ()
+    columns: tuple[ColumnHeader, ...] = ()
 
 
-class Bench(Request, frozen=True, kw_only=True, tag="bench"):
+class BenchRequest(Request, frozen=True, kw_only=True, tag="bench"):
     """A command for the simulator's virtual bench, passed on as it is."""
 
     command: dict[str, Any]
 
 
-class Shutdown(Request, frozen=True, kw_only=True, tag="shutdown"):
+class ShutdownRequest(Request, frozen=True, kw_only=True, tag="shutdown"):
     """End: cancel what runs, bias off, let go of the instrument."""
 
 
 AnyRequest: TypeAlias = (
-    Hello
-    | Status
-    | Metrics
-    | Settings
-    | Measure
-    | Cancel
-    | Lease
-    | Release
-    | Replay
-    | Samples
-    | Sweeps
-    | Fits
-    | Fit
-    | Diagnose
-    | Unanswered
-    | Submit
-    | Bench
-    | Shutdown
+    HelloRequest
+    | StatusRequest
+    | MetricsRequest
+    | SettingsRequest
+    | MeasureRequest
+    | CancelRequest
+    | LeaseRequest
+    | ReleaseRequest
+    | ReplayRequest
+    | SamplesRequest
+    | SweepsRequest
+    | FitsRequest
+    | FitRequest
+    | DiagnoseRequest
+    | UnansweredRequest
+    | SubmitRequest
+    | BenchRequest
+    | ShutdownRequest
 )

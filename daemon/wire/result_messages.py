@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from ...fitters.interface import Budget, Constant, Curve, FitResult, Noise
-from .frames import Array, Column, WireError, pack
+from .frames import Array, ColumnHeader, WireError, pack
 
 CURVE_PARTS = ("frequency", "measured", "start", "fitted")
 """The columns of one curve; Hz, then ohm."""
@@ -58,7 +58,7 @@ def result_of(report: FitReport, curves: Sequence[Curve] = ()) -> FitResult:
     return FitResult(**fields, curves=tuple(curves))
 
 
-def curve_columns(curves: Sequence[Curve]) -> tuple[tuple[Column, ...], tuple[bytes, ...]]:
+def curve_columns(curves: Sequence[Curve]) -> tuple[tuple[ColumnHeader, ...], tuple[bytes, ...]]:
     """Return the columns of all curves, named `0.frequency`, `0.measured` ..., and their bytes."""
     packed = [
         pack(f"{k}.{part}", "Hz" if part == "frequency" else "ohm", getattr(curve, part))

@@ -36,7 +36,7 @@ ANSWERS: dict[str, type[reply.Answer]] = {
     "metrics": reply.MetricsAnswer,
     "settings": reply.SettingsAnswer,
     "measure": reply.MeasureAnswer,
-    "errand": reply.ErrandAnswer,
+    "errand": reply.JobAnswer,
     "lease": reply.LeaseAnswer,
     "events": reply.EventsAnswer,
     "samples": reply.SamplesAnswer,

@@ -9,13 +9,13 @@ from ...models.sweep import Sweep
 from ...models.sweep_plan import Segment, SweepPlan
 from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
 from ..visa import replies
-from ..visa.connection import ConnectionLost, Link
+from ..visa.connection import Connection, ConnectionLost
 from . import instrument_files as files
 from . import limits
 from .compensation import standards as compensation
 from .compensation.standards import Compensation, Standard
 from .protocol import saved_state as state
-from .protocol.progress_tracker import Course
+from .protocol.progress_tracker import ProgressTracker
 from .sweeps import grid, list_sweep
 from .sweeps.joined_segments import joined
 from .sweeps.single_sweep import expected_seconds, sweep
@@ -30,7 +30,7 @@ Result = TypeVar("Result")
 class Agilent4294A:
     """An Agilent (HP, Keysight) 4294A at the other end of `link`. See `Analyzer` for the contract."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Connection) -> None:
         self._link = link
         self._no_list = ""
         """Why this instrument does no list sweep, where one was tried to its end in vain."""
@@ -74,9 +74,11 @@ class Agilent4294A:
         """
         limits.check(plan)
 
-        def sweep_all(identity: Identity, found: state.Found) -> tuple[Sweep, ...]:
+        def sweep_all(identity: Identity, found: state.SavedState) -> tuple[Sweep, ...]:
             if not plan.joined:
-                return self._one_by_one(plan, identity, Course(self._one_by_one_seconds(plan), progress, cancelled))
+                return self._one_by_one(
+                    plan, identity, ProgressTracker(self._one_by_one_seconds(plan), progress, cancelled)
+                )
             why = list_sweep.why_not(plan) or self._no_list
             if not why and found.values["SWPT"] == "LIST":
                 why = "its list-sweep table is in use"
@@ -86,7 +88,7 @@ class Agilent4294A:
                 except list_sweep.ListRefused as error:
                     why = str(error)
                     self._no_list = why if error.swept else ""
-            course = Course(self._one_by_one_seconds(plan), progress, cancelled)
+            course = ProgressTracker(self._one_by_one_seconds(plan), progress, cancelled)
             return (joined(self._one_by_one(plan, identity, course), 0, why),)
 
         sweeps, left = self._as_found(sweep_all)
@@ -112,7 +114,7 @@ class Agilent4294A:
             left = max(compensation.STANDARD_SECONDS - passed, 0.0)
             progress(Progress(min(passed / compensation.STANDARD_SECONDS, 1.0), left, f"{what} compensation"))
 
-        def measure_all(identity: Identity, _: state.Found) -> Compensation:
+        def measure_all(identity: Identity, _: state.SavedState) -> Compensation:
             return compensation.measure(self._link, identity, standards, adapter, prompt, tick)
 
         return self._as_found(measure_all)[0]
@@ -138,7 +140,7 @@ class Agilent4294A:
         """Return how long each of the sweeps takes where every segment is swept by itself."""
         return [expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment)]
 
-    def _one_by_one(self, plan: SweepPlan, identity: Identity, course: Course) -> tuple[Sweep, ...]:
+    def _one_by_one(self, plan: SweepPlan, identity: Identity, course: ProgressTracker) -> tuple[Sweep, ...]:
         return tuple(
             record(
                 [sweep(self._link, part, plan, course.next()) for part in _sweeps_of(segment)], segment, plan, identity
@@ -155,7 +157,7 @@ class Agilent4294A:
     ) -> tuple[Sweep, ...]:
         """Return the one recording of a joined plan. Raises ListRefused as well."""
         batches = list_sweep.batches(plan)
-        course = Course([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
+        course = ProgressTracker([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
         sweeps = [
             record([raw], segment, plan, identity)
             for batch in batches
@@ -163,10 +165,10 @@ class Agilent4294A:
         ]
         return (joined(sweeps, len(batches)),)
 
-    def _as_found(self, action: Callable[[Identity, state.Found], Result]) -> tuple[Result, str]:
+    def _as_found(self, action: Callable[[Identity, state.SavedState], Result]) -> tuple[Result, str]:
         """Do `action` on the instrument in HOLD and leave it as found: what was got, and what could not be set back."""
         identity = self.identify()
-        found: state.Found | None = None
+        found: state.SavedState | None = None
         try:
             found = state.take(self._link)
             result = action(identity, found)
@@ -184,7 +186,7 @@ class Agilent4294A:
                 f"{replies.quote(identity.idn)} before it; the answers are out of step"
             )
 
-    def _leave_after(self, error: BaseException, found: state.Found | None) -> None:
+    def _leave_after(self, error: BaseException, found: state.SavedState | None) -> None:
         """Make the instrument safe after `error`; say in it what could not be done."""
         try:
             if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
@@ -197,7 +199,7 @@ class Agilent4294A:
         if left:
             error.add_note(left)
 
-    def _leave(self, found: state.Found | None, resume: bool) -> str:
+    def _leave(self, found: state.SavedState | None, resume: bool) -> str:
         """Bias off, then everything as found; return "", or a sentence on what could not be set back.
 
         Raises InstrumentError where the bias is not known to be off: nobody may overlook that.

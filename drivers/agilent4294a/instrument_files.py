@@ -8,7 +8,7 @@ from typing import Literal
 
 from ..base.analyzer import InstrumentError
 from ..visa import replies
-from ..visa.connection import Link
+from ..visa.connection import Connection
 from .protocol import error_queue as errorqueue
 
 BLOCK_BYTES = 16_384
@@ -24,7 +24,7 @@ _SAVE: dict[Kind, tuple[str, str]] = {
 """How each kind is saved, and under which name (8.3)."""
 
 
-def fetch(link: Link, kind: Kind) -> bytes:
+def fetch(link: Connection, kind: Kind) -> bytes:
     """Return the file that the instrument makes of its screen or of its last sweep. Raises InstrumentError."""
     if kind not in _SAVE:
         raise InstrumentError(f"{link.name}: no file of kind {kind!r}; there are {', '.join(_SAVE)}")
@@ -37,7 +37,7 @@ def fetch(link: Link, kind: Kind) -> bytes:
     return data
 
 
-def read(link: Link, name: str) -> bytes:
+def read(link: Connection, name: str) -> bytes:
     """Return the content of the file `name` on the RAM disk. Raises InstrumentError."""
     what = f'{link.name}: FSIZE? "{name}"'
     size = replies.integer(link.ask(f'STOD MEMO;ROPEN "{name}";FSIZE? "{name}"'), what)
@@ -53,7 +53,7 @@ def read(link: Link, name: str) -> bytes:
     return bytes(data)
 
 
-def _purge(link: Link, name: str) -> None:
+def _purge(link: Connection, name: str) -> None:
     """Remove the file `name` where it exists. That it does not is the one error that may be met here."""
     link.ask(f'STOD MEMO;PURG "{name}";*OPC?')
     errorqueue.drain(link)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.base.arrays import Impedances, Reals
 from ...models.sweep import Sweep
-from .text_file import Page, file_time
+from .text_file import TextFile, file_time
 
 LOWEST_Hz = 40.0
 """Where the 4294A begins; a recording that ends below it has its frequencies in another unit."""
@@ -29,7 +29,7 @@ class Points:
 
 
 def assemble(
-    page: Page,
+    page: TextFile,
     points: Points,
     settings: Mapping[str, Any],
     time: str | None = None,
@@ -62,7 +62,7 @@ def assemble(
     )
 
 
-def _check_frequency(page: Page, lines: Sequence[int], f: Reals) -> None:
+def _check_frequency(page: TextFile, lines: Sequence[int], f: Reals) -> None:
     bad = np.flatnonzero(~np.isfinite(f) | (f <= 0))
     if bad.size:
         k = int(bad[0])
@@ -89,7 +89,7 @@ def _check_frequency(page: Page, lines: Sequence[int], f: Reals) -> None:
         )
 
 
-def _check_impedance(page: Page, lines: Sequence[int], z: Impedances) -> None:
+def _check_impedance(page: TextFile, lines: Sequence[int], z: Impedances) -> None:
     bad = np.flatnonzero(~np.isfinite(z) | (z == 0))
     if bad.size:
         k = int(bad[0])

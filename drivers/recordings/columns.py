@@ -9,7 +9,7 @@ import numpy as np
 from ...models.base.arrays import Reals
 from .assemble import Points
 from .convert import RESISTANCE_WEAK, SIGN_LOST, to_impedance
-from .text_file import Page, clipped
+from .text_file import TextFile, clipped
 
 _NAMES = {
     "f": "f freq frequency",
@@ -60,7 +60,7 @@ PAIRS = (
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnMeaning:
     """A column that is understood."""
 
     index: int
@@ -73,13 +73,13 @@ class Column:
     """None where the name says none."""
 
 
-def read_header(page: Page, cells: Sequence[str], line: int) -> list[Column]:
+def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnMeaning]:
     """Return the columns of a header row that are understood; others are no concern of ours.
 
     Raises RecordingError where there is no frequency.
     """
     beside_reflection = any(REFLECTION.search(cell) for cell in cells)
-    columns: list[Column] = []
+    columns: list[ColumnMeaning] = []
     for k, cell in enumerate(cells):
         column = _column(k, cell)
         if column and not (beside_reflection and cell.strip(' "').casefold().startswith("phase")):
@@ -90,7 +90,7 @@ def read_header(page: Page, cells: Sequence[str], line: int) -> list[Column]:
     return columns
 
 
-def _column(index: int, cell: str) -> Column | None:
+def _column(index: int, cell: str) -> ColumnMeaning | None:
     name = cell.strip().strip("\"'").strip()
     memory = name.casefold().endswith("-mem")
     name = re.sub(r"-(data|mem)$", "", name, flags=re.IGNORECASE)
@@ -100,10 +100,10 @@ def _column(index: int, cell: str) -> Column | None:
         quantity, unit = QUANTITIES.get(_plain(split[1])), next(part for part in split.groups()[1:] if part is not None)
     if quantity is None:
         return None
-    return Column(index, quantity, name, _factor(quantity, unit), memory, unit)
+    return ColumnMeaning(index, quantity, name, _factor(quantity, unit), memory, unit)
 
 
-def _in_si(page: Page, column: Column, numbers: Reals, line: int) -> Reals:
+def _in_si(page: TextFile, column: ColumnMeaning, numbers: Reals, line: int) -> Reals:
     """Return the numbers of a column that is taken in SI units. Raises RecordingError for an unknown unit."""
     if column.factor is None:
         says = f"has the unit {clipped(column.unit)!r}" if column.unit else "has no unit"
@@ -134,9 +134,9 @@ def _factor(quantity: str, unit: str | None) -> float | None:
     return None
 
 
-def pair_of(page: Page, columns: Sequence[Column], line: int) -> tuple[str, Column, Column]:
+def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tuple[str, ColumnMeaning, ColumnMeaning]:
     """Return the measurement parameter that the columns make up, with its two columns. Raises RecordingError."""
-    named: dict[str, Column] = {}
+    named: dict[str, ColumnMeaning] = {}
     for column in columns:
         if column.quantity in named:
             raise page.error(line, f"two columns give {column.quantity}; one is needed")
@@ -163,7 +163,11 @@ def sign_lost(parameter: str) -> str:
 
 
 def points_of(
-    page: Page, columns: Sequence[Column], names: Sequence[str], body: Sequence[tuple[int, list[str]]], line: int
+    page: TextFile,
+    columns: Sequence[ColumnMeaning],
+    names: Sequence[str],
+    body: Sequence[tuple[int, list[str]]],
+    line: int,
 ) -> tuple[Points, list[str]]:
     """Return the points of a table and notes on them. Raises RecordingError.
 
@@ -182,13 +186,13 @@ def points_of(
     return Points([n for n, _ in body], f, to_impedance(parameter, f, a, b)), notes
 
 
-def memory_columns(columns: Sequence[Column]) -> list[Column]:
+def memory_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:
     """Return the columns of the memory trace with the frequency, or none where there is no memory trace."""
     memory = [column for column in columns if column.memory]
     return [column for column in columns if column.quantity == "f"] + memory if memory else []
 
 
-def data_columns(columns: Sequence[Column]) -> list[Column]:
+def data_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:
     """Return the columns of the data trace."""
     return [column for column in columns if not column.memory]
 

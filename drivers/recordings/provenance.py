@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.sweep import Sweep
-from .text_file import Page, RecordingError, clipped
+from .text_file import RecordingError, TextFile, clipped
 
 FORMAT = "pzctl recording 1"
 OWN = ("format", "rows", "time", "id", "note")
@@ -62,7 +62,7 @@ def _value(text: str) -> Any:
         return text
 
 
-def read_provenance(page: Page, comments: Sequence[tuple[int, str]]) -> Provenance:
+def read_provenance(page: TextFile, comments: Sequence[tuple[int, str]]) -> Provenance:
     """Return what comment lines (with their line numbers, without comment sign) say. Raises RecordingError."""
     said = Provenance()
     for line, comment in comments:
@@ -85,13 +85,13 @@ def read_provenance(page: Page, comments: Sequence[tuple[int, str]]) -> Provenan
     return said
 
 
-def _count(page: Page, value: object, line: int) -> int:
+def _count(page: TextFile, value: object, line: int) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise page.error(line, f"rows is {clipped(str(value))}; a whole number is needed")
     return value
 
 
-def _checked(page: Page, key: str, value: Any, line: int) -> Any:
+def _checked(page: TextFile, key: str, value: Any, line: int) -> Any:
     """Refuse a setting that is no finite number where others calculate with it."""
     if key in NUMBERS and value is not None:
         number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -104,7 +104,7 @@ def _checked(page: Page, key: str, value: Any, line: int) -> Any:
     return value
 
 
-def check_points(page: Page, announced: int | None, found: int, what: str = "the file") -> None:
+def check_points(page: TextFile, announced: int | None, found: int, what: str = "the file") -> None:
     """Refuse a file that holds fewer or more points than it announces. Raises RecordingError."""
     if announced is not None and announced != found:
         says = "is cut off" if found < announced else "is damaged"

@@ -23,7 +23,7 @@ class RecordingError(PzctlError):
 
 
 @dataclass(frozen=True)
-class Page:
+class TextFile:
     """The lines of a text file, numbered from 1 where people read of them."""
 
     path: Path
@@ -87,7 +87,7 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def read_page(path: Path) -> Page:
+def read_page(path: Path) -> TextFile:
     """Return a text file as lines, whatever ends them. Raises RecordingError for what is no text."""
     data = read_bytes(path)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -98,7 +98,7 @@ def read_page(path: Path) -> Page:
         text = data.decode("latin-1")  # a degree sign from an older program; binary is caught below
     if _CONTROL.search(text):
         raise RecordingError(f"{path}: this is binary data, not the text of a recording")
-    return Page(path, tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
+    return TextFile(path, tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
 
 
 def file_time(path: Path) -> str:

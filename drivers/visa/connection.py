@@ -32,7 +32,7 @@ class ConnectionLost(InstrumentError):
     """Nobody is at the other end any more; a new session may find somebody."""
 
 
-class Link:
+class Connection:
     """One VISA session, opened by `opener`, which is called again where the connection must be made anew.
 
     Every failure is an InstrumentError whose sentence starts with `name`.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.analyzer import InstrumentError
-from .connection import Link
+from .connection import Connection
 from .resources import open_session, resource_name
 
 LIBRARIES = {"@py": "pyvisa-py", "@ivi": "a vendor's VISA library"}
@@ -46,7 +46,7 @@ STARTING_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundResource:
     """One resource that VISA lists."""
 
     resource: str
@@ -60,7 +60,7 @@ class Found:
 class Discovery:
     """What was found, and what was not looked at."""
 
-    found: tuple[Found, ...]
+    found: tuple[FoundResource, ...]
     not_scanned: tuple[str, ...]
     """A clause each, with the remedy."""
 
@@ -85,7 +85,7 @@ def discover(list_seconds: float = 10.0, answer_seconds: float = 2.0) -> Discove
 def identity_of(resource: str, seconds: float) -> dict[str, str]:
     """Return `{"idn": ...}`, or `{"error": ...}` with one sentence. Meant for a process of its own: it may hang."""
     try:
-        link = Link(resource, lambda: open_session(resource_name(resource)), seconds)
+        link = Connection(resource, lambda: open_session(resource_name(resource)), seconds)
     except InstrumentError as error:
         return {"error": str(error)}
     try:
@@ -96,14 +96,14 @@ def identity_of(resource: str, seconds: float) -> dict[str, str]:
         link.close()
 
 
-def _identified(resource: str, seconds: float) -> Found:
+def _identified(resource: str, seconds: float) -> FoundResource:
     """Ask who answers; only where a 4294A can be: other things may take a question amiss."""
     try:
         resource_name(resource)
     except InstrumentError:
-        return Found(resource, "", "not asked: no 4294A is reached that way")
+        return FoundResource(resource, "", "not asked: no 4294A is reached that way")
     answer = _in_child(_ASK, [resource, str(seconds)], seconds + STARTING_SECONDS)
-    return Found(resource, answer.get("idn", ""), answer.get("error", ""))
+    return FoundResource(resource, answer.get("idn", ""), answer.get("error", ""))
 
 
 def _in_child(program: str, arguments: list[str], seconds: float) -> dict[str, Any]:

@@ -72,10 +72,10 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
 
         return Playback(Path(resource.strip().removeprefix(_RECORDING)).expanduser())
     from ..agilent4294a import Agilent4294A
-    from .connection import Link
+    from .connection import Connection
 
     name = resource_name(resource)
-    return Agilent4294A(Link(resource.strip(), lambda: open_session(name), timeout_seconds))
+    return Agilent4294A(Connection(resource.strip(), lambda: open_session(name), timeout_seconds))
 
 
 def open_session(name: str) -> "Session":

@@ -20,9 +20,9 @@ from .hypotheses.candidates import candidates, flaws
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .inference.evidence import gain
-from .inference.posterior import Weighed, better_instead, weigh
+from .inference.posterior import Weighed, better_instead, posterior_probabilities
 from .inference.undetectable import not_decidable
-from .search.beam_search import Search, believed, pursue, weightiest, without_idle
+from .search.beam_search import Search, backward_elimination, beam_search, drop_artefact_remnants, weightiest
 from .search.refit import Refit
 from .search.score_test import scores
 from .search.trial_fits import DESCRIBED, SIGNIFICANT, null_refit, polish
@@ -74,8 +74,8 @@ def diagnose(
     null = polish(problem, null_refit(problem), _FINE)
     choice = candidates(problem, effects)
     search = Search(problem, choice, flaws(problem), progress)
-    found = better_instead(search, without_idle(search, pursue(search, null)))
-    found = believed(search, found)
+    found = better_instead(search, backward_elimination(search, beam_search(search, null)))
+    found = drop_artefact_remnants(search, found)
     progress("proving on what took no part")
     held_before = held_out_chi2(problem, null)
     final, held_after, verdict, nearest = _explained(search, null, found, held_before)
@@ -83,7 +83,9 @@ def diagnose(
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
             return _in_two_dimensions(wide, problem, null, held_before, gated, began, bool(others))
-    weighed = [one for one in weigh(search, final) if not where_disturbed(gated, one.candidate, final)]
+    weighed = [
+        one for one in posterior_probabilities(search, final) if not where_disturbed(gated, one.candidate, final)
+    ]
     if final.effects and not weighed:
         verdict = "unexplained"
     left = remainder(final)
@@ -235,21 +237,21 @@ def _finding(problem: Problem, weighed: Weighed, final: Refit, held_before: floa
 
 
 def _sizes(candidate: Candidate, final: Refit) -> dict[str, Size]:
-    """Return the knobs of an effect as people are shown them, with standard uncertainties."""
+    """Return the parameters of an effect as people are shown them, with standard uncertainties."""
     names = final.objective.coordinates.parameters
     covariance = estimate(final.descent).covariance
-    # a knob that ran beyond its limit is as it is there
+    # a parameter that ran beyond its limit is as it is there
     values = {
         knob.name: min(max(final.values[candidate.prefix + knob.name], knob.lower), knob.upper)
-        for knob in candidate.knobs
+        for knob in candidate.effect_parameters
     }
     u = {
         knob.name: float(np.sqrt(max(0.0, covariance[k, k])))
-        for knob in candidate.knobs
+        for knob in candidate.effect_parameters
         for k in [names.index(candidate.prefix + knob.name)]
     }
-    sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.knobs}
-    first = candidate.knobs[0]
+    sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.effect_parameters}
+    first = candidate.effect_parameters[0]
     for name, (value, unit) in candidate.effect.shown(values).items():
         more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
         sizes[name] = Size(value, abs(more - value), unit)

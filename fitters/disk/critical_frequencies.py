@@ -30,7 +30,7 @@ _FITS = 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class ImmittanceTrace:
     """One complex curve with its noise: Y/w or wZ of one sweep."""
 
     frequency: Frequencies
@@ -59,24 +59,24 @@ class Critical:
         return CriticalFrequencies(top, plus, minus).complex
 
 
-def admittance_trace(sweep: Sweep, noise: Reals) -> Trace:
+def admittance_trace(sweep: Sweep, noise: Reals) -> ImmittanceTrace:
     """Return Y/w; `noise` is the standard deviation of Re and Im of ln Z, shape (N,)."""
     values = sweep.admittance / (2 * np.pi * sweep.frequency)
-    return Trace(sweep.frequency, values, noise * np.abs(values))
+    return ImmittanceTrace(sweep.frequency, values, noise * np.abs(values))
 
 
-def impedance_trace(sweep: Sweep, noise: Reals) -> Trace:
+def impedance_trace(sweep: Sweep, noise: Reals) -> ImmittanceTrace:
     """Return wZ; `noise` is the standard deviation of Re and Im of ln Z, shape (N,)."""
     values = sweep.impedance * (2 * np.pi * sweep.frequency)
-    return Trace(sweep.frequency, values, noise * np.abs(values))
+    return ImmittanceTrace(sweep.frequency, values, noise * np.abs(values))
 
 
-def tops(traces: Sequence[Trace], low: float, high: float) -> list[tuple[Trace, int, float]]:
+def tops(traces: Sequence[ImmittanceTrace], low: float, high: float) -> list[tuple[ImmittanceTrace, int, float]]:
     """Return the interior maxima of the real part between `low` and `high` (Hz) that stand out of the noise.
 
     Each is a trace, the index of its maximum, and its prominence; the largest comes first.
     """
-    found: list[tuple[Trace, int, float]] = []
+    found: list[tuple[ImmittanceTrace, int, float]] = []
     for trace in traces:
         peaks, prominences = prominent_peaks(trace.values.real, _ABOVE_NOISE * trace.sigma)
         for k, prominence in zip(peaks.tolist(), prominences.tolist(), strict=True):
@@ -85,7 +85,7 @@ def tops(traces: Sequence[Trace], low: float, high: float) -> list[tuple[Trace, 
     return sorted(found, key=lambda peak: -peak[2])
 
 
-def critical(trace: Trace, top: int, what: str) -> Critical:
+def critical(trace: ImmittanceTrace, top: int, what: str) -> Critical:
     """Return the critical frequencies of the peak whose maximum is at index `top`.
 
     `what` names it in errors. Raises FitError where the peak is cut off by an end of the sweep, or where fewer than
@@ -121,7 +121,7 @@ def critical(trace: Trace, top: int, what: str) -> Critical:
     return Critical(CriticalFrequencies(at, plus, minus), u_top, u_plus, u_minus, (minus - plus) / spacing)
 
 
-def linewidth(trace: Trace, top: int, what: str) -> tuple[float, float]:
+def linewidth(trace: ImmittanceTrace, top: int, what: str) -> tuple[float, float]:
     """Return where the real part has fallen to half on either side, Hz."""
     f, values = trace.frequency, trace.values.real
     under = values < values[top] / 2

@@ -44,7 +44,7 @@ _SPLIT = 0.4
 # thickness mode; each part has a misfit of its own.
 
 
-class Disk:
+class DiskFitter:
     """Radial and thickness mode of a bare disk in one fit."""
 
     name = "disk"

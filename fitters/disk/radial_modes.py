@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ..engine.plausibility import refuse_lost
 from ..interface import FitError
 from .bare_disk import BareDisk
-from .critical_frequencies import Critical, Trace, admittance_trace, critical, impedance_trace, tops
+from .critical_frequencies import Critical, ImmittanceTrace, admittance_trace, critical, impedance_trace, tops
 
 _NEAR_EXPECTED = (0.6, 1.6)
 # First resonance over the expected one: its frequency is known to a few per cent for a known ceramic, and lies
@@ -19,7 +19,7 @@ _USUAL_LOSS = 1 / 80
 
 
 @dataclass(frozen=True)
-class Modes:
+class RadialModes:
     """Critical frequencies of the first two radial resonances and the first antiresonance."""
 
     first: Critical
@@ -27,7 +27,7 @@ class Modes:
     second: Critical
 
 
-def _largest(traces: list[Trace], low: float, high: float) -> tuple[Trace, int] | None:
+def _largest(traces: list[ImmittanceTrace], low: float, high: float) -> tuple[ImmittanceTrace, int] | None:
     there = tops(traces, low, high)
     if not there:
         return None
@@ -41,9 +41,9 @@ def _largest(traces: list[Trace], low: float, high: float) -> tuple[Trace, int] 
 class Peaks:
     """Where the radial modes' peaks are: a trace and the index of the maximum in it."""
 
-    first: tuple[Trace, int]
-    parallel: tuple[Trace, int]
-    second: tuple[Trace, int] | None
+    first: tuple[ImmittanceTrace, int]
+    parallel: tuple[ImmittanceTrace, int]
+    second: tuple[ImmittanceTrace, int] | None
 
     @property
     def frequencies(self) -> tuple[float, float, float | None]:
@@ -78,7 +78,9 @@ def radial_peaks(disk: BareDisk) -> Peaks:
     return Peaks(first, anti, _largest(series, _SECOND[0] * fs1, _SECOND[1] * fs1))
 
 
-def _refuse_overtone(disk: BareDisk, first: tuple[Trace, int], below: tuple[Trace, int] | None) -> None:
+def _refuse_overtone(
+    disk: BareDisk, first: tuple[ImmittanceTrace, int], below: tuple[ImmittanceTrace, int] | None
+) -> None:
     """Refuse a peak as the first radial mode where the one below it that makes it the second is the stronger."""
     if below is None:
         return
@@ -106,12 +108,12 @@ def second_missing(disk: BareDisk, fs1: float) -> FitError:
     )
 
 
-def radial_modes(disk: BareDisk) -> Modes:
+def radial_modes(disk: BareDisk) -> RadialModes:
     """Return the critical frequencies of the radial modes. Raises FitError."""
     peaks = radial_peaks(disk)
     if peaks.second is None:
         raise second_missing(disk, peaks.frequencies[0])
-    return Modes(
+    return RadialModes(
         critical(*peaks.first, "the first radial resonance"),
         critical(*peaks.parallel, "the first radial antiresonance"),
         critical(*peaks.second, "the second radial resonance"),

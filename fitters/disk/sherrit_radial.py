@@ -21,7 +21,7 @@ from .critical_frequencies import FEW_POINTS, Critical
 from .direct_methods import drawn, method_answer, with_method_error
 from .planar_result import RADIAL_ALL_UNITS, passivity_says, radial_named
 from .radial_coordinates import RADIAL_CONSTANTS
-from .radial_modes import Modes, radial_modes
+from .radial_modes import RadialModes, radial_modes
 
 PLANAR = ("c11p", "sigma_p", "kp", "eps33P")
 _USUAL_ALPHA, _USUAL_D33F = 0.75, 1.3e-10
@@ -34,7 +34,7 @@ _THICK = 40.0
 class _Seen:
     """What was read off the recordings."""
 
-    modes: Modes
+    modes: RadialModes
     far: tuple[Frequencies, Complexes, float] | None
     """Frequency (Hz) and impedance (ohm) away from resonances, and the relative noise of their mean."""
     eps33T: complex
@@ -76,7 +76,7 @@ class SherritRadial:
         return _answer(self, disk, thin, values, u, _says(disk, seen, found), time.perf_counter() - began)
 
 
-def _complex(modes: Modes) -> tuple[complex, complex, complex]:
+def _complex(modes: RadialModes) -> tuple[complex, complex, complex]:
     return modes.first.at.complex, modes.second.at.complex, modes.parallel.at.complex
 
 
@@ -92,7 +92,7 @@ def _read(disk: BareDisk) -> _Seen:
     return _Seen(modes, far, given.value if given is not None else 0j)
 
 
-def _far(disk: BareDisk, modes: Modes) -> tuple[Frequencies, Complexes, float] | None:
+def _far(disk: BareDisk, modes: RadialModes) -> tuple[Frequencies, Complexes, float] | None:
     """Return the points that tell eps33T: well below the first resonance; else those that are least near one."""
     f = np.concatenate([sweep.frequency for sweep in disk.sweeps])
     Z = np.concatenate([sweep.impedance for sweep in disk.sweeps])

@@ -23,7 +23,15 @@ from ..engine.start import DiskStart, disk_starts
 from ..interface import Constant, FitError, FitResult, FitTask
 from ..uncertainty.derived import DERIVED_UNITS, derived_of
 from .bare_disk import BareDisk, bare_disk
-from .critical_frequencies import FEW_POINTS, Critical, Trace, admittance_trace, critical, impedance_trace, tops
+from .critical_frequencies import (
+    FEW_POINTS,
+    Critical,
+    ImmittanceTrace,
+    admittance_trace,
+    critical,
+    impedance_trace,
+    tops,
+)
 from .direct_methods import drawn, method_answer, with_method_error
 
 _NEAR_EXPECTED = (0.55, 1.8)
@@ -115,7 +123,7 @@ def thickness_pair(disk: BareDisk, sweeps: Sequence[Sweep]) -> DiskStart:
     )
 
 
-def _peak(traces: Sequence[Trace], near: float, what: str) -> Critical:
+def _peak(traces: Sequence[ImmittanceTrace], near: float, what: str) -> Critical:
     """Return the critical frequencies of the peak near a frequency, from the finest sweep that holds it."""
     there = tops(traces, 0.995 * near, 1.005 * near)
     trace, k, _ = min(there, key=lambda peak: float(np.median(np.diff(peak[0].frequency))))

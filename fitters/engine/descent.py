@@ -113,7 +113,7 @@ def chi2_per_point(recording: Recording, ratio: Complexes) -> float:
     return float(np.mean(np.abs(ratio / recording.noise) ** 2)) / 2
 
 
-def softened(recording: Recording, ratio: Complexes) -> Recording:
+def with_model_discrepancy(recording: Recording, ratio: Complexes) -> Recording:
     """Return the recording with the misfit that its residuals `ratio` call for taken as further noise.
 
     Where the model describes the recording, that is none. Elsewhere a model that is wrong must not be fitted as if
@@ -189,7 +189,7 @@ def approach(
 
 def _judged(descent: Descent) -> tuple[Recording, ...]:
     objective = descent.objective
-    return tuple(map(softened, objective.recordings, objective.log_ratios(descent.x)))
+    return tuple(map(with_model_discrepancy, objective.recordings, objective.log_ratios(descent.x)))
 
 
 def _weight(recording: Recording) -> tuple[float, float]:

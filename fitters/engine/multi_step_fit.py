@@ -10,7 +10,7 @@ from ...models.build import Build, LayerSpec
 from ...models.sweep import Sweep
 from ..interface import FitError, FitTask, Noise, TaskError
 from .covariance import posterior
-from .descent import Descent, approach, chi2_per_point, settle, softened, thinned
+from .descent import Descent, approach, chi2_per_point, settle, thinned, with_model_discrepancy
 from .noise import noise_of
 from .objective import Objective
 from .parameters.assembly import coordinates_of, layers_of, nominal_parameters, priors_of, recordings_of
@@ -72,7 +72,7 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     build, sweeps = check_task(task)
     found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     noises = {step: noise for step, (noise, _) in found.items()}
-    way = _Way(build, task)
+    way = _StepwiseFit(build, task)
     weighting: Literal["log", "thesis"] = "thesis" if task.options.objective == "thesis" else "log"
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
@@ -85,7 +85,7 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     return Solution(build, noises, way.descent, way.begun, way.evaluations, seconds, whole, tuple(way.frozen))
 
 
-class _Way:
+class _StepwiseFit:
     """The way through the gluing steps: what has been found so far, and what it says to the next step."""
 
     def __init__(self, build: Build, task: FitTask) -> None:
@@ -213,7 +213,7 @@ def _by_few_points(
         x, evaluations = start.inverse(start.forward(near.x)[0]), near.evaluations
     whole = Objective((*earlier, *new), start, priors)
     judged = [
-        recording if chi2_per_point(recording, ratio) < _CLOSE else softened(recording, ratio)
+        recording if chi2_per_point(recording, ratio) < _CLOSE else with_model_discrepancy(recording, ratio)
         for recording, ratio in zip(whole.recordings, whole.log_ratios(x), strict=True)
     ]
     there = settle(judged, start, priors, x)
@@ -223,7 +223,9 @@ def _by_few_points(
 def _cautious(recordings: Sequence[Recording], start: Coordinates) -> list[Recording]:
     """Return the recordings softened by all that a start misses of them, as if that were noise."""
     misfits = Objective(recordings, start, ()).log_ratios(start.x)
-    return [replace(softened(r, ratio), correlation=1.0) for r, ratio in zip(recordings, misfits, strict=True)]
+    return [
+        replace(with_model_discrepancy(r, ratio), correlation=1.0) for r, ratio in zip(recordings, misfits, strict=True)
+    ]
 
 
 def _rms(objective: Objective, x: Reals) -> float:

@@ -12,7 +12,7 @@ from ...models.base.arrays import Reals
 from ...models.circuits.lumped import Branch, Lumped
 from ...models.sweep import Sweep
 from ..engine.covariance import estimate
-from ..engine.descent import Descent, settle, softened
+from ..engine.descent import Descent, settle, with_model_discrepancy
 from ..engine.noise import noise_of
 from ..engine.parameters.coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from ..engine.recording import Recording, log_ratio
@@ -50,7 +50,7 @@ def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)
     recording = Recording("", sweep, start, noise)
-    cautious = softened(recording, log_ratio(start.impedance(sweep.frequency), sweep.impedance))
+    cautious = with_model_discrepancy(recording, log_ratio(start.impedance(sweep.frequency), sweep.impedance))
     return settle([cautious], coordinates, (), coordinates.x)
 
 

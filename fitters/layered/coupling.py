@@ -16,7 +16,7 @@ from ...models.base.arrays import Complexes, Frequencies, Impedances
 from ...models.constants.sherrit import coupling_squared
 from ...models.sweep import Sweep
 from ..disk.bare_disk import BareDisk, bare_disk
-from ..disk.critical_frequencies import Critical, Trace, admittance_trace, critical, impedance_trace, tops
+from ..disk.critical_frequencies import Critical, ImmittanceTrace, admittance_trace, critical, impedance_trace, tops
 from ..disk.sherrit_thickness import thickness_pair
 from ..engine.descent import settle
 from ..engine.multi_step_fit import Solution, check_task
@@ -120,7 +120,7 @@ def _read(disk: BareDisk) -> tuple[Critical, Critical]:
     return series, _top([impedance_trace(*band) for band in bands], pair.fp, "the antiresonance")
 
 
-def _top(traces: Sequence[Trace], near: float, what: str) -> Critical:
+def _top(traces: Sequence[ImmittanceTrace], near: float, what: str) -> Critical:
     trace, k, _ = min(
         tops(traces, 0.995 * near, 1.005 * near), key=lambda peak: float(np.median(np.diff(peak[0].frequency)))
     )

@@ -43,7 +43,7 @@ class Minimum:
 
 
 @dataclass
-class Hunt:
+class Multistart:
     """The minima seen so far."""
 
     objective: Objective

@@ -22,7 +22,7 @@ from ..engine.plausibility import doubts, refuse_degenerate
 from ..engine.recording import Recording, rms
 from ..interface import FitError, FitResult, FitTask, Noise
 from ..uncertainty.fit_result import least_squares_answer
-from .multistart import Hunt, box_of, coarse, costs
+from .multistart import Multistart, box_of, coarse, costs
 from .nlopt_wrapper import Algorithm, search
 
 _ALGORITHMS: tuple[tuple[Algorithm, int], ...] = (
@@ -71,7 +71,7 @@ class NloptGlobal:
         if coordinates.x.size == 0:
             raise FitError("nothing is free to be fitted: every constant of the build is taken as exact")
         blunt = Objective(coarse(recordings), coordinates, priors)
-        hunt = Hunt(blunt, box_of(coordinates, priors))
+        hunt = Multistart(blunt, box_of(coordinates, priors))
         why = self._search(hunt, recordings, began + self._seconds, progress)
         progress("polishing")
         last, stuck = _settled(hunt, recordings)
@@ -84,7 +84,7 @@ class NloptGlobal:
 
     def _search(
         self,
-        hunt: Hunt,
+        hunt: Multistart,
         recordings: Sequence[Recording],
         deadline: float,
         progress: Callable[[str], None],
@@ -114,7 +114,7 @@ class NloptGlobal:
         return f"the time of {self._seconds:g} s was over"
 
 
-def _settled(hunt: Hunt, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
+def _settled(hunt: Multistart, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
     """Return the best of the deepest minima at the recordings' full weight, and the constants held at a bound."""
     if not hunt.minima:
         raise FitError("the model gives no number anywhere inside the bounds of the search")
@@ -124,7 +124,7 @@ def _settled(hunt: Hunt, recordings: Sequence[Recording]) -> tuple[Descent, tupl
     return replace(best, evaluations=sum(end.evaluations for end, _ in ends)), stuck
 
 
-def _settled_inside(hunt: Hunt, recordings: Sequence[Recording], x: Reals) -> tuple[Descent, tuple[str, ...]]:
+def _settled_inside(hunt: Multistart, recordings: Sequence[Recording], x: Reals) -> tuple[Descent, tuple[str, ...]]:
     """Settle from x; a constant that would leave its bounds is held at them."""
     coordinates, priors, box = hunt.objective.coordinates, hunt.objective.priors, hunt.box
     bounds = dict(zip(box.names, zip(box.low.tolist(), box.high.tolist(), strict=True), strict=True))
@@ -155,7 +155,7 @@ def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def _says(hunt: Hunt, why: str) -> tuple[str, ...]:
+def _says(hunt: Multistart, why: str) -> tuple[str, ...]:
     lines = [f"{hunt.descents} descents ended in {len(hunt.minima)} distinct minima; {why}."]
     for k, minimum in enumerate(hunt.minima[:4]):
         values, _ = hunt.objective.coordinates.forward(minimum.x)
@@ -166,7 +166,7 @@ def _says(hunt: Hunt, why: str) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _moved(hunt: Hunt) -> set[str]:
+def _moved(hunt: Multistart) -> set[str]:
     """Return the names of the model parameters that the search moves."""
     coordinates = hunt.objective.coordinates
     _, J = coordinates.forward(coordinates.x)

@@ -32,7 +32,7 @@ _ENDS = {1: "success", 2: "stop value", 3: "f tolerance", 4: "x tolerance", 5: "
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class NloptResult:
     """The best point of a search."""
 
     x: Reals
@@ -95,7 +95,7 @@ class _Watched:
 
 def search(
     algorithm: Algorithm, cost: Cost, slope: Slope, box: Box, evaluations: int, seconds: float, seed: int
-) -> Found:
+) -> NloptResult:
     """Return the best point that the algorithm finds inside the box; the same for the same seed.
 
     `cost` returns the value alone, `slope` value and gradient; which is called depends on the algorithm. Raises
@@ -120,7 +120,7 @@ def search(
     ended = _run(made, watched, box.start)
     if watched.best is None:
         raise FitError("the model gives no number anywhere inside the bounds of the search")
-    return Found(watched.best[1], watched.best[0], watched.evaluations, ended)
+    return NloptResult(watched.best[1], watched.best[0], watched.evaluations, ended)
 
 
 def _run(made: Any, watched: _Watched, start: Reals) -> str:

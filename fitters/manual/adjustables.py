@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...models.effects import Knob
+from ...models.effects import EffectParameter
 from ..diagnosis.hypotheses.problem import Candidate
 from ..disk.planar_result import PLANAR_UNITS
 from ..engine.objective import LOADS
@@ -26,15 +26,15 @@ _SURE = 4.0
 _AIR = 413.0
 """Rayl; a load may be fitted to nothing."""
 _TYPICAL = 5.0
-"""Typical sizes that the range of an effect's knob reaches."""
+"""Typical sizes that the range of an effect's parameter reaches."""
 
 
 @dataclass(frozen=True)
-class Handle:
+class Adjustable:
     """One real number of a fit that a person can move, hold or free. SI units."""
 
     name: str
-    """As in `pzctl fit --free`; `disk.c33D.loss` is Im/Re of c33D, `effect@place.knob` the knob of an effect."""
+    """As in `pzctl fit --free`; `disk.c33D.loss` is Im/Re of c33D, `effect@place.parameter` is of an effect."""
     unit: str
     value: float
     low: float
@@ -50,14 +50,16 @@ def handles_of(
     priors: Iterable[Prior],
     effects: Iterable[Candidate],
     free: Iterable[str],
-) -> tuple[Handle, ...]:
+) -> tuple[Adjustable, ...]:
     """Return a handle for each coordinate `names` of a fit; `values` are its model parameters."""
     known = {prior.parameter.removesuffix(".re"): prior.u for prior in priors}
-    knobs = {name: knob for one in effects for name, knob in zip(one.parameters, one.knobs, strict=True)}
+    effect_parameters = {
+        name: knob for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+    }
     moving = set(free)
     return tuple(
-        _of_effect(name, knobs[name], values[name], name in moving)
-        if name in knobs
+        _of_effect(name, effect_parameters[name], values[name], name in moving)
+        if name in effect_parameters
         else _of_constant(name, value_of(name, values), known.get(name), name in moving)
         for name in names
     )
@@ -102,27 +104,29 @@ def _positive(name: str) -> bool:
     return "@" not in name.partition(".")[0] and _kind(name) not in _ANY_SIGN
 
 
-def _of_constant(name: str, value: float, u: float | None, free: bool) -> Handle:
+def _of_constant(name: str, value: float, u: float | None, free: bool) -> Adjustable:
     kind = _kind(name)
     if name.endswith(_LOSS):
         return _loss(name, value, free)
     if name in LOADS:
-        return Handle(name, "Rayl", value, max(min(value, _AIR), 1.0) / _MOST, max(value, _AIR) * _MOST, "log", free)
+        return Adjustable(
+            name, "Rayl", value, max(min(value, _AIR), 1.0) / _MOST, max(value, _AIR) * _MOST, "log", free
+        )
     wide = _MOST if kind == "q" else float(np.clip(1 + _SURE * (u or 0.0) / abs(value), _LEAST, _MOST))
     low, high = sorted((value / wide, value * wide))
-    return Handle(name, PLANAR_UNITS.get(kind, "1"), value, low, high, "log" if low > 0 else "linear", free)
+    return Adjustable(name, PLANAR_UNITS.get(kind, "1"), value, low, high, "log" if low > 0 else "linear", free)
 
 
-def _loss(name: str, value: float, free: bool) -> Handle:
+def _loss(name: str, value: float, free: bool) -> Adjustable:
     """Return the handle of a loss."""
     if _kind(name) in _EITHER:
         reach = max(0.05, 2 * abs(value))
-        return Handle(name, "1", value, -reach, reach, "linear", free)
+        return Adjustable(name, "1", value, -reach, reach, "linear", free)
     middle = max(value, 1e-4)
-    return Handle(name, "1", middle, middle / _MOST, middle * _MOST, "log", free)
+    return Adjustable(name, "1", middle, middle / _MOST, middle * _MOST, "log", free)
 
 
-def _of_effect(name: str, knob: Knob, value: float, free: bool) -> Handle:
+def _of_effect(name: str, knob: EffectParameter, value: float, free: bool) -> Adjustable:
     low = max(knob.lower, min(knob.null - _TYPICAL * knob.typical, value))
     high = min(knob.upper, max(knob.null + _TYPICAL * knob.typical, value))
-    return Handle(name, knob.unit, value, low, high, "linear", free)
+    return Adjustable(name, knob.unit, value, low, high, "linear", free)

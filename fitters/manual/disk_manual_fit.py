@@ -31,7 +31,7 @@ from ..engine.parameters.coordinates import Block, Coordinates, thickness_consta
 from ..engine.recording import Prior, Recording
 from ..interface import FitError, FitResult, FitTask
 from .manual_choices import NAME, Bands, Kept
-from .terminal_effects import AtTerminals, outside_effects
+from .terminal_effects import TerminalEffects, outside_effects
 
 _BY = Named(NAME, "1")
 _EVERYTHING: Bands = ((0.0, np.inf),)
@@ -65,7 +65,7 @@ class _Kind:
     """Where the recording has no peaks to begin with, from library values. Raises FitError where it has none either."""
 
 
-class DiskInHand:
+class DiskManualFit:
     """The recordings of the bare disk. A `Subject`."""
 
     def __init__(self, task: FitTask, kind: _Kind) -> None:
@@ -81,13 +81,13 @@ class DiskInHand:
         usual = self._coordinates((kind.passive(disk.layer.name),))
         self._free, (self.values, _) = usual.free, usual.forward(usual.x)
 
-    def pose(self, kept: Kept) -> "_PosedDisk":
+    def pose(self, kept: Kept) -> "_DiskFitSetup":
         """Return the recordings of what takes part."""
         recordings = tuple(
             Recording(step, sweep, self._begun.model, sigma) for step, pairs in kept.items() for sweep, sigma in pairs
         )
         stack = stack_of(self.build, self.build.step(self._disk.step))
-        return _PosedDisk(self, recordings, disk_priors(self._disk, self._kind.constants), stack)
+        return _DiskFitSetup(self, recordings, disk_priors(self._disk, self._kind.constants), stack)
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
         """Return the answer of a fit; `steps` can be no other than the bare disk's."""
@@ -107,8 +107,8 @@ class DiskInHand:
 
 
 @dataclass(frozen=True, eq=False)
-class _PosedDisk:
-    subject: DiskInHand
+class _DiskFitSetup:
+    subject: DiskManualFit
     recordings: tuple[Recording, ...]
     priors: tuple[Prior, ...]
     stack: Stack
@@ -117,7 +117,7 @@ class _PosedDisk:
         wanted = None if names is None else set(names)
         steps = tuple(dict.fromkeys(recording.step for recording in self.recordings))
         return tuple(
-            Candidate(effect, where, steps, effect.knobs(self.stack, where))
+            Candidate(effect, where, steps, effect.effect_parameters(self.stack, where))
             for effect in outside_effects()
             if wanted is None or effect.name in wanted
             for where in effect.places(self.stack)
@@ -126,8 +126,10 @@ class _PosedDisk:
     def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
         if not effects:
             return self.recordings
-        added = tuple(Added(one.effect, one.where, {knob.name: knob.null for knob in one.knobs}) for one in effects)
-        model = AtTerminals(self.recordings[0].model, self.stack, added)
+        added = tuple(
+            Added(one.effect, one.where, {knob.name: knob.null for knob in one.effect_parameters}) for one in effects
+        )
+        model = TerminalEffects(self.recordings[0].model, self.stack, added)
         return tuple(replace(recording, model=model) for recording in self.recordings)
 
     def coordinates(
@@ -139,14 +141,14 @@ class _PosedDisk:
         return Coordinates((*blocks, *(b for one in effects for b in one.blocks(values))), values, tuple(moving))
 
 
-def radial_in_hand(task: FitTask) -> DiskInHand:
+def radial_in_hand(task: FitTask) -> DiskManualFit:
     """Return the radial modes of a bare disk in hand. Raises FitError."""
-    return DiskInHand(task, _RADIAL)
+    return DiskManualFit(task, _RADIAL)
 
 
-def disk_in_hand(task: FitTask) -> DiskInHand:
+def disk_in_hand(task: FitTask) -> DiskManualFit:
     """Return radial and thickness mode of a bare disk in hand. Raises FitError."""
-    return DiskInHand(task, _DISK)
+    return DiskManualFit(task, _DISK)
 
 
 def _radial_begun(disk: BareDisk) -> _Begun:

@@ -36,7 +36,7 @@ class Choices:
     """Name and place, as in `lead-inductance`, `terminals`."""
 
 
-class Posed(Protocol):
+class FitSetup(Protocol):
     """The recordings that take part, each with the model that is to describe it."""
 
     @property
@@ -105,7 +105,7 @@ class Subject(Protocol):
         """What a person must know of where it begins."""
         ...
 
-    def pose(self, kept: Kept) -> Posed:
+    def pose(self, kept: Kept) -> FitSetup:
         """Return the recordings of what takes part."""
         ...
 

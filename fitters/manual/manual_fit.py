@@ -22,19 +22,19 @@ from ..engine.descent import chi2_per_point, settle
 from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..interface import Constant, Curve, FitError, FitResult, FitTask
-from .adjustables import Handle, handles_of, with_value
+from .adjustables import Adjustable, handles_of, with_value
 from .disk_manual_fit import disk_in_hand, radial_in_hand
-from .manual_choices import Bands, Choices, Posed, Subject, began_with, check_bands, within
-from .stack_manual_fit import StackInHand
+from .manual_choices import Bands, Choices, FitSetup, Subject, began_with, check_bands, within
+from .stack_manual_fit import StackManualFit
 
-__all__ = ["ByHand", "Choices", "Look", "models_for"]
+__all__ = ["Choices", "ManualFit", "ModelPreview", "models_for"]
 
 _EVERYWHERE: Bands = ((0.0, np.inf),)
 _USUAL = Choices()
 _FEWEST = 20
 """Points of a sweep that a band must hold to say anything."""
 _SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
-    StackInHand.fitter: StackInHand,
+    StackManualFit.fitter: StackManualFit,
     "radial": radial_in_hand,
     "disk": disk_in_hand,
 }
@@ -44,14 +44,14 @@ def models_for(build: Build, step: str) -> tuple[str, ...]:
     """Return the fitters whose model a step can be taken in hand with. Raises KeyError for a step it does not have."""
     kinds = [build.layer(name).kind for name in build.step(step).layers]
     bare_and_round = kinds == ["piezo"] and build.diameter is not None
-    return tuple(_SUBJECTS) if bare_and_round else (StackInHand.fitter,)
+    return tuple(_SUBJECTS) if bare_and_round else (StackManualFit.fitter,)
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class ModelPreview:
     """A model at chosen values, beside the measurement."""
 
-    handles: tuple[Handle, ...]
+    handles: tuple[Adjustable, ...]
     curves: tuple[Curve, ...]
     """Over whole sweeps; `start` and `fitted` are both the model."""
     chi2_per_dof: float
@@ -60,10 +60,10 @@ class Look:
     """What a person must know of where it begins."""
 
 
-class ByHand:
+class ManualFit:
     """The recordings of a build, taken in hand with the model of one fitter."""
 
-    def __init__(self, task: FitTask, fitter: str = StackInHand.fitter) -> None:
+    def __init__(self, task: FitTask, fitter: str = StackManualFit.fitter) -> None:
         """Take the recordings in hand, at nominal values or where their peaks are.
 
         Raises FitError where there is no such model, or task, build and sweeps do not fit.
@@ -117,11 +117,11 @@ class ByHand:
                 found[one.effect.name].append(one.where)
         return {name: tuple(where) for name, where in found.items()}
 
-    def look(self, choices: Choices = _USUAL) -> Look:
+    def look(self, choices: Choices = _USUAL) -> ModelPreview:
         """Return the model at the chosen values. Raises FitError where a choice cannot be."""
         posed, effects, coordinates = self._chosen(choices)
         curves, chi2 = self._curves(choices, effects, coordinates, coordinates.x)
-        return Look(_handles(posed, effects, coordinates, coordinates.x), curves, chi2, self._subject.says)
+        return ModelPreview(_handles(posed, effects, coordinates, coordinates.x), curves, chi2, self._subject.says)
 
     def fit(self, choices: Choices = _USUAL) -> tuple[FitResult, Choices]:
         """Fit with exactly these choices; return the result, and the choices with every handle where it has come to.
@@ -143,14 +143,14 @@ class ByHand:
         there = replace(choices, values={handle.name: handle.value for handle in handles})
         return replace(answer, constants={**answer.constants, **sizes}, curves=curves), there
 
-    def _chosen(self, choices: Choices) -> tuple[Posed, tuple[Candidate, ...], Coordinates]:
+    def _chosen(self, choices: Choices) -> tuple[FitSetup, tuple[Candidate, ...], Coordinates]:
         posed = self._posed(choices)
         effects = _effects(posed, choices)
         if any(one.where == SWEEP for one in effects) and any(choices.bands.values()):
             raise FitError("an effect of the sweep acts while the whole sweep runs: take it or the bands away")
         values = dict(self._subject.values)
         for one in effects:
-            for k, (name, knob) in enumerate(zip(one.parameters, one.knobs, strict=True)):
+            for k, (name, knob) in enumerate(zip(one.parameters, one.effect_parameters, strict=True)):
                 values[name] = knob.null if k else knob.typical  # so that one sees what it does
         known = self._posed(Choices(), whole=True).coordinates(effects, values, None).names
         for name, value in choices.values.items():
@@ -163,7 +163,7 @@ class ByHand:
             raise FitError(f"cannot free {strange[0]!r}: there are {', '.join(coordinates.names)}")
         return posed, effects, coordinates
 
-    def _posed(self, choices: Choices, *, whole: bool = False) -> Posed:
+    def _posed(self, choices: Choices, *, whole: bool = False) -> FitSetup:
         """Return the recordings of the chosen bands; `whole`: of all frequencies of the chosen steps."""
         check_bands(choices, self.steps)
         bands = {step: found for step in self.steps if (found := self._bands(choices, step))}
@@ -211,13 +211,13 @@ class ByHand:
 
 
 def _handles(
-    posed: Posed, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
-) -> tuple[Handle, ...]:
+    posed: FitSetup, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
+) -> tuple[Adjustable, ...]:
     values, _ = coordinates.forward(x)
     return handles_of(coordinates.names, values, posed.priors, effects, coordinates.free)
 
 
-def _effects(posed: Posed, choices: Choices) -> tuple[Candidate, ...]:
+def _effects(posed: FitSetup, choices: Choices) -> tuple[Candidate, ...]:
     """Return the chosen effects, each in all the steps that can have it."""
     there = posed.places({name for name, _ in choices.effects})
     found: list[Candidate] = []
@@ -233,11 +233,11 @@ def _effects(posed: Posed, choices: Choices) -> tuple[Candidate, ...]:
 def _sizes(
     effects: Sequence[Candidate], coordinates: Coordinates, covariance: NDArray[np.float64], x: NDArray[np.float64]
 ) -> dict[str, Constant]:
-    """Return the effects' knobs as constants."""
+    """Return the effects' parameters as constants."""
     values, _ = coordinates.forward(x)
     u = dict(zip(coordinates.parameters, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     return {
         name: Constant(values[name], 0.0, u[name], 0.0, knob.unit, free=name in coordinates.free)
         for one in effects
-        for name, knob in zip(one.parameters, one.knobs, strict=True)
+        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
     }

@@ -18,7 +18,7 @@ from ..uncertainty.fit_result import least_squares_answer
 from .manual_choices import NAME, Kept
 
 
-class StackInHand:
+class StackManualFit:
     """The gluing steps of a build, each a stack. A `Subject`."""
 
     fitter = "mason"
@@ -33,7 +33,7 @@ class StackInHand:
         self._noise = {step: noise for step, (noise, _) in found.items()}
         self.values = nominal_parameters(self.build)
 
-    def pose(self, kept: Kept) -> "_PosedStack":
+    def pose(self, kept: Kept) -> "_StackFitSetup":
         """Return the recordings of what takes part."""
         recordings = [
             recording
@@ -41,7 +41,7 @@ class StackInHand:
             for recording in recordings_of(self.build, step, *zip(*pairs, strict=True))
         ]
         priors = priors_of(self.build, kept)
-        return _PosedStack(Problem(self.build, as_devices(recordings), priors, self.values, None))
+        return _StackFitSetup(Problem(self.build, as_devices(recordings), priors, self.values, None))
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
         """Return the answer of a fit over these steps."""
@@ -51,7 +51,7 @@ class StackInHand:
         return least_squares_answer(NAME, "1", solution)
 
 
-class _PosedStack:
+class _StackFitSetup:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         self.recordings: tuple[Recording, ...] = problem.recordings

@@ -27,7 +27,7 @@ def outside_effects() -> tuple[Effect, ...]:
 
 
 @dataclass(frozen=True)
-class AtTerminals:
+class TerminalEffects:
     """A device as it is seen through effects outside of it. Satisfies `Model`."""
 
     device: Model
@@ -36,16 +36,16 @@ class AtTerminals:
     added: tuple[Added, ...]
 
     def parameters(self) -> dict[str, float]:
-        """Return the device's parameters and `effect@place.knob` for each knob."""
+        """Return the device's parameters and `effect@place.parameter` for each parameter."""
         own = (one.parameters() for one in self.added)
         return {**self.device.parameters(), **{name: value for of_one in own for name, value in of_one.items()}}
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for a name it does not have."""
         require(values, self.parameters(), "the device")
-        knobs = {name: value for name, value in values.items() if "@" in name.partition(".")[0]}
-        added = tuple(one.moved(knobs) for one in self.added)
-        moved = {name: value for name, value in values.items() if name not in knobs}
+        effect_parameters = {name: value for name, value in values.items() if "@" in name.partition(".")[0]}
+        added = tuple(one.moved(effect_parameters) for one in self.added)
+        moved = {name: value for name, value in values.items() if name not in effect_parameters}
         return replace(self, device=self.device.replace(moved) if moved else self.device, added=added)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
@@ -54,7 +54,7 @@ class AtTerminals:
         return seen
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
-        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N); by knobs from one difference."""
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N); by parameters from one difference."""
         require(names, self.parameters(), "the device")
         own = self.device.parameters()
         bare, slopes = self.device.jacobian(frequency, [name for name in names if name in own])
@@ -65,15 +65,15 @@ class AtTerminals:
 
     def _by_knob(self, name: str, frequency: Frequencies, bare: Impedances, seen: Impedances) -> Complexes:
         one = next(one for one in self.added if name.startswith(one.prefix))
-        knobs = one.effect.knobs(self.nominal, one.where)
-        knob = next(knob for knob in knobs if one.prefix + knob.name == name)
+        effect_parameters = one.effect.effect_parameters(self.nominal, one.where)
+        knob = next(knob for knob in effect_parameters if one.prefix + knob.name == name)
         value = one.values[knob.name]
         step = small_step(knob, value)
         there, _ = _through(self.replace({name: value + step}), frequency, bare)
         return (there / seen - 1) / step
 
 
-def _through(whole: AtTerminals, frequency: Frequencies, Z: Impedances) -> tuple[Impedances, Complexes]:
+def _through(whole: TerminalEffects, frequency: Frequencies, Z: Impedances) -> tuple[Impedances, Complexes]:
     """Return what is seen of a device of impedance Z, and its derivative by Z; shapes (N,)."""
     outside = Assembly((), whole.nominal)
     for one in sorted(whole.added, key=lambda one: (one.effect.stage, one.prefix)):

@@ -29,7 +29,7 @@ class BatchError(PzctlError):
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class BatchJob:
     """One sample to be fitted."""
 
     sample: str
@@ -49,7 +49,7 @@ Heard = Callable[[Outcome], None]
 """Called with each outcome as it comes, in whatever order."""
 
 
-def fit_job(job: Job, fitter: str) -> Outcome:
+def fit_job(job: BatchJob, fitter: str) -> Outcome:
     """Fit one sample in this process. Raises nothing: whatever goes wrong is the outcome's sentence."""
     try:
         with _one_at_a_time:
@@ -60,7 +60,7 @@ def fit_job(job: Job, fitter: str) -> Outcome:
         return Outcome(job.sample, None, f"fitter {fitter!r} failed: {type(error).__name__}: {error}")
 
 
-def fit_on_cores(jobs: Sequence[Job], fitter: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
+def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
     """Fit all jobs, one per core at a time; return the outcomes in the order of the jobs.
 
     Raises PluginError where the fitter is not installed. On Ctrl-C the running fits end at once.
@@ -72,7 +72,9 @@ def fit_on_cores(jobs: Sequence[Job], fitter: str, heard: Heard = lambda _: None
         return _gathered(futures, as_completed(futures), heard)
 
 
-def fit_on_dask(jobs: Sequence[Job], fitter: str, address: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
+def fit_on_dask(
+    jobs: Sequence[BatchJob], fitter: str, address: str, heard: Heard = lambda _: None
+) -> tuple[Outcome, ...]:
     """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
 
     Results are those of `fit_on_cores` to the last bit (but `seconds`) where the workers have the same processor and
@@ -95,7 +97,7 @@ def fit_on_dask(jobs: Sequence[Job], fitter: str, address: str, heard: Heard = l
         return _gathered(futures, distributed.as_completed(futures, loop=client.loop), heard)
 
 
-def _gathered(futures: dict[Any, Job], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:
+def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:
     """Return the outcomes in the order of the jobs; `done` gives the futures as they end."""
     outcomes: dict[Any, Outcome] = {}
     for future in done:
@@ -104,7 +106,7 @@ def _gathered(futures: dict[Any, Job], done: Iterable[Any], heard: Heard) -> tup
     return tuple(outcomes[future] for future in futures)
 
 
-def _outcome(future: "Future[Outcome]", job: Job) -> Outcome:
+def _outcome(future: "Future[Outcome]", job: BatchJob) -> Outcome:
     """Return a job's outcome, also where its process died or a worker could not even begin."""
     try:
         return future.result()

@@ -30,7 +30,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class DataSheet:
     """How the mean compares with the data sheet."""
 
     nominal: float
@@ -53,7 +53,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class Part:
+class VarianceShare:
     """The real or the imaginary part of a constant over the samples; units of the constant."""
 
     values: tuple[Value, ...]
@@ -66,7 +66,7 @@ class Part:
     """Scatter between samples apart from the uncertainty within; None for a single sample or without uncertainties."""
     outliers: Mapping[str, float]
     """Samples that do not belong to the rest, with the probability of such a one by chance. They are not left out."""
-    sheet: Sheet | None
+    sheet: DataSheet | None
 
     @property
     def n(self) -> int:
@@ -84,8 +84,8 @@ class Spread:
     """One constant over the samples."""
 
     unit: str
-    re: Part
-    im: Part | None
+    re: VarianceShare
+    im: VarianceShare | None
     """None where the constant is real, or its imaginary part was held."""
 
 
@@ -160,14 +160,14 @@ def _fitted(values: list[Value]) -> list[Value]:
     return [] if silent and alike else moving
 
 
-def _part(values: list[Value], sheet: tuple[float, float] | None) -> Part:
+def _part(values: list[Value], sheet: tuple[float, float] | None) -> VarianceShare:
     x = np.array([value.value for value in values])
     stated = [value.u for value in values if value.u is not None]
     u = np.array(stated) if len(stated) == len(values) else None
     several = len(values) > 1
     mean = float(np.mean(x))
     strange = outliers(x, np.zeros_like(x) if u is None else u)
-    return Part(
+    return VarianceShare(
         values=tuple(values),
         mean=mean,
         variance=float(np.var(x, ddof=1)) if several else None,
@@ -178,11 +178,11 @@ def _part(values: list[Value], sheet: tuple[float, float] | None) -> Part:
     )
 
 
-def _against(values: list[Value], mean: float, nominal: float, u: float) -> Sheet:
+def _against(values: list[Value], mean: float, nominal: float, u: float) -> DataSheet:
     limit = _U_TO_LIMIT * u if u > 0 else None
     outside = [value.sample for value in values if limit is not None and abs(value.value - nominal) > limit]
     percent = 100 * (mean / nominal - 1) if nominal else None
-    return Sheet(nominal, percent, limit, tuple(outside))
+    return DataSheet(nominal, percent, limit, tuple(outside))
 
 
 def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) -> list[str]:
@@ -209,7 +209,7 @@ def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) ->
     return says
 
 
-def _is_shared(part: Part) -> bool:
+def _is_shared(part: VarianceShare) -> bool:
     """Return whether even no scatter at all would let the samples differ more than they do (97.5 %)."""
     return part.effects is not None and part.effects.tau_high == 0
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.arrays import Complexes, Frequencies, Impedances
 from ..base.model import Model
 from ..base.names import require
-from .terminals import Line, Scale, Seen, Series, Shunt
+from .terminals import Scale, Seen, Series, Shunt, TransmissionLine
 
 PATH = ("lead", "stray", "cable", "open", "short", "load")
 """The elements' nouns, from the device to the analyzer."""
@@ -35,7 +35,7 @@ class Fixture:
     device: Model
     lead: Series = field(default=Series())
     stray: Shunt = field(default=Shunt())
-    cable: Line = field(default=Line())
+    cable: TransmissionLine = field(default=TransmissionLine())
     open: Shunt = field(default=Shunt())
     short: Series = field(default=Series())
     load: Scale = field(default=Scale())

@@ -70,7 +70,7 @@ class Shunt:
 
 
 @dataclass(frozen=True)
-class Line:
+class TransmissionLine:
     """A cable between analyzer and device."""
 
     length: float = 0.0

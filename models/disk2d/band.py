@@ -30,7 +30,7 @@ _TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class BandModes:
     """The modes of the reduced disk for the real parts of constants at one frequency, and its losses between them."""
 
     squared: Reals
@@ -45,15 +45,15 @@ class Modes:
     """Of TERMS, for which the modes are, shape (13,)."""
 
 
-def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> Modes:
+def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> BandModes:
     """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them."""
     squared, shapes = np.linalg.eigh(disk.condensed(weights.real) / shape.mass)
     losses = None if rough else shapes.T @ (disk.losses(weights) / shape.mass) @ shapes
     force: Complexes = disk.force(weights)
-    return Modes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
+    return BandModes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
 
 
-def band_shapes(modes: Modes, low: float, high: float, weights: Complexes) -> Numbers:
+def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -> Numbers:
     """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk.
 
     `weights`: of TERMS amid the band, shape (13,). Real for rough modes.

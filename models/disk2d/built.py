@@ -13,9 +13,9 @@ from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..stack.laws import CONSTANT, LossLaw, StackError, require_positive
 from .full import FullDisk, Shape
-from .line_elements import Line, Numbers
+from .line_elements import LineElements, Numbers
 from .matrices import CONSTANTS, OF_TERM, POWERS
-from .section import LAYER_POWERS, Ring, Section, assemble_section
+from .section import LAYER_POWERS, CrossSection, Ring, assemble_section
 
 _ORDER_R, _ORDER_Z = 7, 8
 
@@ -142,9 +142,9 @@ class BuiltDisk:
     def full(self) -> FullDisk:
         """The mesh with its matrices."""
         rings = tuple(each.ring for each in self.masses)
-        section = Section(len(self.back), len(self.front), self.electrode, rings)
+        section = CrossSection(len(self.back), len(self.front), self.electrode, rings)
         elements = max(1, ceil(2 * self.radius / self.thickness)) * (1 + self.finer)
-        along_r = Line(section.breaks(elements), _ORDER_R + self.finer)
+        along_r = LineElements(section.breaks(elements), _ORDER_R + self.finer)
         made = assemble_section(section, along_r, _ORDER_Z + self.finer, move_in_plane=not self.clamped)
         ceramic = self.density * self.thickness / 2
         shares = [layer.density * layer.thickness / ceramic for layer in self.layers]

@@ -17,7 +17,7 @@ _EPS33S = CONSTANTS.index("eps33S")
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class CapacitanceSlopes:
     """Capacitance in F and its derivatives."""
 
     capacitance: Complexes
@@ -74,7 +74,7 @@ def capacitance(
 
 def slopes(
     disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
-) -> Slopes:
+) -> CapacitanceSlopes:
     """Return the same with its derivatives, which cost no further solution: the form is stationary."""
     weights, lengths = shape.weights(constants), shape.lengths
     empty = np.pi * shape.radius**2 / shape.thickness
@@ -93,7 +93,7 @@ def slopes(
         by_constant[:, constant] += by_term[:, k] * lengths[k]
     by_constant[:, _EPS33S] += empty
     scaled = by_term * weights
-    return Slopes(
+    return CapacitanceSlopes(
         whole,
         by_constant,
         scaled @ POWERS + 2 * by_density + 2 * still,

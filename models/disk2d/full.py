@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .line_elements import Line, Matrix, Numbers, real_times
+from .line_elements import LineElements, Matrix, Numbers, real_times
 from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
 
 _ORDER_R, _ORDER_Z = 7, 8
@@ -81,8 +81,8 @@ class FullDisk:
             ends_r = np.concatenate([np.sort(inner), [1.0]]) * electrode
             ends_r = np.concatenate([ends_r, electrode + (1 - electrode) * np.sort(np.append(2 * near, 1.0))])
             ends_z = np.sort(np.append(ends_z, 1 - near))
-        along_r = Line(ends_r, order_r + finer)
-        return cls(assemble(along_r, Line(ends_z, order_z + 2 * finer), electrode=electrode))
+        along_r = LineElements(ends_r, order_r + finer)
+        return cls(assemble(along_r, LineElements(ends_z, order_z + 2 * finer), electrode=electrode))
 
     @property
     def size(self) -> int:

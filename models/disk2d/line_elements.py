@@ -46,7 +46,7 @@ def _element(order: int) -> tuple[Reals, Reals, Reals, Reals, Reals]:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LineElements:
     """A line in elements of one order."""
 
     breaks: Reals

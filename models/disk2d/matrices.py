@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..base.arrays import Reals
-from .line_elements import Line, Matrix, Numbers
+from .line_elements import LineElements, Matrix, Numbers
 
 CONSTANTS = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
 """The ten constants in the order that everything here keeps."""
@@ -72,7 +72,9 @@ class Matrices:
         return self.mass.shape[0] - 1
 
 
-def assemble(along_r: Line, along_z: Line, *, move_in_plane: bool = True, electrode: float = 1.0) -> Matrices:
+def assemble(
+    along_r: LineElements, along_z: LineElements, *, move_in_plane: bool = True, electrode: float = 1.0
+) -> Matrices:
     """Return the matrices on a mesh of x and y. Without `move_in_plane` u_r is zero: the laterally clamped plate.
 
     `electrode`: radius of both electrodes over that of the disk, an end of elements along r.
@@ -112,7 +114,7 @@ kron: Callable[[Matrix, Matrix], Matrix] = sp.kron
 
 
 def blocks_of(
-    along_r: Line, along_z: Line, within: Callable[[Reals], Reals] = np.ones_like
+    along_r: LineElements, along_z: LineElements, within: Callable[[Reals], Reals] = np.ones_like
 ) -> list[dict[tuple[int, int], Matrix]]:
     """Return the blocks, on and above the diagonal, of each of TERMS and the mass; fields 0 u_r, 1 u_z, 2 phi.
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..base.arrays import Reals
-from .line_elements import Line, Matrix
+from .line_elements import LineElements, Matrix
 from .matrices import Matrices, blocks_of, gathered, kron, unit_columns
 
 LAYER_POWERS = np.array([0, 1, 2, 0, 1, 2])
@@ -44,7 +44,7 @@ class Ring:
 
 
 @dataclass(frozen=True)
-class Section:
+class CrossSection:
     """What there is beside the ceramic."""
 
     back: int = 0
@@ -96,9 +96,11 @@ class SectionMatrices:
         return Matrices(self.terms, reduce(add, weighed), self.moving)
 
 
-def assemble_section(section: Section, along_r: Line, order_z: int, *, move_in_plane: bool = True) -> SectionMatrices:
+def assemble_section(
+    section: CrossSection, along_r: LineElements, order_z: int, *, move_in_plane: bool = True
+) -> SectionMatrices:
     """Return the matrices on a mesh along r; without `move_in_plane` u_r is zero."""
-    along_z = Line(section.heights, order_z)
+    along_z = LineElements(section.heights, order_z)
     nr, nz = along_r.size, along_z.size
     places, y = np.arange(nr * nz).reshape(nr, nz), along_z.nodes
     ceramic = np.abs(y) < 1 + 1e-9

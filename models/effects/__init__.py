@@ -11,7 +11,7 @@ from ..base.errors import PzctlError
 from ..base.names import among
 from .base.assembly import Assembly, Conditions
 from .base.device import Added, Device
-from .base.effect import Effect, Knob, Stage
+from .base.effect import Effect, EffectParameter, Stage
 
 __all__ = [
     "Added",
@@ -20,7 +20,7 @@ __all__ = [
     "Device",
     "Effect",
     "EffectError",
-    "Knob",
+    "EffectParameter",
     "Stage",
     "catalogue",
     "find_effect",

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..stack import Elastic, Stack
 from .base.assembly import Assembly
-from .base.effect import Effect, Knob, interface_at, interfaces
+from .base.effect import Effect, EffectParameter, interface_at, interfaces
 
 _Z, _C, _Q = 2.9e6, 2550.0, 30.0
 """Unfilled epoxy, Rayl, m/s and quality. Only its compliance l/(z c) can be seen, so these are assumed, not sought."""
@@ -23,9 +23,9 @@ class BondLayer(Effect):
         """Return every interface."""
         return interfaces(stack)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s."""
-        return (Knob("thickness", "m", typical=5e-6, upper=2e-4),)
+        return (EffectParameter("thickness", "m", typical=5e-6, upper=2e-4),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the glue in its place."""

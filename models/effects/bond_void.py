@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import AIR, Piezo, Stack
-from .base.assembly import Assembly, Part
-from .base.effect import Effect, Knob, Stage, interface_at, interfaces
+from .base.assembly import Assembly, ParallelSection
+from .base.effect import Effect, EffectParameter, Stage, interface_at, interfaces
 
 
 class BondVoid(Effect):
@@ -24,9 +24,9 @@ class BondVoid(Effect):
         """
         return tuple(where for where in interfaces(stack) if not _between_piezos(stack, where))
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the part of the area that is not bonded."""
-        return (Knob("fraction", "1", typical=0.01, upper=0.95),)
+        return (EffectParameter("fraction", "1", typical=0.01, upper=0.95),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the bonded and the free part of the face side by side."""
@@ -34,7 +34,7 @@ class BondVoid(Effect):
         if fraction <= 0:
             return assembly
 
-        def parted(part: Part) -> tuple[Part, ...]:
+        def parted(part: ParallelSection) -> tuple[ParallelSection, ...]:
             if not set(interface_at(interface)) <= {layer.name for layer in part.stack.layers}:
                 return (part,)  # lost already, by a void nearer to the disk
             free = _free(part, interface)
@@ -68,7 +68,7 @@ def _interface(stack: Stack, where: str) -> str:
     return f"interface:{behind}|{before}"
 
 
-def _free(part: Part, where: str) -> Part:
+def _free(part: ParallelSection, where: str) -> ParallelSection:
     """Return the part of the face without what lies beyond the interface, ending at air.
 
     What other effects put between the two layers stays: an electrode belongs to the disk.

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..base.arrays import Complexes, Impedances
-from ..circuits.terminals import Line
+from ..circuits.terminals import TransmissionLine
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 _VELOCITY = 2e8
 """m/s, of a wave in polyethylene; only length/velocity can be seen."""
@@ -31,16 +31,16 @@ class Cable(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return its inductance in henry, characteristic impedance in ohm, attenuation in Np/m at 1 MHz.
 
         A short line is its inductance and little else: told so, and not by length, a fit finds it whatever the rest.
         Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
         """
         return (
-            Knob("inductance", "H", typical=2.5e-8, upper=2.5e-5),
-            Knob("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0),
-            Knob("loss", "Np/m", typical=2e-3, upper=1.0),
+            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5),
+            EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0),
+            EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0),
         )
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
@@ -49,7 +49,7 @@ class Cable(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device at the end of a cable."""
-        line = Line(_length(values), values["impedance"], _VELOCITY, values["loss"])
+        line = TransmissionLine(_length(values), values["impedance"], _VELOCITY, values["loss"])
 
         def through(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
             seen, slope, _ = line.see(Z, jw.imag / (2 * np.pi))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..stack import Piezo, Stack
 from ..stack.stack import Layer
 from .base.assembly import Assembly
-from .base.effect import Effect, Knob, Stage, layer_at
+from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.modified_laws import Relaxation, Slope
 from .base.scale import resonance
 
@@ -32,13 +32,13 @@ class DielectricDispersion(Effect):
         """Return every piezoelectric layer."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if isinstance(layer, Piezo))
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, the relaxation's f/resonance."""
         return (
-            Knob("slope", "1", typical=0.01, upper=0.5),
-            Knob("relaxation", "1", typical=0.01, upper=0.5),
-            Knob("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0),
-            Knob("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
+            EffectParameter("slope", "1", typical=0.01, upper=0.5),
+            EffectParameter("relaxation", "1", typical=0.01, upper=0.5),
+            EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0),
+            EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -9,7 +9,7 @@ import numpy as np
 from ..base.arrays import Frequencies, Impedances, Reals, j_omega
 from ..stack import Piezo, Stack
 from .base.assembly import Assembly
-from .base.effect import Effect, Knob, Stage, layer_at
+from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.modified_laws import Factor
 from .base.scale import active, reactance
 
@@ -28,7 +28,7 @@ class DriveNonlinearity(Effect):
     """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain that the level makes: found self-consistently."""
 
     name = "drive-nonlinearity"
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     says = "The resonance of {where} bends with the oscillator level: the drive is too high for a linear model."
     separates = "sweep at three levels, 5 mV to 500 mV, or drive by constant current"
     references = (
@@ -41,15 +41,15 @@ class DriveNonlinearity(Effect):
         piezos = [layer.name for layer in stack.layers if isinstance(layer, Piezo)]
         return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return a, the relative softening per strain, r, the loss per softening, and the source's resistance.
 
         r is 4/(3 pi) by Rayleigh's law; a source that holds its voltage at the device has no resistance.
         """
         return (
-            Knob("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
-            Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
-            Knob("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
+            EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
+            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
+            EffectParameter("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..stack import Mass, Piezo, Stack
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, Knob, interface_at, interfaces
+from .base.effect import FACES, Effect, EffectParameter, interface_at, interfaces
 from .base.scale import areal_mass
 
 
@@ -25,10 +25,10 @@ class ElectrodeMass(Effect):
         """Return both faces and every interface."""
         return (*FACES, *interfaces(stack))
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the mass per area in kg/m2."""
         unit = areal_mass(stack)
-        return (Knob("mass", "kg/m2", typical=5e-3 * unit, upper=unit),)
+        return (EffectParameter("mass", "kg/m2", typical=5e-3 * unit, upper=unit),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the mass in its place."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..stack import Stack, Support
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, Knob
-from .base.modified_loads import Pressed
+from .base.effect import FACES, Effect, EffectParameter
+from .base.modified_loads import SupportedLoad
 from .base.scale import acoustic_impedance, resonance
 
 
@@ -29,12 +29,12 @@ class FaceLoad(Effect):
         """Return both faces."""
         return FACES
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the specific resistance in Rayl and the stiffness per area in Pa/m."""
         resistance = 1e-3 * acoustic_impedance(stack)
         return (
-            Knob("resistance", "Rayl", resistance),
-            Knob("stiffness", "Pa/m", 2 * np.pi * resonance(stack) * resistance),
+            EffectParameter("resistance", "Rayl", resistance),
+            EffectParameter("stiffness", "Pa/m", 2 * np.pi * resonance(stack) * resistance),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -43,8 +43,8 @@ class FaceLoad(Effect):
 
         def pressed(stack: Stack) -> Stack:
             if where == FACES[0]:
-                return replace(stack, back=Pressed(stack.back, support))
-            return replace(stack, front=Pressed(stack.front, support))
+                return replace(stack, back=SupportedLoad(stack.back, support))
+            return replace(stack, front=SupportedLoad(stack.front, support))
 
         return assembly.each_stack(pressed)
 

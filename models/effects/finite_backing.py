@@ -7,8 +7,8 @@ import numpy as np
 
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, Knob
-from .base.modified_loads import Echoing, is_backing
+from .base.effect import FACES, Effect, EffectParameter
+from .base.modified_loads import FiniteBackingLoad, is_backing
 from .base.scale import resonance
 
 _BACK = FACES[0]
@@ -37,13 +37,15 @@ class FiniteBacking(Effect):
         """Return `face:back` where a half-space that is no gas is behind it."""
         return (_BACK,) if is_backing(stack.back) else ()
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the echo's amplitude at the resonance, 1/Q of the backing, and the echo's delay (s) and decay (Np)."""
         return (
-            Knob("strength", "1", typical=0.01, upper=0.99),
-            Knob("loss", "1", typical=0.01, upper=1.0),
-            Knob("delay", "s", typical=0.1 / resonance(stack), lower=1e-7, upper=1e-3, null=4e-6, scan=_DELAYS),
-            Knob("decay", "Np", typical=1.0, upper=20.0, scan=_DECAYS),
+            EffectParameter("strength", "1", typical=0.01, upper=0.99),
+            EffectParameter("loss", "1", typical=0.01, upper=1.0),
+            EffectParameter(
+                "delay", "s", typical=0.1 / resonance(stack), lower=1e-7, upper=1e-3, null=4e-6, scan=_DELAYS
+            ),
+            EffectParameter("decay", "Np", typical=1.0, upper=20.0, scan=_DECAYS),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -54,7 +56,7 @@ class FiniteBacking(Effect):
 
         def echoing(stack: Stack) -> Stack:
             strength, delay, decay = values["strength"], values["delay"], values["decay"]
-            return replace(stack, back=Echoing(stack.back, strength, delay, decay, reference, values["loss"]))
+            return replace(stack, back=FiniteBackingLoad(stack.back, strength, delay, decay, reference, values["loss"]))
 
         return assembly.each_stack(echoing)
 

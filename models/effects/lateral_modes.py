@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Complexes, Reals
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import Effect, Knob
+from .base.effect import Effect, EffectParameter
 from .base.scale import active, capacitance, resonance
 
 _WIDTH, _REACH = 0.2, 4.0
@@ -33,18 +33,20 @@ class LateralModes(Effect):
         """Return the active layer."""
         return (f"layer:{active(stack).name}",)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return strength of a radial overtone (C/C0), speed (m/s) and offset (spacings) of the comb, Q, the rest.
 
         The rest is the edge mode: its strength (C/C0) and frequency (of the half-wave resonance).
         """
         return (
-            Knob("strength", "1", typical=1e-3, upper=0.3),
-            Knob("speed", "m/s", typical=30.0, lower=_SLOWEST, upper=8e3, null=3e3, scan=(2e3, 2.5e3, 3e3)),
-            Knob("offset", "1", typical=0.1, lower=-1.0, upper=2.0, null=0.5, scan=(0.0, 0.25, 0.5, 0.75)),
-            Knob("q", "1", typical=30.0, lower=3.0, upper=2000.0, null=80.0),
-            Knob("edge", "1", typical=1e-3, upper=0.3),
-            Knob("edge_frequency", "1", typical=0.01, lower=0.2, upper=1.2, null=0.75, scan=(0.6, 0.7, 0.8, 0.9)),
+            EffectParameter("strength", "1", typical=1e-3, upper=0.3),
+            EffectParameter("speed", "m/s", typical=30.0, lower=_SLOWEST, upper=8e3, null=3e3, scan=(2e3, 2.5e3, 3e3)),
+            EffectParameter("offset", "1", typical=0.1, lower=-1.0, upper=2.0, null=0.5, scan=(0.0, 0.25, 0.5, 0.75)),
+            EffectParameter("q", "1", typical=30.0, lower=3.0, upper=2000.0, null=80.0),
+            EffectParameter("edge", "1", typical=1e-3, upper=0.3),
+            EffectParameter(
+                "edge_frequency", "1", typical=0.01, lower=0.2, upper=1.2, null=0.75, scan=(0.6, 0.7, 0.8, 0.9)
+            ),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arrays import Complexes, Impedances
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class LeadInductance(Effect):
@@ -23,9 +23,9 @@ class LeadInductance(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return L in henry and the resistance that comes with it in ohm: no wire has the one without the other."""
-        return (Knob("inductance", "H", typical=1e-8), Knob("resistance", "ohm", typical=0.05))
+        return (EffectParameter("inductance", "H", typical=1e-8), EffectParameter("resistance", "ohm", typical=0.05))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 from .base.scale import reactance
 
 
@@ -23,9 +23,9 @@ class Leakage(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return G in siemens."""
-        return (Knob("conductance", "S", typical=1e-4 / reactance(stack)),)
+        return (EffectParameter("conductance", "S", typical=1e-4 / reactance(stack)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device beside a conductance."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import Mass, Stack
-from .base.assembly import Assembly, Part
-from .base.effect import FACES, Effect, Knob, Stage
+from .base.assembly import Assembly, ParallelSection
+from .base.effect import FACES, Effect, EffectParameter, Stage
 from .base.scale import areal_mass
 from .electrode_mass import with_mass
 
@@ -34,13 +34,13 @@ class LocalMass(Effect):
         """Return both faces."""
         return FACES
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the part of the area that is loaded, and the mass per area there, kg/m2."""
         unit = areal_mass(stack)
         scan = tuple(height * unit for height in _HEIGHTS)
         return (
-            Knob("fraction", "1", typical=0.01, upper=0.5),
-            Knob(
+            EffectParameter("fraction", "1", typical=0.01, upper=0.5),
+            EffectParameter(
                 "mass",
                 "kg/m2",
                 typical=0.1 * unit,
@@ -57,7 +57,7 @@ class LocalMass(Effect):
         if fraction <= 0:
             return assembly
 
-        def parted(part: Part) -> tuple[Part, Part]:
+        def parted(part: ParallelSection) -> tuple[ParallelSection, ParallelSection]:
             loaded = with_mass(part.stack, where, mass)
             return (
                 replace(part, fraction=part.fraction * (1 - fraction)),

@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..stack import CausalConstantQ, ConstantLoss, Elastic, Piezo, Stack
 from ..stack.stack import Layer
 from .base.assembly import Assembly
-from .base.effect import Effect, Knob, Stage, layer_at
+from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.modified_laws import LossExponent
 from .base.scale import resonance
 
@@ -28,13 +28,13 @@ class LossDispersion(Effect):
         """Return every layer whose law of loss has no exponent of its own."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if _law_of(layer))
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the exponent, and how much of its causal companion the real part has (where the law has none yet)."""
         layer = next(layer for layer in stack.layers if layer.name == layer_at(where))
-        exponent = Knob("exponent", "1", typical=0.3, lower=-1.5, upper=1.5)
+        exponent = EffectParameter("exponent", "1", typical=0.3, lower=-1.5, upper=1.5)
         if isinstance(_law_of(layer), CausalConstantQ):
             return (exponent,)
-        return (exponent, Knob("companion", "1", typical=1.0, upper=1.0))
+        return (exponent, EffectParameter("companion", "1", typical=1.0, upper=1.0))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the loss of that layer as a power of frequency."""

@@ -6,14 +6,14 @@ from dataclasses import replace
 from ..base.arrays import Frequencies, Impedances
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class Polarity(Effect):
-    """-Z, Z* or -Z*: no device does it. There or not there: flags `inverted` and `conjugated`, 0 or 1, and no knob."""
+    """-Z, Z* or -Z*, which no device shows. Two flags, `inverted` and `conjugated`, each 0 or 1; no parameter."""
 
     name = "polarity"
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     says = "The recording is inverted or conjugated: sign of R, of X or of the phase is not the usual one."
     separates = "sweep a known capacitor: its R is positive and its X negative"
     references = ("exp(+jwt) throughout; a passive device has Re Z >= 0, a capacitor Im Z < 0",)
@@ -22,7 +22,7 @@ class Polarity(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return nothing: a sign has no size."""
         return ()
 

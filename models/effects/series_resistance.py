@@ -8,7 +8,7 @@ from ..base.arrays import Complexes, Impedances
 from ..circuits.terminals import Series
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 from .base.scale import reactance
 
 
@@ -29,10 +29,10 @@ class SeriesResistance(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the resistance, and the skin effect's share at 1 MHz, in ohm."""
         typical = 3e-3 * reactance(stack)
-        return (Knob("resistance", "ohm", typical), Knob("skin", "ohm", typical))
+        return (EffectParameter("resistance", "ohm", typical), EffectParameter("skin", "ohm", typical))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a resistance."""

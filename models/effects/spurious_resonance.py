@@ -6,7 +6,7 @@ from math import cos, pi, sin
 from ..stack import Stack
 from .base.assembly import Assembly
 from .base.branch import branch
-from .base.effect import Effect, Knob
+from .base.effect import Effect, EffectParameter
 from .base.scale import capacitance, resonance
 
 
@@ -25,14 +25,14 @@ class SpuriousResonance(Effect):
         """Return every layer: the step with which it appears tells where it sits."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for a mode of its own)."""
         f0 = resonance(stack)
         return (
-            Knob("strength", "1", typical=1e-3, upper=1.0),
-            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
-            Knob("q", "1", typical=20.0, lower=2.0, upper=1000.0, null=60.0, scan=(25.0, 100.0)),
-            Knob("phase", "rad", typical=0.3, lower=-1.5, upper=1.5),
+            EffectParameter("strength", "1", typical=1e-3, upper=1.0),
+            EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
+            EffectParameter("q", "1", typical=20.0, lower=2.0, upper=1000.0, null=60.0, scan=(25.0, 100.0)),
+            EffectParameter("phase", "rad", typical=0.3, lower=-1.5, upper=1.5),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

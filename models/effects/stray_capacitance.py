@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import TERMINALS, Effect, Knob, Stage
+from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 from .base.scale import capacitance
 
 
@@ -21,9 +21,9 @@ class StrayCapacitance(Effect):
         """Return `terminals`."""
         return (TERMINALS,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return C in farad."""
-        return (Knob("capacitance", "F", typical=2e-3 * capacitance(stack)),)
+        return (EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device beside a capacitance."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import Piezo, Stack
-from .base.assembly import Assembly, Part
-from .base.effect import Effect, Knob, layer_at
+from .base.assembly import Assembly, ParallelSection
+from .base.effect import Effect, EffectParameter, layer_at
 
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
 """What the dead layer has in common with the live one."""
@@ -36,11 +36,11 @@ class SurfaceLayer(Effect):
             return ()
         return tuple(f"layer:{layer.name}" for layer in piezos if layer.h33 != 0)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the dead thickness under the back and under the front face in metre."""
         thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
         typical, most = 0.005 * thickness, 0.4 * thickness
-        return (Knob("back", "m", typical, upper=most), Knob("front", "m", typical, upper=most))
+        return (EffectParameter("back", "m", typical, upper=most), EffectParameter("front", "m", typical, upper=most))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer cut into dead and live ones, which share their other constants."""
@@ -50,7 +50,7 @@ class SurfaceLayer(Effect):
         return replace(assembly, parts=tuple(_with_dead(part, name, depths) for part in assembly.parts))
 
 
-def _with_dead(part: Part, name: str, depths: Mapping[str, float]) -> Part:
+def _with_dead(part: ParallelSection, name: str, depths: Mapping[str, float]) -> ParallelSection:
     """Return the part with dead layers of these depths, at most `_MOST` of the layer, under its faces."""
     layers = part.stack.layers
     k = next(k for k, layer in enumerate(layers) if layer.name == name)
@@ -67,8 +67,10 @@ def _with_dead(part: Part, name: str, depths: Mapping[str, float]) -> Part:
     back, front = ([dead[side]] if side in dead else [] for side in ("back", "front"))
     stack = replace(part.stack, layers=(*layers[:k], *back, live, *front, *layers[k + 1 :]), connection="series")
     laws = [key for key in whole.parameters() if key.startswith(("c33D.", "eps33S.")) and key not in _SHARED]
-    twins = {f"{name}.{key}": tuple(f"{layer.name}.{key}" for layer in dead.values()) for key in (*_SHARED, *laws)}
-    return replace(part, stack=stack, twins={**part.twins, **twins})
+    linked_parameters = {
+        f"{name}.{key}": tuple(f"{layer.name}.{key}" for layer in dead.values()) for key in (*_SHARED, *laws)
+    }
+    return replace(part, stack=stack, linked_parameters={**part.linked_parameters, **linked_parameters})
 
 
 EFFECT = SurfaceLayer()

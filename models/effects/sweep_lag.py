@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arrays import Frequencies, Impedances
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.effect import SWEEP, Effect, Knob, Stage
+from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import resonance
 
 _AGO, _WEIGHTS = np.polynomial.laguerre.laggauss(6)
@@ -22,7 +22,7 @@ class SweepLag(Effect):
     """
 
     name = "sweep-lag"
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     says = "The sweep was too fast: each point was read before the device had settled."
     separates = "sweep up and down, halve the rate or narrow the bandwidth"
     references = ("left-out physics 4.1: Y(f - rate tau), tau the longer of Q/(pi f) and the filter's settling",)
@@ -31,15 +31,15 @@ class SweepLag(Effect):
         """Return `sweep`."""
         return (SWEEP,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return by how many hertz the reading lags in the step's first sweep (its rate times the time to settle).
 
         And the part of it that settles exponentially.
         """
         f0 = resonance(stack)
         return (
-            Knob("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),
-            Knob("memory", "1", typical=0.5, lower=0.0, upper=1.0, null=0.5),
+            EffectParameter("lag", "Hz", typical=1e-4 * f0, upper=0.1 * f0),
+            EffectParameter("memory", "1", typical=0.5, lower=0.0, upper=1.0, null=0.5),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances, Reals
 from ..stack import Stack
-from .base.assembly import Assembly, Part
-from .base.effect import SWEEP, Effect, Knob, Stage
+from .base.assembly import Assembly, ParallelSection
+from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import active
 
 _FEW, _MANY = 3, 6
@@ -24,7 +24,7 @@ class TemperatureDrift(Effect):
     """
 
     name = "temperature-drift"
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     sizes = 2
     says = "The device drifted while the sweep ran: the later points belong to a warmer (or colder) device."
     separates = "sweep up and down, or wait until two sweeps agree"
@@ -34,11 +34,11 @@ class TemperatureDrift(Effect):
         """Return `sweep`."""
         return (SWEEP,)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the relative drift of resonance frequencies and of permittivity over one sweep."""
         return (
-            Knob("relative", "1", typical=2e-4, lower=-0.05, upper=0.05),
-            Knob("permittivity", "1", typical=1e-3, lower=-0.2, upper=0.2),
+            EffectParameter("relative", "1", typical=2e-4, lower=-0.05, upper=0.05),
+            EffectParameter("permittivity", "1", typical=1e-3, lower=-0.2, upper=0.2),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -71,7 +71,7 @@ def _instants(stack: Stack, speed: float, lasting: float) -> int:
     return _FEW if abs(speed) * lasting < _SLIGHT * c33D.imag / (2 * c33D.real) else _MANY
 
 
-def _moved(part: Part, names: Sequence[str], factors: Sequence[float]) -> Part:
+def _moved(part: ParallelSection, names: Sequence[str], factors: Sequence[float]) -> ParallelSection:
     """Return the part with these parameters times their factors."""
     now = part.stack.parameters()
     moved = {own: now[own] * factors[k] for k, own, _ in part.moved_by(names)}

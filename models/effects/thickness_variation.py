@@ -9,8 +9,8 @@ from scipy.special import roots_jacobi
 
 from ..base.arrays import Reals
 from ..stack import Stack
-from .base.assembly import Assembly, Part
-from .base.effect import Effect, Knob, Stage, layer_at
+from .base.assembly import Assembly, ParallelSection
+from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active
 
 _STRIPS = (9, 17, 33, 65)
@@ -42,14 +42,17 @@ class ThicknessVariation(Effect):
         """Return every layer."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the variance of the thickness, relative to its mean squared (it acts linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
-        shape = Knob("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
+        shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
         if thin:
-            return (Knob("variance", "1", typical=0.02, upper=0.3), shape)
-        return (Knob("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01), shape)
+            return (EffectParameter("variance", "1", typical=0.02, upper=0.3), shape)
+        return (
+            EffectParameter("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01),
+            shape,
+        )
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return half the range of thickness, relative to its mean, of a wedge of this variance.
@@ -64,7 +67,7 @@ class ThicknessVariation(Effect):
         if w == 0:
             return assembly
 
-        def strips(part: Part) -> list[Part]:
+        def strips(part: ParallelSection) -> list[ParallelSection]:
             t0 = part.stack.parameters()[name]
             nodes, weights = _gauss(_strips(part.stack, w), values["shape"])
             return [

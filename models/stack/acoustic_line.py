@@ -51,14 +51,14 @@ class Line:
     b: Complexes
     """(1 - exp(-2 theta))/2, shape (N,)."""
 
-    def seen(self, load: ComplexLike) -> tuple[Complexes, Complexes]:
+    def input_impedance(self, load: ComplexLike) -> tuple[Complexes, Complexes]:
         """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and `share`."""
         q = (load - self.Zc) * self.b
         share = self.Zc / (self.Zc + q)
         return (load - q) * share, share
 
-    def passed(self, share: ComplexLike) -> ComplexLike:
-        """Return the far face's velocity per velocity of the near face, from the second answer of `seen`."""
+    def transmission(self, share: ComplexLike) -> ComplexLike:
+        """Return the far face's velocity per velocity of the near face, from the second answer of `input_impedance`."""
         return (1.0 - self.D) * share
 
     def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, ComplexLike]:

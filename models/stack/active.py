@@ -24,7 +24,7 @@ class ActiveLine(Line):
     W: Complexes
     """Clamped impedance t/(jw eps33S), ohm m2, shape (N,)."""
 
-    def radiates(self, back: ComplexLike, front: ComplexLike) -> tuple[Complexes, Complexes]:
+    def face_velocities(self, back: ComplexLike, front: ComplexLike) -> tuple[Complexes, Complexes]:
         """Return the velocities of back and front face into the layer per unit current density."""
         inner = self.D * self.D * (0.5 * self.Zc)
         total = (back - self.Zc) * (self.Zc - front) * self.b - (back + front) * self.Zc
@@ -35,10 +35,10 @@ class ActiveLine(Line):
         """Return voltage per current density, ohm m2, from the velocities that `radiates` gave."""
         return self.W + self.H * (v1 + v2)
 
-    def hears(self, load: ComplexLike, share: ComplexLike) -> Complexes:
+    def open_circuit_voltage(self, load: ComplexLike, share: ComplexLike) -> Complexes:
         """Return the voltage per velocity of one face into the layer, with `load` at the other and no current.
 
-        `share` is the second answer of `seen(load)`.
+        `share` is the second answer of `input_impedance(load)`.
         """
         return self.H * share * (0.5 * self.D * self.D + load * (1.0 / self.Zc) * self.b)
 

@@ -84,12 +84,12 @@ class Gap:
     y: Complexes
     """jw/stiffness: velocity difference per pressure, 1/Rayl, shape (N,)."""
 
-    def seen(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
+    def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
         """Return the impedance of one side in Rayl with `load` at the other, and the far side's share of velocity."""
         share = 1.0 / (1.0 + load * self.y)
         return load * share, share
 
-    def passed(self, share: ComplexLike) -> ComplexLike:
+    def transmission(self, share: ComplexLike) -> ComplexLike:
         """Return the far side's velocity per velocity of the near side."""
         return share
 
@@ -107,11 +107,11 @@ class Weight:
     z: Complexes
     """jw mass: pressure difference per velocity, Rayl, shape (N,)."""
 
-    def seen(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
+    def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
         """Return the impedance of one side in Rayl with `load` at the other, and that both sides move alike."""
         return load + self.z, 1.0
 
-    def passed(self, share: ComplexLike) -> ComplexLike:
+    def transmission(self, share: ComplexLike) -> ComplexLike:
         """Return the far side's velocity per velocity of the near side."""
         return share
 

@@ -19,12 +19,12 @@ from .laws import ComplexLike
 class Section(Protocol):
     """A layer at all frequencies, as the network sees it."""
 
-    def seen(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
-        """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and what `passed` asks for."""
+    def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
+        """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and what `transmission` needs."""
         ...
 
-    def passed(self, share: ComplexLike) -> ComplexLike:
-        """Return the far face's velocity per velocity of the near face, from the second answer of `seen`."""
+    def transmission(self, share: ComplexLike) -> ComplexLike:
+        """Return the far face's velocity per velocity of the near face, from the second answer of `input_impedance`."""
         ...
 
     def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, ComplexLike]:
@@ -39,7 +39,7 @@ class Side:
     Z: dict[int, ComplexLike]
     """Impedance in Rayl by interface."""
     share: dict[int, ComplexLike]
-    """For `Section.passed`, by the section that the wave runs through."""
+    """For `Section.transmission`, by the section that the wave runs through."""
 
 
 class Network:
@@ -51,11 +51,11 @@ class Network:
         self.first, self.last = min(self.active), max(self.active)
         self.backward, self.forward = Side({0: back}, {}), Side({len(sections): front}, {})
         for k in range(self.last):
-            self.backward.Z[k + 1], self.backward.share[k] = sections[k].seen(self.backward.Z[k])
+            self.backward.Z[k + 1], self.backward.share[k] = sections[k].input_impedance(self.backward.Z[k])
         for k in range(len(sections) - 1, self.first, -1):
-            self.forward.Z[k], self.forward.share[k] = sections[k].seen(self.forward.Z[k + 1])
+            self.forward.Z[k], self.forward.share[k] = sections[k].input_impedance(self.forward.Z[k + 1])
         self.sources = {
-            k: piezo.radiates(self.backward.Z[k], self.forward.Z[k + 1]) for k, piezo in self.active.items()
+            k: piezo.face_velocities(self.backward.Z[k], self.forward.Z[k + 1]) for k, piezo in self.active.items()
         }
         self.currents, self.Z = self._terminals(parallel)
 
@@ -81,9 +81,9 @@ class Network:
                 share = self.forward.share[k]
                 if k in self.active:
                     j = keys.index(k)
-                    ports[:, i, j] = self.active[k].hears(self.forward.Z[k + 1], share) * travelling
+                    ports[:, i, j] = self.active[k].open_circuit_voltage(self.forward.Z[k + 1], share) * travelling
                     ports[:, j, i] = ports[:, i, j]
-                travelling = travelling * self.sections[k].passed(share)
+                travelling = travelling * self.sections[k].transmission(share)
         return ports
 
     def field(self) -> list[tuple[ComplexLike, ComplexLike]]:
@@ -105,7 +105,7 @@ class Network:
         sent: dict[int, ComplexLike] = {}
         for k in range(self.first, len(self.sections)):
             if k in sent:
-                sent[k + 1] = sent[k] * self.sections[k].passed(self.forward.share[k])
+                sent[k + 1] = sent[k] * self.sections[k].transmission(self.forward.share[k])
             if k in self.active:
                 sent[k + 1] = sent.get(k + 1, 0.0) - self.sources[k][1] * self.currents[k]
         return sent
@@ -115,7 +115,7 @@ class Network:
         sent: dict[int, ComplexLike] = {}
         for k in range(self.last, -1, -1):
             if k + 1 in sent:
-                sent[k] = sent[k + 1] * self.sections[k].passed(self.backward.share[k])
+                sent[k] = sent[k + 1] * self.sections[k].transmission(self.backward.share[k])
             if k in self.active:
                 sent[k] = sent.get(k, 0.0) + self.sources[k][0] * self.currents[k]
         return sent

@@ -12,20 +12,20 @@ if TYPE_CHECKING:
 class Joins:
     """A part that can stand in a row."""
 
-    def __or__(self, other: Joins | Row) -> Row:
+    def __or__(self, other: Joins | LayerRow) -> LayerRow:
         """Return the row in which `other` stands in front of this part."""
-        return Row((self,)) | other
+        return LayerRow((self,)) | other
 
 
 @dataclass(frozen=True)
-class Row:
+class LayerRow:
     """Parts back to front, not yet a stack: the area of the faces is missing."""
 
     parts: tuple[Joins, ...]
 
-    def __or__(self, other: Joins | Row) -> Row:
+    def __or__(self, other: Joins | LayerRow) -> LayerRow:
         """Return the row in which `other` stands in front of these parts."""
-        return Row(self.parts + (other.parts if isinstance(other, Row) else (other,)))
+        return LayerRow(self.parts + (other.parts if isinstance(other, LayerRow) else (other,)))
 
     def with_area(self, area: float) -> Stack:
         """Return the stack of these parts with faces of `area` m2. Raises StackError where no load ends the row."""

@@ -14,7 +14,7 @@ from ..instrument.accuracy import noise_sigma, noisy, systematic, terms
 from ..instrument.axis import Axis
 from .bench_errors import BenchError
 from .jig import JIGS, LOAD_STANDARD_OHM, Jig
-from .sample import STEPS, Sample, sample
+from .sample import STEPS, BenchSample, sample
 from .sweep_effects import Effects, device_impedance
 
 CONTENTS = ("device", "open", "short", "load")
@@ -40,7 +40,7 @@ class Bench:
     """Bench time: the unscaled seconds that all sweeps so far took."""
     inverted: bool = False
     """Fault: polarity reversed, the impedance comes with the opposite sign."""
-    sample: Sample = field(init=False)
+    sample: BenchSample = field(init=False)
     _random: np.random.Generator = field(init=False)
     _idle_random: np.random.Generator = field(init=False)
 

@@ -10,7 +10,7 @@ from ...models.base.errors import PzctlError
 from ..instrument.instrument import Instrument
 from ..language.dialect import panel
 from ..transport.faults import LASTING, Faults
-from ..transport.session import Midway
+from ..transport.session import InFlight
 from .bench_errors import BenchError
 from .hidden_effects import hidden, hide
 from .jig import JIGS, Jig
@@ -21,7 +21,7 @@ class BenchPort:
     """Answers the bench's commands."""
 
     def __init__(
-        self, instrument: Instrument, faults: Faults, midway: Midway, power_cycle: Callable[[float], None]
+        self, instrument: Instrument, faults: Faults, midway: InFlight, power_cycle: Callable[[float], None]
     ) -> None:
         self._instrument, self._bench, self._faults = instrument, instrument.bench, faults
         self._midway, self._power_cycle = midway, power_cycle

@@ -34,7 +34,7 @@ GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
 
 
 @dataclass(frozen=True)
-class Sample:
+class BenchSample:
     """One transducer with all its layers, back to front; `seed` names it."""
 
     seed: int
@@ -104,7 +104,7 @@ def _constants(layer: Piezo | Elastic) -> list[tuple[str, complex, str]]:
     ]
 
 
-def sample(seed: int) -> Sample:
+def sample(seed: int) -> BenchSample:
     """Return the sample of this seed: the same one every time."""
     random = np.random.default_rng([seed, 4294])
 
@@ -117,7 +117,7 @@ def sample(seed: int) -> Sample:
     ml1 = _matching("ml1", about(10.3e6, 0.04), about(2455.0, 0.05), about(0.139e-3, 0.007), about(24.0, 0.12))
     glue2 = _glue("glue2", about(6.4e-6, 0.08))
     ml2 = _matching("ml2", about(2.4e6, 0.04), about(2250.0, 0.03), about(0.147e-3, 0.007), about(22.0, 0.10))
-    return Sample(seed, (disk, glue1, ml1, glue2, ml2), _radial(about, disk))
+    return BenchSample(seed, (disk, glue1, ml1, glue2, ml2), _radial(about, disk))
 
 
 def _antiresonance(disk: Piezo) -> float:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from .detectability import Imitation
-from .injected_effect import Plant
-from .recording_process import Take, noisy, record
+from .detectability import AbsorbedFit
+from .injected_effect import InjectedEffect
+from .recording_process import SweepSpec, noisy, record
 from .scenario_draw import Case, draw_case
-from .test_device import AIR, Coat, Specimen
+from .test_device import AIR, BondedLayer, TestDevice
 
 TRUTH = "truth.json"
 _CONSTANTS = ("c33D", "h33", "eps33S")
@@ -49,7 +49,7 @@ def make_cases(folder: Path, seed: int, count: int) -> str:
     return seal(folder, [make_case(folder / "cases", seed, index) for index in range(count)])
 
 
-def _csv_text(take: Take, z: np.ndarray[Any, Any]) -> str:
+def _csv_text(take: SweepSpec, z: np.ndarray[Any, Any]) -> str:
     """Return a recording in the order in which it was swept, seven digits."""
     lines = [f"# bandwidth: {take.bandwidth}", f"# oscillator_V: {take.level_V}"]
     if take.seconds:
@@ -78,7 +78,7 @@ def _build_text(case: Case) -> str:
     return "\n".join(lines)
 
 
-def _coat_text(coat: Coat) -> str:
+def _coat_text(coat: BondedLayer) -> str:
     if coat.glue:
         return (
             f'[[layers]]\nname = "{coat.name}"\nkind = "elastic"\nz_MRayl = {coat.told_z / 1e6}\n'
@@ -106,17 +106,17 @@ def _truth(case: Case) -> dict[str, Any]:
     }
 
 
-def _that_matter(case: Case) -> list[Plant]:
+def _that_matter(case: Case) -> list[InjectedEffect]:
     """Return the plants that a constant has to pay for: one that neither shows nor moves anything is nothing."""
     true = case.hideout.specimen.disk
 
-    def moved(seen: Imitation) -> float:
+    def moved(seen: AbsorbedFit) -> float:
         return max(abs(getattr(seen.specimen.disk, name) / getattr(true, name) - 1) for name in _CONSTANTS)
 
     return [plant for plant, seen in zip(case.hideout.plants, case.seen, strict=True) if moved(seen) > _MATTERS]
 
 
-def _planted(plant: Plant, gain: float) -> dict[str, Any]:
+def _planted(plant: InjectedEffect, gain: float) -> dict[str, Any]:
     return {
         "effect": plant.effect,
         "accept": list(plant.accept),
@@ -128,7 +128,7 @@ def _planted(plant: Plant, gain: float) -> dict[str, Any]:
     }
 
 
-def _constants(specimen: Specimen) -> dict[str, Any]:
+def _constants(specimen: TestDevice) -> dict[str, Any]:
     disk = specimen.disk
     of_disk: dict[str, complex] = {name: getattr(disk, name) for name in _CONSTANTS}
     found: dict[str, Any] = {f"disk.{name}": [value.real, value.imag] for name, value in of_disk.items()}

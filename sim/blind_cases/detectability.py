@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .injected_effect import Hideout, Plant
-from .recording_process import Take, record
-from .test_device import AIR, Coat, Specimen
+from .injected_effect import InjectedEffect, Scenario
+from .recording_process import SweepSpec, record
+from .test_device import AIR, BondedLayer, TestDevice
 from .waves import Complexes, Reals
 
 _BACKED = 1e6
@@ -21,16 +21,16 @@ _STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Imitation:
+class AbsorbedFit:
     """The best that the free constants can do without a plant."""
 
     gain: float
     """chi2 that stays."""
-    specimen: Specimen
+    specimen: TestDevice
     """The biased constants."""
 
 
-def imitate(hideout: Hideout, index: int, takes: Sequence[Take]) -> Imitation:
+def imitate(hideout: Scenario, index: int, takes: Sequence[SweepSpec]) -> AbsorbedFit:
     """Return the fit without plant number `index`, the sizes of all other plants free."""
     without = hideout.without(index)
     target = [np.log(record(hideout.specimen, hideout.hidden(take.step), take)) for take in takes]
@@ -38,12 +38,12 @@ def imitate(hideout: Hideout, index: int, takes: Sequence[Take]) -> Imitation:
     coats = [k for k, coat in enumerate(hideout.specimen.coats) if coat.name not in hideout.untold]
     size = 8 + sum(1 if hideout.specimen.coats[k].glue else 3 for k in coats) + len(others)
 
-    def world(x: Reals) -> Hideout:
+    def world(x: Reals) -> Scenario:
         specimen = moved(hideout.specimen, x[: size - len(others)], coats)
-        plants: list[Plant] = list(without.plants)
+        plants: list[InjectedEffect] = list(without.plants)
         for k, change in zip(others, x[size - len(others) :], strict=True):
             plants[k] = replace(plants[k], scale=plants[k].scale * (1 + change))
-        return Hideout(specimen, tuple(plants))
+        return Scenario(specimen, tuple(plants))
 
     def residual(x: Reals) -> Reals:
         here = world(x)
@@ -54,10 +54,10 @@ def imitate(hideout: Hideout, index: int, takes: Sequence[Take]) -> Imitation:
         return np.concatenate([*rows, _priors(here.specimen, coats)])
 
     x, chi2 = _descend(residual, np.zeros(size))
-    return Imitation(chi2, world(x).specimen)
+    return AbsorbedFit(chi2, world(x).specimen)
 
 
-def sized(hideout: Hideout, index: int, takes: Sequence[Take], gain: float) -> tuple[Hideout, Imitation]:
+def sized(hideout: Scenario, index: int, takes: Sequence[SweepSpec], gain: float) -> tuple[Scenario, AbsorbedFit]:
     """Return the hideout with plant `index` as large as it takes to be visible with `gain`, within physical limits."""
     best, seen, power = hideout, imitate(hideout, index, takes), 2.0
     for _ in range(5):
@@ -76,7 +76,7 @@ def sized(hideout: Hideout, index: int, takes: Sequence[Take], gain: float) -> t
     return best, seen
 
 
-def moved(specimen: Specimen, x: Reals, coats: Sequence[int]) -> Specimen:
+def moved(specimen: TestDevice, x: Reals, coats: Sequence[int]) -> TestDevice:
     """Return the specimen with its constants changed: relative changes of the disk's, the air's, the free coats'."""
     disk = replace(
         specimen.disk,
@@ -98,19 +98,19 @@ def moved(specimen: Specimen, x: Reals, coats: Sequence[int]) -> Specimen:
     return replace(specimen, disk=disk, coats=tuple(all_coats), back=back, front=air[1])
 
 
-def _moved_coat(coat: Coat, x: Reals) -> Coat:
+def _moved_coat(coat: BondedLayer, x: Reals) -> BondedLayer:
     z, c, q = coat.z * (1 + float(x[0])), coat.c * (1 + float(x[1])), coat.q * float(np.exp(np.clip(x[2], -3, 3)))
     return replace(coat, z=z, c=c, q=q)
 
 
-def _row(z: Complexes, wanted: Complexes, take: Take) -> Reals:
+def _row(z: Complexes, wanted: Complexes, take: SweepSpec) -> Reals:
     difference = np.log(z) - wanted
     wrapped = difference.real + 1j * ((difference.imag + np.pi) % (2 * np.pi) - np.pi)
     sigma = take.noise + 5e-6 / np.abs(z)
     return np.concatenate([wrapped.real / sigma, wrapped.imag / sigma])
 
 
-def _priors(specimen: Specimen, coats: Sequence[int]) -> Reals:
+def _priors(specimen: TestDevice, coats: Sequence[int]) -> Reals:
     """Return how far coats and air are from what is known of them, in its uncertainties, as far as it matters.
 
     A face in a jig feels anything from nothing upwards: air counts as known to its own size.

@@ -6,13 +6,13 @@ from typing import Any, Literal
 
 from .node_circuit import Path
 from .scenario import NOTHING, Hidden
-from .test_device import Specimen
+from .test_device import TestDevice
 
 Needs = Literal["nothing", "up and down", "levels", "the disk alone", "a backing", "a bond", "two bonds"]
 
 
 @dataclass(frozen=True)
-class Plant:
+class InjectedEffect:
     """One effect. `put(hidden, scale)` hides it at `scale` times its base size; at 0 it is not there."""
 
     effect: str
@@ -31,17 +31,17 @@ class Plant:
     accept: tuple[str, ...] = ()
     """Other names that are right as well."""
 
-    def at(self, scale: float) -> "Plant":
+    def at(self, scale: float) -> "InjectedEffect":
         """Return the plant at another size, kept within what is physical."""
         return replace(self, scale=min(max(scale, self.least), self.most))
 
 
 @dataclass(frozen=True)
-class Hideout:
+class Scenario:
     """A specimen with plants."""
 
-    specimen: Specimen
-    plants: tuple[Plant, ...] = ()
+    specimen: TestDevice
+    plants: tuple[InjectedEffect, ...] = ()
 
     def hidden(self, step: str) -> Hidden:
         """Return everything hidden while `step` is measured."""
@@ -56,20 +56,20 @@ class Hideout:
         found = (self.hidden(step).untold for step in self.specimen.steps)
         return tuple({one[0] for one in found if one is not None})
 
-    def without(self, index: int) -> "Hideout":
+    def without(self, index: int) -> "Scenario":
         """Return the same with one plant gone."""
         plants = tuple(replace(p, scale=0.0) if k == index else p for k, p in enumerate(self.plants))
         return replace(self, plants=plants)
 
 
-def path_plant(effect: str, steps: tuple[str, ...], most: float, **sizes: Any) -> Plant:
+def path_plant(effect: str, steps: tuple[str, ...], most: float, **sizes: Any) -> InjectedEffect:
     """Return a plant on the way to the device; the sizes are those of `Path`."""
 
     def put(hidden: Hidden, scale: float) -> Hidden:
         path: Path = replace(hidden.path, **{name: scale * size for name, size in sizes.items()})
         return replace(hidden, path=path)
 
-    return Plant(effect, ("terminals",), steps, put, sizes, most=most)
+    return InjectedEffect(effect, ("terminals",), steps, put, sizes, most=most)
 
 
 def slot_plant(
@@ -79,10 +79,10 @@ def slot_plant(
     slot: Callable[[float], dict[str, Any]],
     sizes: dict[str, float],
     **more: Any,
-) -> Plant:
+) -> InjectedEffect:
     """Return a plant that fills fields of `Hidden`; at scale 0 they are left as they are."""
 
     def put(hidden: Hidden, scale: float) -> Hidden:
         return replace(hidden, **slot(scale)) if scale else hidden
 
-    return Plant(effect, where, steps, put, sizes, **more)
+    return InjectedEffect(effect, where, steps, put, sizes, **more)

@@ -7,8 +7,8 @@ import numpy as np
 
 from .ritz import finite_disk_admittance
 from .scenario import Hidden
-from .test_device import AIR, DENSITY, Coat, Specimen
-from .waves import Column, Complexes, Part, Reals, Sheet, Slice, admittance, respond
+from .test_device import AIR, DENSITY, BondedLayer, TestDevice
+from .waves import Complexes, InterfaceSheet, LayerColumn, Part, Reals, Slice, admittance, respond
 
 _THICKNESSES = 41
 _SLICES = 14
@@ -27,7 +27,7 @@ class Moment:
 STILL = Moment()
 
 
-def device_admittance(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Moment = STILL) -> Complexes:
+def device_admittance(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment = STILL) -> Complexes:
     """Return the admittance of a step's device without what leads to it; S, shape (N,)."""
     if hidden.modes:
         return finite_disk_admittance(f, specimen)
@@ -35,16 +35,18 @@ def device_admittance(f: Reals, specimen: Specimen, hidden: Hidden, step: str, m
     return admittance(2 * np.pi * f, [(part * specimen.area, column) for part, column in columns])
 
 
-def mean_strain(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Moment) -> Complexes:
+def mean_strain(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment) -> Complexes:
     """Return the disk's mean strain per ampere through the device; 1/A, shape (N,)."""
     omega = 2 * np.pi * f
     _, column = _columns(f, specimen, hidden, step, moment)[0]
     return respond(omega, column).strain / (1j * omega * specimen.area)
 
 
-def _columns(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Moment) -> list[tuple[float, Column]]:
+def _columns(
+    f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment
+) -> list[tuple[float, LayerColumn]]:
     """Return all columns with their parts of the area: a distribution of thickness, voids, a dot."""
-    whole: list[tuple[float, Column]] = []
+    whole: list[tuple[float, LayerColumn]] = []
     for part, of_thickness in _thicknesses(specimen, hidden):
         whole += [(part * share, column) for share, column in _bonded(f, of_thickness, hidden, step, moment)]
     if hidden.dot is None:
@@ -54,7 +56,7 @@ def _columns(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Mo
     return [(part * (1 - share), column) for part, column in whole] + loaded
 
 
-def _thicknesses(specimen: Specimen, hidden: Hidden) -> list[tuple[float, Specimen]]:
+def _thicknesses(specimen: TestDevice, hidden: Hidden) -> list[tuple[float, TestDevice]]:
     if hidden.taper is None:
         return [(1.0, specimen)]
     layer, half, shape = hidden.taper
@@ -69,14 +71,16 @@ def _thicknesses(specimen: Specimen, hidden: Hidden) -> list[tuple[float, Specim
     return [(float(w), _thicker(specimen, layer, 1 + half * float(k))) for w, k in zip(weight, x, strict=True)]
 
 
-def _thicker(specimen: Specimen, layer: str, factor: float) -> Specimen:
+def _thicker(specimen: TestDevice, layer: str, factor: float) -> TestDevice:
     if layer == "disk":
         return replace(specimen, disk=replace(specimen.disk, thickness=specimen.disk.thickness * factor))
     coats = tuple(replace(c, thickness=c.thickness * factor) if c.name == layer else c for c in specimen.coats)
     return replace(specimen, coats=coats)
 
 
-def _bonded(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Moment) -> list[tuple[float, Column]]:
+def _bonded(
+    f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment
+) -> list[tuple[float, LayerColumn]]:
     coats = _true_coats(specimen, hidden, step)
     if hidden.void is None:
         return [(1.0, _column(f, specimen, coats, hidden, moment))]
@@ -89,7 +93,7 @@ def _bonded(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Mom
     ]
 
 
-def _true_coats(specimen: Specimen, hidden: Hidden, step: str) -> tuple[Coat, ...]:
+def _true_coats(specimen: TestDevice, hidden: Hidden, step: str) -> tuple[BondedLayer, ...]:
     coats = specimen.coats_of(step)
     if hidden.untold is None:
         return coats
@@ -98,11 +102,13 @@ def _true_coats(specimen: Specimen, hidden: Hidden, step: str) -> tuple[Coat, ..
     return tuple(coat for coat in there if coat.thickness > 0)
 
 
-def _column(f: Reals, specimen: Specimen, coats: Sequence[Coat], hidden: Hidden, moment: Moment) -> Column:
+def _column(
+    f: Reals, specimen: TestDevice, coats: Sequence[BondedLayer], hidden: Hidden, moment: Moment
+) -> LayerColumn:
     omega = 2 * np.pi * f
-    parts: list[Part] = [Sheet(hidden.mass[0])] if hidden.mass[0] else []
+    parts: list[Part] = [InterfaceSheet(hidden.mass[0])] if hidden.mass[0] else []
     parts += _ceramic(f, specimen, hidden, moment)
-    parts += [Sheet(hidden.mass[1])] if hidden.mass[1] else []
+    parts += [InterfaceSheet(hidden.mass[1])] if hidden.mass[1] else []
     parts += [_coat(f, specimen, coat, hidden) for coat in coats]
     back: complex | Complexes = specimen.back
     if hidden.backing is not None:
@@ -113,17 +119,17 @@ def _column(f: Reals, specimen: Specimen, coats: Sequence[Coat], hidden: Hidden,
         side, kind, size = hidden.face
         resting = size * (1 + 0.05j) / (1j * omega) if kind == "spring" else size
         back, front = (back + resting, front) if side == "back" else (back, front + resting)
-    return Column(tuple(parts), back, front)
+    return LayerColumn(tuple(parts), back, front)
 
 
-def _backing(specimen: Specimen, size: tuple[float, float]) -> Slice:
+def _backing(specimen: TestDevice, size: tuple[float, float]) -> Slice:
     waves, q = size
     length = waves * _BACKING_SPEED / specimen.disk.f0
     stiffness = specimen.back * _BACKING_SPEED * (1 + 1j / q)
     return Slice(length, specimen.back / _BACKING_SPEED, stiffness)
 
 
-def _ceramic(f: Reals, specimen: Specimen, hidden: Hidden, moment: Moment) -> list[Part]:
+def _ceramic(f: Reals, specimen: TestDevice, hidden: Hidden, moment: Moment) -> list[Part]:
     disk = specimen.disk
     c = disk.c33D * moment.stiffness * _loss(f, specimen, hidden, "disk", disk.c33D.real / disk.c33D.imag)
     eps = disk.eps33S * moment.permittivity * _permittivity(f, specimen, hidden)
@@ -143,12 +149,12 @@ def _ceramic(f: Reals, specimen: Specimen, hidden: Hidden, moment: Moment) -> li
     return [*thin, rest] if side == "back" else [rest, *reversed(thin)]
 
 
-def _coat(f: Reals, specimen: Specimen, coat: Coat, hidden: Hidden) -> Slice:
+def _coat(f: Reals, specimen: TestDevice, coat: BondedLayer, hidden: Hidden) -> Slice:
     stiffness = coat.z * coat.c * (1 + 1j / coat.q) * _loss(f, specimen, hidden, coat.name, coat.q)
     return Slice(coat.thickness, coat.z / coat.c, stiffness)
 
 
-def _loss(f: Reals, specimen: Specimen, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
+def _loss(f: Reals, specimen: TestDevice, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
     """Return the factor that makes a loss of constant Q one that follows a power of frequency, equal at f0."""
     if hidden.loss_power is None or hidden.loss_power[0] != layer:
         return 1.0
@@ -158,7 +164,7 @@ def _loss(f: Reals, specimen: Specimen, hidden: Hidden, layer: str, q: float) ->
     return (1 + (1j * grown + real) / q) / (1 + 1j / q)
 
 
-def _permittivity(f: Reals, specimen: Specimen, hidden: Hidden) -> float | Complexes:
+def _permittivity(f: Reals, specimen: TestDevice, hidden: Hidden) -> float | Complexes:
     if hidden.dielectric is None:
         return 1.0
     kind, size = hidden.dielectric
@@ -168,6 +174,6 @@ def _permittivity(f: Reals, specimen: Specimen, hidden: Hidden) -> float | Compl
     return 1 + size * (1 / (1 + 1j * x / 0.3) - 1 / (1 + 1j / 0.3))
 
 
-def _with_sheet(column: Column, mass: float, side: str) -> Column:
-    sheet = Sheet(mass)
+def _with_sheet(column: LayerColumn, mass: float, side: str) -> LayerColumn:
+    sheet = InterfaceSheet(mass)
     return replace(column, parts=(sheet, *column.parts) if side == "back" else (*column.parts, sheet))

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from .node_circuit import measured_impedance
 from .parallel_columns import STILL, Moment, device_admittance, mean_strain
 from .scenario import Hidden
-from .test_device import Specimen
+from .test_device import TestDevice
 from .waves import Complexes, Reals
 
 _BETWEEN = 16
@@ -17,7 +17,7 @@ _ROUNDS = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class SweepSpec:
     """One sweep: which step, where, how."""
 
     step: str
@@ -33,7 +33,7 @@ class Take:
     bandwidth: int = 5
 
 
-def record(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
+def record(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Return what the analyzer would show without noise; ohm, shape (N,), in the order of rising frequency."""
     f = take.frequency
     if hidden.settling > 0:
@@ -46,23 +46,23 @@ def record(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
     return z if hidden.outside is None else _flawed(z, take, *hidden.outside)
 
 
-def noisy(z: Complexes, take: Take, rng: np.random.Generator) -> Complexes:
+def noisy(z: Complexes, take: SweepSpec, rng: np.random.Generator) -> Complexes:
     """Return a recording with the analyzer's noise: relative to |Z|, and some microohms where it is small."""
     size = take.noise * np.abs(z) + 5e-6
     return z + size * (rng.standard_normal(z.size) + 1j * rng.standard_normal(z.size))
 
 
-def _steady(f: Reals, specimen: Specimen, hidden: Hidden, step: str, moment: Moment) -> Complexes:
+def _steady(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment) -> Complexes:
     return measured_impedance(2 * np.pi * f, device_admittance(f, specimen, hidden, step, moment), hidden.path)
 
 
-def _progress(take: Take, f: Reals) -> Reals:
+def _progress(take: SweepSpec, f: Reals) -> Reals:
     """Return when each point is taken, in sweeps since the first one of its step began; shape (N,)."""
     part = (f - take.frequency[0]) / (take.frequency[-1] - take.frequency[0])
     return take.order + ((1 - part) if take.down else part)
 
 
-def _moment(hidden: Hidden, take: Take, f: Reals) -> Moment:
+def _moment(hidden: Hidden, take: SweepSpec, f: Reals) -> Moment:
     if hidden.drift is None:
         return STILL
     t = _progress(take, f)
@@ -71,7 +71,7 @@ def _moment(hidden: Hidden, take: Take, f: Reals) -> Moment:
     )
 
 
-def _lagging(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
+def _lagging(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Let the detector's output run after the admittance, exponentially, while the frequency moves on."""
     f = take.frequency
     n = f.size
@@ -87,7 +87,7 @@ def _lagging(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
     return shown[::-1] if take.down else shown
 
 
-def _driven(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
+def _driven(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Find, at each point, the strain of a disk that the strain softens; the analyzer holds its voltage.
 
     Strain and stiffness follow one another until they agree.
@@ -103,7 +103,7 @@ def _driven(specimen: Specimen, hidden: Hidden, take: Take) -> Complexes:
     return z
 
 
-def _flawed(z: Complexes, take: Take, kind: str, size: float, where: float) -> Complexes:
+def _flawed(z: Complexes, take: SweepSpec, kind: str, size: float, where: float) -> Complexes:
     """Return the recording with a flaw of the instrument."""
     f = take.frequency
     x = (f - f[0]) / (f[-1] - f[0])

@@ -7,11 +7,11 @@ import numpy as np
 
 from . import effect_families as families
 from . import layer_families as layered
-from .detectability import Imitation, imitate, sized
-from .injected_effect import Hideout, Plant, path_plant
+from .detectability import AbsorbedFit, imitate, sized
+from .injected_effect import InjectedEffect, Scenario, path_plant
 from .node_circuit import OHM_OF_CABLE
-from .recording_process import Take
-from .test_device import Specimen, random_specimen
+from .recording_process import SweepSpec
+from .test_device import TestDevice, random_specimen
 
 KINDS = {"none": 0.25, "one": 0.45, "two": 0.15, "outside": 0.10, "absorbed": 0.05}
 _UNSEEN = 6.0
@@ -31,9 +31,9 @@ class Case:
 
     name: str
     kind: str
-    hideout: Hideout
-    takes: tuple[Take, ...]
-    seen: tuple[Imitation, ...]
+    hideout: Scenario
+    takes: tuple[SweepSpec, ...]
+    seen: tuple[AbsorbedFit, ...]
     """Of each plant: how visible it is, the sizes of the others free."""
     told_diameter: float
     """m; the build file's."""
@@ -50,7 +50,7 @@ def draw_case(seed: int, index: int) -> Case:
     if kind == "absorbed" and not plants:
         told, specimen = _mistold(rng, specimen)
     takes = plan(rng, specimen, plants, kind)
-    hideout = Hideout(specimen, plants)
+    hideout = Scenario(specimen, plants)
     for k in range(len(plants)):
         hideout, _ = sized(hideout, k, takes, _wanted(rng, kind))
     seen = tuple(imitate(hideout, k, takes) for k in range(len(plants)))
@@ -63,7 +63,7 @@ def draw_case(seed: int, index: int) -> Case:
     return Case(name, kind, hideout, takes, seen, told, int(rng.integers(2**31)))
 
 
-def by_other_names(hideout: Hideout, takes: Sequence[Take]) -> tuple[Plant, ...]:
+def by_other_names(hideout: Scenario, takes: Sequence[SweepSpec]) -> tuple[InjectedEffect, ...]:
     """Return the plants with the names that are as right: a cable whose capacitance nobody can see is a lead."""
     plants = hideout.plants
     cables = [k for k, one in enumerate(plants) if one.effect == "cable"]
@@ -72,7 +72,7 @@ def by_other_names(hideout: Hideout, takes: Sequence[Take]) -> tuple[Plant, ...]
     cable = plants[cables[0]]
     inductance = OHM_OF_CABLE * cable.scale * float(cable.sizes["delay"])
     lead = path_plant("lead-inductance", cable.steps, 30.0, inductance=inductance)
-    if imitate(Hideout(hideout.specimen, (*plants, lead)), cables[0], takes).gain > _UNSEEN:
+    if imitate(Scenario(hideout.specimen, (*plants, lead)), cables[0], takes).gain > _UNSEEN:
         return plants
     together = _as_one({lead.effect if one is cable else one.effect for one in plants})
     return tuple(replace(one, accept=together or ((lead.effect,) if one is cable else ())) for one in plants)
@@ -85,7 +85,7 @@ def _wanted(rng: np.random.Generator, kind: str) -> float:
     return float(10 ** rng.uniform(2.2 if kind == "two" else 1.3, 7.0))
 
 
-def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:
+def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[InjectedEffect, ...], TestDevice]:
     """Return plants and a specimen that has the places for them."""
     steps = int(rng.choice([1, 2, 3], p=[0.6, 0.28, 0.12]))
     backed = bool(rng.random() < 0.08)
@@ -105,9 +105,11 @@ def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[Plant
     return (), random_specimen(rng, name, 1, False)
 
 
-def _drawn(rng: np.random.Generator, chosen: Sequence[families.Family], specimen: Specimen) -> tuple[Plant, ...] | None:
+def _drawn(
+    rng: np.random.Generator, chosen: Sequence[families.Family], specimen: TestDevice
+) -> tuple[InjectedEffect, ...] | None:
     """Return the plants, or None where the specimen has no place for one of them."""
-    plants: list[Plant] = []
+    plants: list[InjectedEffect] = []
     for family in chosen:
         if family in families.BOND and not specimen.coats:
             return None
@@ -132,7 +134,7 @@ def _as_one(pair: set[str]) -> tuple[str, ...]:
     return ()
 
 
-def _absorbed(rng: np.random.Generator, specimen: Specimen) -> tuple[Plant, ...]:
+def _absorbed(rng: np.random.Generator, specimen: TestDevice) -> tuple[InjectedEffect, ...]:
     """Return a plant to be kept below what can be seen, or none where the build file is to be wrong."""
     u = rng.random()
     if u < 0.5:
@@ -141,7 +143,7 @@ def _absorbed(rng: np.random.Generator, specimen: Specimen) -> tuple[Plant, ...]
     return (face,) if u < 0.7 and face.least < _SMALL else ()
 
 
-def _mistold(rng: np.random.Generator, specimen: Specimen) -> tuple[float, Specimen]:
+def _mistold(rng: np.random.Generator, specimen: TestDevice) -> tuple[float, TestDevice]:
     """Return the diameter that the build file says and the specimen: one size is wrong by some parts in 1000."""
     wrong = 1 + float(rng.uniform(1e-3, 4e-3)) * (1 if rng.random() < 0.5 else -1)
     if rng.random() < 0.5:
@@ -149,7 +151,9 @@ def _mistold(rng: np.random.Generator, specimen: Specimen) -> tuple[float, Speci
     return specimen.diameter, replace(specimen, told_thickness=specimen.disk.thickness * wrong)
 
 
-def plan(rng: np.random.Generator, specimen: Specimen, plants: Sequence[Plant], kind: str) -> tuple[Take, ...]:
+def plan(
+    rng: np.random.Generator, specimen: TestDevice, plants: Sequence[InjectedEffect], kind: str
+) -> tuple[SweepSpec, ...]:
     """Return the sweeps of a session: every step, with a repeat downwards or at another level where that decides."""
     f0 = specimen.disk.f0
     needs = {plant.needs for plant in plants}
@@ -161,8 +165,8 @@ def plan(rng: np.random.Generator, specimen: Specimen, plants: Sequence[Plant], 
         low, high = _CONCEALING[int(rng.integers(len(_CONCEALING)))]
     f = np.round(np.linspace(low * f0, high * f0, _POINTS), 3)
     quiet = bool(rng.random() < 0.9)
-    base = Take("disk", f, noise=2e-4 if quiet else 6e-4, bandwidth=5 if quiet else 3, level_V=0.5)
-    takes: list[Take] = []
+    base = SweepSpec("disk", f, noise=2e-4 if quiet else 6e-4, bandwidth=5 if quiet else 3, level_V=0.5)
+    takes: list[SweepSpec] = []
     chance = rng.random()
     for step in specimen.steps:
         first = replace(base, step=step)

@@ -13,7 +13,7 @@ _C33D, _H33, _EPS33S = 144.4e9, 1.98367e9, 913.73 * 8.8541878128e-12
 
 
 @dataclass(frozen=True)
-class Disk:
+class DiskShape:
     """The ceramic: m, Pa, V/m, F/m; exp(+jwt)."""
 
     thickness: float
@@ -28,7 +28,7 @@ class Disk:
 
 
 @dataclass(frozen=True)
-class Coat:
+class BondedLayer:
     """A glued layer, or the glue: m, Rayl, m/s; its stiffness is z c (1 + j/q)."""
 
     name: str
@@ -44,13 +44,13 @@ class Coat:
 
 
 @dataclass(frozen=True)
-class Specimen:
+class TestDevice:
     """One transducer; its steps are `disk`, `ml1`, `ml2`, as many as there are."""
 
     name: str
     diameter: float
-    disk: Disk
-    coats: tuple[Coat, ...] = ()
+    disk: DiskShape
+    coats: tuple[BondedLayer, ...] = ()
     back: float = AIR
     front: float = AIR
     """Rayl, what the last layer works into."""
@@ -63,15 +63,15 @@ class Specimen:
         """m2."""
         return float(np.pi) * self.diameter**2 / 4
 
-    def coats_of(self, step: str) -> tuple[Coat, ...]:
+    def coats_of(self, step: str) -> tuple[BondedLayer, ...]:
         """Return what is glued on in a step, back to front."""
         return self.coats[: 2 * self.steps.index(step)]
 
 
-def random_disk(rng: np.random.Generator, thickness: float) -> Disk:
+def random_disk(rng: np.random.Generator, thickness: float) -> DiskShape:
     """Return a disk of the family of Pz27, within some per cent of the data sheet."""
     c, h, eps = _C33D * rng.uniform(0.97, 1.07), _H33 * rng.uniform(0.96, 1.03), _EPS33S * rng.uniform(0.94, 1.08)
-    return Disk(
+    return DiskShape(
         thickness,
         c * (1 + 1j / rng.uniform(60, 130)),
         h * (1 - 1j * rng.uniform(0.0003, 0.0045)),
@@ -79,19 +79,21 @@ def random_disk(rng: np.random.Generator, thickness: float) -> Disk:
     )
 
 
-def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool) -> Specimen:
+def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool) -> TestDevice:
     """Return a specimen with `steps` gluing steps, with or without a backing behind the disk."""
     thickness = round(float(rng.uniform(0.4, 1.1)), 6) * 1e-3
     diameter = round(float(rng.uniform(10, 20)), 6) * 1e-3
     disk = random_disk(rng, thickness)
-    coats: list[Coat] = []
+    coats: list[BondedLayer] = []
     for k in range(1, steps):
         told = (10.3e6, 2455.0, 40.0) if k == 1 else (3.3e6, 2400.0, 35.0)
-        coats.append(Coat(f"glue{k}", float(rng.uniform(4, 15)) * 1e-6, 2.9e6, 2550.0, 30.0, True, 2.9e6, 2550.0, 30.0))
+        coats.append(
+            BondedLayer(f"glue{k}", float(rng.uniform(4, 15)) * 1e-6, 2.9e6, 2550.0, 30.0, True, 2.9e6, 2550.0, 30.0)
+        )
         # quarter-wave or thinner at the disk's resonance
         t = round(float(rng.uniform(0.6, 1.1)) * told[1] / (4 * disk.f0) * 1e3, 6) * 1e-3
         true = (told[0] * rng.normal(1, 0.04), told[1] * rng.normal(1, 0.03), float(rng.uniform(20, 60)))
-        coats.append(Coat(f"ml{k}", t, float(true[0]), float(true[1]), true[2], False, *told))
+        coats.append(BondedLayer(f"ml{k}", t, float(true[0]), float(true[1]), true[2], False, *told))
     back = float(rng.uniform(3e6, 7e6)) if backed else AIR
     names = ("disk", "ml1", "ml2")[:steps]
-    return Specimen(name, diameter, disk, tuple(coats), back, steps=names, told_thickness=thickness)
+    return TestDevice(name, diameter, disk, tuple(coats), back, steps=names, told_thickness=thickness)

@@ -35,17 +35,17 @@ class Slice:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class InterfaceSheet:
     """A mass without thickness, kg/m2."""
 
     mass: float
 
 
-Part = Slice | Sheet
+Part = Slice | InterfaceSheet
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class LayerColumn:
     """What waves cross from back to front, and the specific impedances (Rayl) of what lies behind and in front."""
 
     parts: tuple[Part, ...]
@@ -77,14 +77,14 @@ def propagator(omega: Reals, part: Slice) -> tuple[Complexes, Complexes]:
     return even, odd
 
 
-def respond(omega: Reals, column: Column) -> Response:
+def respond(omega: Reals, column: LayerColumn) -> Response:
     """Solve a column that holds at least one piezoelectric slice; omega in rad/s, shape (N,)."""
     zero = np.zeros_like(omega, np.complex128)
     u = [zero + 1, zero]
     stress = [1j * omega * column.back + zero, zero]
     drop, stretch, thickness = [zero, zero], [zero, zero], 0.0
     for part in column.parts:
-        if isinstance(part, Sheet):
+        if isinstance(part, InterfaceSheet):
             stress = [stress[k] - omega**2 * part.mass * u[k] for k in (0, 1)]
             continue
         even, odd = propagator(omega, part)
@@ -105,7 +105,7 @@ def respond(omega: Reals, column: Column) -> Response:
     return Response((back * drop[0] + drop[1]) / (1j * omega), (back * stretch[0] + stretch[1]) / thickness)
 
 
-def admittance(omega: Reals, columns: Sequence[tuple[float, Column]]) -> Complexes:
+def admittance(omega: Reals, columns: Sequence[tuple[float, LayerColumn]]) -> Complexes:
     """Return the admittance of columns side by side, each with its area in m2; siemens, shape (N,)."""
     total = np.zeros_like(omega, np.complex128)
     for area, column in columns:

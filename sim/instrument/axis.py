@@ -15,7 +15,7 @@ MILLIHERTZ = 1e-3
 
 
 @dataclass(frozen=True)
-class Segment:
+class ListSegment:
     """One line of the list-sweep table."""
 
     start: float
@@ -82,7 +82,7 @@ def plain_axis(
     )
 
 
-def list_axis(table: tuple[Segment, ...]) -> Axis:
+def list_axis(table: tuple[ListSegment, ...]) -> Axis:
     """Return the axis of a list sweep of frequency. Raises CommandError where the table is empty."""
     if not table:
         raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...models.base.arrays import Impedances
 from ..bench.bench import Bench
-from ..language.file_system import Disk
+from ..language.file_system import FileSystem
 from .axis import Axis
 from .correction import Correction
 from .settings import RESTARTS_SWEEP, Value
@@ -44,7 +44,7 @@ class Instrument:
         """Fault: DCO ON answers with error 137."""
         self.no_list = False
         """Fault: nobody knows the commands that edit the list-sweep table."""
-        self.disk = Disk()
+        self.disk = FileSystem()
         self._changed = asyncio.Event()
         self.power_on()
 

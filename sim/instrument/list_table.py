@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from ..language.messages import CommandError
-from .axis import Segment, limits, moved_edges
+from .axis import ListSegment, limits, moved_edges
 from .settings import TABLE, Number, number
 
 EDGES = ("STAR", "STOP", "CENT", "SPAN")
@@ -37,11 +37,11 @@ def edge(mnemonic: str, start: float, stop: float) -> float:
 class ListTable:
     """The table, and the editor at work on it."""
 
-    segments: list[Segment] = field(default_factory=list[Segment])
+    segments: list[ListSegment] = field(default_factory=list[ListSegment])
     """What is swept."""
-    _written: list[Segment] | None = None
+    _written: list[ListSegment] | None = None
     """What the table will be; None while nobody edits it."""
-    _draft: Segment | None = None
+    _draft: ListSegment | None = None
     """The segment that is being edited."""
     _draft_at: int = 0
 
@@ -59,7 +59,7 @@ class ListTable:
             raise CommandError(-221, "SETTINGS CONFLICT; LIST SWEEP IS ON")
         self.segments = self.segments if written is None else written
 
-    def begin(self, fresh: Segment, at: int | None = None) -> None:
+    def begin(self, fresh: ListSegment, at: int | None = None) -> None:
         """Open the segment with this number (from 1) for editing, or a `fresh` one. Raises CommandError."""
         written = self._open()
         if at is None:
@@ -91,7 +91,7 @@ class ListTable:
         else:
             kind = level if mnemonic == "POWE" else TABLE[mnemonic]
             have[FIELDS[mnemonic]] = kind.parse(argument)
-        self._draft = Segment(**have)
+        self._draft = ListSegment(**have)
 
     def query(self, mnemonic: str, level: Number) -> str:
         """Return the reply to a query of the segment that is edited. Raises CommandError."""
@@ -112,12 +112,12 @@ class ListTable:
             raise CommandError(-221, "SETTINGS CONFLICT; SEGMENTS OVERLAP")
         self._written = segments
 
-    def _open(self) -> list[Segment]:
+    def _open(self) -> list[ListSegment]:
         if self._written is None:
             raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
         return self._written
 
-    def _edited(self) -> Segment:
+    def _edited(self) -> ListSegment:
         if self._draft is None:
             raise CommandError(-221, "SETTINGS CONFLICT; NO SEGMENT IS BEING EDITED")
         return self._draft

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from ..language.messages import CommandError
-from .axis import Axis, Segment, limits, list_axis, moved_edges, plain_axis
+from .axis import Axis, ListSegment, limits, list_axis, moved_edges, plain_axis
 from .list_table import EDGES, ListTable, edge
 from .settings import PER_TRACE, TABLE, Number, Setting, Value
 
@@ -128,7 +128,7 @@ class State:
     def begin_segment(self, at: int | None = None) -> None:
         """Open a segment of the list-sweep table for editing; see `ListTable.begin`. Raises CommandError."""
         level = self.levels[str(self["POWMOD"])]
-        self.table.begin(Segment(*self.edges["FREQ"], 2, self.count("BWFACT"), level, self.real("DCV"), 1), at)
+        self.table.begin(ListSegment(*self.edges["FREQ"], 2, self.count("BWFACT"), level, self.real("DCV"), 1), at)
 
     def axis(self) -> Axis:
         """Return the axis of the sweep that is set up. Raises CommandError for an empty list-sweep table."""

@@ -11,7 +11,7 @@ NAME_LIMIT = 32
 
 
 @dataclass
-class Disk:
+class FileSystem:
     """Files by storage device and name; one file may be open for reading and one for writing."""
 
     files: dict[str, dict[str, bytes]] = field(default_factory=lambda: {"MEMO": {}, "FLASH": {}, "DISK": {}})

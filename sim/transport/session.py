@@ -16,7 +16,7 @@ class ConnectionDropped(Exception):
     """The connection is to be closed now (a fault said so)."""
 
 
-class Midway:
+class InFlight:
     """Strikes in the middle of a running sweep, or at once where none runs."""
 
     def __init__(self, instrument: Instrument, power_cycle: Callable[[float], None]) -> None:
@@ -42,7 +42,7 @@ class Midway:
 class Exchange:
     """Carries program messages to the instrument, with the faults that strike them."""
 
-    def __init__(self, instrument: Instrument, faults: Faults, midway: Midway) -> None:
+    def __init__(self, instrument: Instrument, faults: Faults, midway: InFlight) -> None:
         self.instrument, self.faults, self._midway = instrument, faults, midway
 
     async def message(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pzctl.fitters.interface import FitTask
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.stack import Elastic, HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
 from pzctl.sim.bench.sample import AREA, STEPS, sample
@@ -66,7 +66,7 @@ def sweeps_of(one: World, steps: int, rng: np.random.Generator) -> dict[str, tup
 
 def build_of(one: World, rng: np.random.Generator) -> Build:
     """What a lab knows: data sheet for the disk, measured dimensions, tolerances of the layers, the glue held."""
-    air = Load("air", Quantity(AIR))
+    air = LoadSpec("air", Quantity(AIR))
     steps = tuple(Step(step, tuple(layer.name for layer in one.layers[: 1 + 2 * k])) for k, step in enumerate(STEPS))
     return Build("bench", Quantity(AREA), tuple(_spec(layer, rng) for layer in one.layers), air, air, steps)
 

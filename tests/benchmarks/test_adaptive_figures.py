@@ -7,7 +7,7 @@ import numpy as np
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.planning.adaptive import adapted, plan_seconds
-from pzctl.fitters.disk.disk_fitter import Disk
+from pzctl.fitters.disk.disk_fitter import DiskFitter
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.models.constants.causal import continued
 from pzctl.models.stack import CausalConstantQ
@@ -57,7 +57,7 @@ def errors(sample, sweeps):
     """Errors of the five constants, and what the fitter says they are; relative."""
     disk = sample.layers[0]
     build = parse_build(BUILD.format(thickness=1e3 * disk.thickness, density=disk.density))
-    result = Disk().fit(FitTask(build, {"disk": sweeps}))
+    result = DiskFitter().fit(FitTask(build, {"disk": sweeps}))
     found, rows = result.constants | result.derived, []
     for name, true in truth_at(sample, result.says[0]).items():
         c = found[f"disk.{name}"]

@@ -12,15 +12,15 @@ import zmq
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
-from pzctl.daemon.files.daemon_options import Options
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.files.daemon_options import DaemonOptions
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.server.launch import start
-from pzctl.daemon.wire.events import FitEvent, Instrument, Sample, SweepEvent, decode, encode, sweep_columns
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, SweepEvent, decode, encode, sweep_columns
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.sweep import Sweep
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
-AIR = Load("air", Quantity(413.0))
+AIR = LoadSpec("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
 LAYERS = (LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}),)
 BUILD = Build("bench", Quantity(2e-4), LAYERS, AIR, AIR, (Step("disk", ("disk",)),), plan=PLAN)
@@ -31,7 +31,7 @@ ECHO = "guest_examples:Echo"
 def begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support"))
-    yield lambda *fitters: start(Options(fitters=fitters, simulator={"time_scale": 0}))
+    yield lambda *fitters: start(DaemonOptions(fitters=fitters, simulator={"time_scale": 0}))
     with connect() as lab:
         lab.shutdown()
 
@@ -42,8 +42,8 @@ def sweep_event() -> tuple[SweepEvent, tuple[bytes, ...]]:
         run="r",
         time="t",
         measurement="m",
-        sample=Sample("bench", "disk"),
-        instrument=Instrument("R", "I", "4294A", "1", "1", simulated=True),
+        sample=SampleStep("bench", "disk"),
+        instrument=InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True),
         build=BUILD,
         segment=1,
         segments=1,
@@ -70,7 +70,7 @@ def test_message_and_journal(tmp_path: Path) -> None:
     """One 801-point sweep: encoded and decoded, and made lasting, beside what the disk needs for a bare write."""
     event, payload = sweep_event()
     message = seconds_each(lambda: decode(encode(event, payload)).sweep(), 2000)
-    journal = Journal(tmp_path / "journal")
+    journal = JournalWriter(tmp_path / "journal")
     record = seconds_each(lambda: journal.append(event, payload), 200)
     journal.close()
     bare_file = tmp_path / "bare"

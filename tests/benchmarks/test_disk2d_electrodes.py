@@ -13,7 +13,7 @@ from pzctl.fitters.interface import FitTask
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.built import BuiltDisk, RingMass
 from pzctl.models.disk2d.full import FullDisk, Shape
-from pzctl.models.disk2d.line_elements import Line
+from pzctl.models.disk2d.line_elements import LineElements
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.disk2d.reduced import ReducedDisk
 from pzctl.models.disk2d.section import Ring
@@ -28,7 +28,7 @@ SILVER = 10490.0
 
 def loaded(full, ratio, share):
     """Return the mesh for this D/t with mass all over both faces, `share` of that of the ceramic."""
-    over_r, along_z = Line(np.linspace(0, 1, ceil(ratio) + 1), 7).integral(0, 0, lambda x: x), 9
+    over_r, along_z = LineElements(np.linspace(0, 1, ceil(ratio) + 1), 7).integral(0, 0, lambda x: x), 9
 
     def face(nodes, columns):
         return sp.kron(nodes, sp.coo_array(([1.0], ([columns - 1], [columns - 1])), shape=(columns, columns)))

@@ -14,7 +14,7 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
 from pzctl.fitters.interface import FitTask
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.constants.causal import continued
 from pzctl.models.constants.passivity import is_passive
 from pzctl.models.constants.tensor import Tensor6mm
@@ -88,7 +88,7 @@ def build(diameter, nominal, density=DENSITY, thickness=THICKNESS):
     values |= {name: Quantity(z.real, z.imag) for name, z in (("c33D", plate.c33D), ("h33", plate.h33))}
     values |= {name: Quantity(z.real, z.imag) for name in ("s11E", "s12E") for z in [getattr(radial, name)]}
     values |= {"thickness": Quantity(thickness), "density": Quantity(density)}
-    air = Load("air", Quantity(0.0))
+    air = LoadSpec("air", Quantity(0.0))
     layer = LayerSpec("disk", "piezo", values)
     area = Quantity(np.pi * diameter**2 / 4)
     return Build("D", area, (layer,), air, air, (Step("disk", ("disk",)),), Quantity(diameter))

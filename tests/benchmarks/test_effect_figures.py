@@ -70,7 +70,7 @@ def sized(stack: Stack, effect: str, values: dict[str, float]) -> dict[str, floa
     if effect == "spurious-resonance":
         return values | {"frequency": values["frequency"] * f0}
     if effect == "drive-nonlinearity":  # softening of c33D at the peak in the notes; per strain here
-        knob, _ = find_effect(effect).knobs(stack, "layer:disk")
+        knob, _ = find_effect(effect).effect_parameters(stack, "layer:disk")
         return {"softening": values["softening"] / 1e-3 * knob.typical}
     return values
 

@@ -30,13 +30,13 @@ from test_hostile_messages import ENDLESS
 from pzctl.daemon.client.client import Client, connect
 from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.files.paths import journal_folder
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.server.launch import start
-from pzctl.daemon.wire.events import Instrument, Sample, StateEvent, SweepEvent, decode, encode, sweep_columns
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, encode, sweep_columns
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.sweep import Sweep
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -45,7 +45,7 @@ KILLS = int(os.environ.get("PZCTL_KILLS", "10"))
 HOSTILE = int(os.environ.get("PZCTL_HOSTILE", "20000"))
 FLOOD_SECONDS = float(os.environ.get("PZCTL_FLOOD_SECONDS", "2"))
 
-AIR = Load("air", Quantity(413.0))
+AIR = LoadSpec("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
 LAYERS = (LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}),)
 BUILD = Build("soak", Quantity(2e-4), LAYERS, AIR, AIR, (Step("disk", ("disk",)),), plan=PLAN)
@@ -68,7 +68,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def begin(*fitters: str) -> Location:
-    return start(Options(fitters=fitters, simulator={"time_scale": 0}))
+    return start(DaemonOptions(fitters=fitters, simulator={"time_scale": 0}))
 
 
 def rss_MB(pid: int) -> float:
@@ -177,7 +177,7 @@ def test_soak(home: Path) -> None:
         twice += len(reader.seqs) - len({*reader.seqs})
         assert reader.seqs == sorted(reader.seqs)
     print(f"two readers: {lost} events lost, {twice} heard twice of {newest}")
-    archive = Archive(journal_folder(home))
+    archive = JournalReader(journal_folder(home))
     assert (lost, twice, archive.verify()) == (0, 0, [])
     archive.close()
 
@@ -188,8 +188,8 @@ def a_sweep() -> tuple[SweepEvent, tuple[bytes, ...]]:
         run="r",
         time="t",
         measurement="m",
-        sample=Sample("soak", "disk"),
-        instrument=Instrument("R", "I", "4294A", "1", "1", simulated=True),
+        sample=SampleStep("soak", "disk"),
+        instrument=InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True),
         build=BUILD,
         segment=1,
         segments=1,
@@ -203,7 +203,7 @@ def a_sweep() -> tuple[SweepEvent, tuple[bytes, ...]]:
 def journal_alone(home: Path) -> float:
     """Seconds that the journal needs for one sweep, with nobody listening."""
     event, payload = a_sweep()
-    journal = Journal(home / "bare")
+    journal = JournalWriter(home / "bare")
     began = time.perf_counter()
     for _ in range(300):
         journal.append(event, payload)
@@ -278,7 +278,7 @@ def test_kills(home: Path) -> None:
             client.wait()
             client = subprocess.Popen([sys.executable, "-c", CLIENT], stderr=subprocess.DEVNULL)
         announced = [frames for frames in heard if frames[0] not in (b"welcome.", b"beat.")]
-        archive = Archive(journal_folder(home))
+        archive = JournalReader(journal_folder(home))
         assert archive.verify() == []
         for frames in announced:
             seq = msgspec.json.decode(frames[1])["seq"]
@@ -457,7 +457,7 @@ def test_beside_others(home: Path) -> None:
     for one in (sub, from_proxy):
         one.subscribe(b"")
     time.sleep(0.5)
-    journal = Journal(home / "rival")
+    journal = JournalWriter(home / "rival")
     frames = encode(event, payload)
     header = msgspec.json.decode(frames[1])
 
@@ -506,7 +506,7 @@ def test_both_engines(home: Path) -> None:
     event, payload = a_sweep()
     with postgres.running() as server:
         url = server.url
-        journals = {"folder": Journal(home / "a"), "PostgreSQL": Journal(home / "b", url, "bench")}
+        journals = {"folder": JournalWriter(home / "a"), "PostgreSQL": JournalWriter(home / "b", url, "bench")}
         kept: dict[str, list[float]] = {name: [] for name in journals}
         read: dict[str, list[float]] = {name: [] for name in journals}
         for _ in range(200):

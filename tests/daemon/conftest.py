@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.client.location import Location
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.server.launch import start
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
 
 @pytest.fixture
 def build() -> Build:
-    air = Load("air", Quantity(413.0))
+    air = LoadSpec("air", Quantity(413.0))
     return Build(
         name="S4.a",
         area=Quantity(2.01e-4),
@@ -45,7 +45,7 @@ def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
     ) -> Location:
         named = (*(f"guest_examples:{name}" for name in fitters), *names)
         simulated = {"time_scale": time_scale, **(simulator or {})}
-        where = start(Options(fitters=named, simulator=simulated, **options))  # type: ignore[arg-type]
+        where = start(DaemonOptions(fitters=named, simulator=simulated, **options))  # type: ignore[arg-type]
         pids.append(where.pid)
         return where
 

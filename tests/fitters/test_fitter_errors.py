@@ -9,7 +9,7 @@ import pytest
 
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.fitters import plugins
-from pzctl.fitters.disk.critical_frequencies import Trace, critical
+from pzctl.fitters.disk.critical_frequencies import ImmittanceTrace, critical
 from pzctl.fitters.disk.direct_methods import drawn
 from pzctl.fitters.disk.radial import RadialLeastSquares
 from pzctl.fitters.disk.sherrit_radial import SherritRadial
@@ -217,7 +217,7 @@ def test_a_peak_that_is_no_resonance() -> None:
     x = (f - 1.05e6) / 2e3
     peak = 1 / (1 - 1j * x)  # conjugated: its reactive part runs the other way
     with pytest.raises(FitError, match=r"for a resonance they lie below and above it"):
-        critical(Trace(f, peak, np.full(f.size, 1e-4)), 200, "fs")
+        critical(ImmittanceTrace(f, peak, np.full(f.size, 1e-4)), 200, "fs")
 
 
 def test_extremes_that_too_few_points_show() -> None:
@@ -226,7 +226,7 @@ def test_extremes_that_too_few_points_show() -> None:
     x = (f - 1.05e6) / width
     peak = 1 / (1 + 1j * x)
     gap = (np.abs(f - 1.05e6 - width) > 3.5 * 250) | (np.abs(f - 1.05e6) < 600)
-    trace = Trace(f[gap], peak[gap], np.full(int(gap.sum()), 1e-4))
+    trace = ImmittanceTrace(f[gap], peak[gap], np.full(int(gap.sum()), 1e-4))
     with pytest.raises(FitError, match=r"^fs near .* kHz: too few points there to see where its extremes are$"):
         critical(trace, int(np.argmax(trace.values.real)), "fs")
 

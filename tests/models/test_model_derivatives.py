@@ -7,7 +7,7 @@ import pytest
 
 from pzctl.models.circuits.fixture import Fixture
 from pzctl.models.circuits.lumped import Branch, Lumped
-from pzctl.models.circuits.terminals import Line, Scale, Series, Shunt
+from pzctl.models.circuits.terminals import Scale, Series, Shunt, TransmissionLine
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, Piezo, PowerLoss, Stack
@@ -34,7 +34,7 @@ STACK = Stack(
 )
 BOTH = BothModes.of(STACK, "disk", SHERRIT_RADIAL).replace(THICK)
 PATH = (
-    Series(3e-8, 0.3, 0.1), Shunt(2e-12, 2e-6), Line(0.7, 50.0, 2e8, 1e-3),
+    Series(3e-8, 0.3, 0.1), Shunt(2e-12, 2e-6), TransmissionLine(0.7, 50.0, 2e8, 1e-3),
     Shunt(1e-13, 1e-7), Series(1e-9, 0.01, 0.001), Scale(1.002, 3e-11),
 )  # fmt: skip
 RADIAL_BAND = np.linspace(40e3, 900e3, 87)

@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.server.launch import start
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -140,7 +140,7 @@ def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
     port = free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PZCTL_HOME", str(home))
-        start(Options(fitters=("mason",), simulator={"time_scale": time_scale}, diagnose="asked"))
+        start(DaemonOptions(fitters=("mason",), simulator={"time_scale": time_scale}, diagnose="asked"))
         command = [Path(sys.executable).with_name("pzctl"), "page", "--port", str(port)]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert server.stdout is not None

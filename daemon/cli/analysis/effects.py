@@ -43,7 +43,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
     """Return what the catalogue says of an effect; sizes and places are those of an example."""
     stack = _example()
     places = effect.places(stack)
-    knobs = effect.knobs(stack, places[0])
+    effect_parameters = effect.effect_parameters(stack, places[0])
     return {
         "name": effect.name,
         "where": list(dict.fromkeys(_kind(place) for place in places)),
@@ -59,7 +59,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
                 "typical": knob.typical,
                 "limits": _limits(knob.lower, knob.upper),
             }
-            for knob in knobs
+            for knob in effect_parameters
         ],
         "example": list(places),
     }

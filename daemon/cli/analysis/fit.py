@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .fit_options import UsageError, Wanted, Words, check_options, free_names
+from .fit_options import FitArguments, FitSelection, UsageError, check_options, free_names
 
 if TYPE_CHECKING:
     from ....fitters.interface import FitResult
@@ -84,9 +84,9 @@ def fit(
 
     Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
     """
-    words = Words(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
+    words = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
     frees = free_names(free)
-    wanted = Wanted(frees, words.amendments(frees), words.options())
+    wanted = FitSelection(frees, words.amendments(frees), words.options())
     if every or dask or not recordings:
         _check_all(every, dask, {"build": build, "picture": picture, "budget": budget or None})
         from .fit_all import fit_all
@@ -118,7 +118,7 @@ def _check_all(every: bool, dask: str | None, others: "dict[str, object]") -> No
 
 
 def _fitted(
-    recordings: list[str], build: Path | None, names: list[str], wanted: Wanted
+    recordings: list[str], build: Path | None, names: list[str], wanted: FitSelection
 ) -> "tuple[list[FitResult], Build | None]":
     """Return what each fitter answers, and the build as it was fitted. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended

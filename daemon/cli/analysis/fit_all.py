@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....models.base.errors import CannotError, PzctlError
-from .fit_options import UsageError, Wanted, check_options
+from .fit_options import FitSelection, UsageError, check_options
 
 if TYPE_CHECKING:
     from ....fitters.population.batch import Outcome
@@ -20,7 +20,7 @@ class BatchFailure(CannotError):
     """Some samples could not be fitted."""
 
 
-def _amended(sample: "Sample", wanted: Wanted) -> "Sample":
+def _amended(sample: "Sample", wanted: FitSelection) -> "Sample":
     """Return the sample with its build and task as wanted; where its build has no such constant, it is not fitted."""
     from ....fitters.engine.parameters.overrides import amended
 
@@ -34,7 +34,9 @@ def _amended(sample: "Sample", wanted: Wanted) -> "Sample":
     return replace(sample, job=replace(job, task=task))
 
 
-def fit_all(words: Sequence[str], fitters: Sequence[str], wanted: Wanted, dask: str | None, *, as_json: bool) -> None:
+def fit_all(
+    words: Sequence[str], fitters: Sequence[str], wanted: FitSelection, dask: str | None, *, as_json: bool
+) -> None:
     """Fit all samples with each of `fitters` (none: mason) and print the populations; `words`: nothing, or one folder.
 
     Results of the journal's samples are kept in the journal. What goes wrong with a sample is said on standard error

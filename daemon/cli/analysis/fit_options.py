@@ -20,7 +20,7 @@ class UsageError(PzctlError):
 
 
 @dataclass(frozen=True)
-class Words:
+class FitArguments:
     """The options of `pzctl fit` as they were typed."""
 
     hold: str | None = None
@@ -62,7 +62,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FitSelection:
     """What is wanted of a fit, or of the fits of all samples."""
 
     free: tuple[str, ...] | None

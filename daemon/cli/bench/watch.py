@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ...client.client import Client
-    from ...wire.events import Heard
+    from ...wire.events import ReceivedEvent
 
 
 def watch(
@@ -37,7 +37,7 @@ def watch(
             _print_lines(lab)
 
 
-def _events(lab: "Client") -> "Iterator[Heard]":
+def _events(lab: "Client") -> "Iterator[ReceivedEvent]":
     """Yield events for ever. Raises DaemonError where the daemon ends."""
     while True:
         yield from lab.listen(1.0)

@@ -72,11 +72,11 @@ def _standards(names: list[str]) -> "list[Standard]":
 def _measured(analyzer: "Agilent4294A", wanted: "list[Standard]", adapter: str, console: "Console") -> "Compensation":
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from ....drivers.agilent4294a.protocol.settings import CONDITIONS, Choice
+    from ....drivers.agilent4294a.protocol.settings import CONDITIONS, ChoiceSetting
     from ....drivers.base.analyzer import Progress as Step
 
     kind = CONDITIONS["E4TP"]
-    if isinstance(kind, Choice) and adapter not in kind.allowed:
+    if isinstance(kind, ChoiceSetting) and adapter not in kind.allowed:
         raise UsageError(f"--adapter {adapter}: there are {', '.join(kind.allowed)}")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     progress = Progress(*columns, TimeRemainingColumn(), console=console, transient=True)

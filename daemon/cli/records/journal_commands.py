@@ -82,14 +82,14 @@ def prune(
 
     from ...files.config import journal_of, settings
     from ...files.paths import home, journal_folder
-    from ...journal.retention import Keeper
+    from ...journal.retention import JournalMaintenance
     from ..analysis.fit import UsageError
 
     try:
         day = date.fromisoformat(before)
     except ValueError:
         raise UsageError(f"--before {before}: a day is needed, such as 2026-01-01") from None
-    keeper = Keeper(journal_folder(home()), *journal_of(settings({})))
+    keeper = JournalMaintenance(journal_folder(home()), *journal_of(settings({})))
     try:
         removed = keeper.prune(day.isoformat(), backup_to)
         told = {"removed": removed, "backup": str(backup_to)}

@@ -8,7 +8,7 @@ import typer
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
-    from ...journal.journal_reader import Archive, Measurement
+    from ...journal.journal_reader import JournalMeasurement, JournalReader
 
 
 def samples(
@@ -37,8 +37,8 @@ def samples(
         journal.close()
 
 
-def _list(journal: "Archive", as_json: bool) -> None:
-    found: dict[str, list[Measurement]] = {}
+def _list(journal: "JournalReader", as_json: bool) -> None:
+    found: dict[str, list[JournalMeasurement]] = {}
     for one in journal.measurements():
         found.setdefault(one.sample.name, []).append(one)
     if as_json:
@@ -62,7 +62,7 @@ def _list(journal: "Archive", as_json: bool) -> None:
     console().print(table)
 
 
-def _plain(journal: "Archive", one: "Measurement") -> dict[str, Any]:
+def _plain(journal: "JournalReader", one: "JournalMeasurement") -> dict[str, Any]:
     return {
         "id": one.id,
         "step": one.sample.step,
@@ -73,7 +73,7 @@ def _plain(journal: "Archive", one: "Measurement") -> dict[str, Any]:
     }
 
 
-def _constants(journal: "Archive", fitter: str | None, step: str | None, as_json: bool) -> None:
+def _constants(journal: "JournalReader", fitter: str | None, step: str | None, as_json: bool) -> None:
     from ....fitters.plugins import DEFAULT
     from ....fitters.population.population_statistics import population
     from ...report.tables.population_table import population_json, print_population

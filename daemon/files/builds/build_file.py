@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 import msgspec
 
 from ....models.base.errors import PzctlError
-from ....models.build import Build, LayerSpec, Load, Quantity, Step
+from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.sweep_plan import PlanError, Segment, SweepPlan
 from .build_check import check_build
 from .build_table import (
@@ -170,20 +170,20 @@ def _impedance_from_density(table: Table, values: dict[str, Quantity], given: Ma
         values["z"] = Quantity(density.re * c.re, u=u, source="density * c")
 
 
-def _load(table: Table, key: str) -> Load:
+def _load(table: Table, key: str) -> LoadSpec:
     if isinstance(table.data.get(key), dict):
         inner = table.table(key)
         inner.only(Z_KEYS)
         z = inner.quantities(Z_KEYS).get("z")
         if z is None:
             raise inner.missing("z_MRayl", f"write {key} = {{ z_MRayl = ... }}, or the name of a material")
-        return Load("given", z)
+        return LoadSpec("given", z)
     if key not in table.data:
         raise table.missing(key, f'write {key} = "air", another material, or {{ z_MRayl = ... }}')
     name, values = _material(table, key)
     if "z" not in values:
         raise table.error(key, f"is {name!r}, which has no z in the library; write {{ z_MRayl = ... }}")
-    return Load(name, values["z"])
+    return LoadSpec(name, values["z"])
 
 
 def _step(table: Table) -> Step:

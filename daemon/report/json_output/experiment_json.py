@@ -10,7 +10,7 @@ import msgspec
 
 from ....drivers.agilent4294a.accuracy import relative_noise
 from ....drivers.planning.adaptive import plan_seconds
-from ....fitters.diagnosis.design.experiment_design import Instrument, Proposal, Question, proposals
+from ....fitters.diagnosis.design.experiment_design import InstrumentLimits, Proposal, Question, proposals
 from ....fitters.diagnosis.design.sweep_comparison import compared
 from ....fitters.diagnosis.findings import Diagnosis
 from ....fitters.interface import FitTask
@@ -29,7 +29,7 @@ def deciding_json(task: FitTask, diagnosis: Diagnosis, own: FitTask, propose: bo
     if further:
         found["compared"] = [one.says for one in compared(own.sweeps[step], further)]
     if propose:
-        instrument = Instrument(plan_seconds, _noise)
+        instrument = InstrumentLimits(plan_seconds, _noise)
         found["would_measure"] = [_proposal(one, diagnosis) for one in proposals(task, diagnosis, instrument)]
     return found
 

@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from ....fitters.population.population_statistics import Part, Population, Sheet
+from ....fitters.population.population_statistics import DataSheet, Population, VarianceShare
 from ....fitters.population.random_effects import RandomEffects
 
 _COLUMNS = ("constant", "n", "mean", "variance", "sd", "between (95 %)", "within", "data sheet, build")
@@ -56,7 +56,7 @@ def population_json(found: Population) -> dict[str, Any]:
     return plain
 
 
-def _parts(found: Population) -> Iterator[tuple[str, Part]]:
+def _parts(found: Population) -> Iterator[tuple[str, VarianceShare]]:
     """Yield `disk.c33D re, Pa` and its statistics; real constants without `re`."""
     for name, spread in found.constants.items():
         unit = "" if spread.unit == "1" else f", {spread.unit}"
@@ -67,7 +67,7 @@ def _parts(found: Population) -> Iterator[tuple[str, Part]]:
             yield f"{name} im{unit}", spread.im
 
 
-def _cells(part: Part) -> tuple[str, ...]:
+def _cells(part: VarianceShare) -> tuple[str, ...]:
     scatter = _short(part.variance, 2), _short(part.sd, 3), _between(part.effects), _short(part.within, 3)
     return str(part.n), _short(part.mean, 5), *scatter, _sheet(part.sheet)
 
@@ -93,7 +93,7 @@ def _between(effects: RandomEffects | None) -> str:
     return f"{tau} ({low}..{high})" + (f"e{shown}" if shown else "")
 
 
-def _sheet(sheet: Sheet | None) -> str:
+def _sheet(sheet: DataSheet | None) -> str:
     if sheet is None or sheet.percent is None:
         return ""
     if sheet.limit is None:

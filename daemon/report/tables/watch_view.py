@@ -11,7 +11,7 @@ from ....fitters.interface import FitResult
 from ....models.build import Build
 from ....models.sweep import Sweep
 from ...client.client import fit_of
-from ...wire.events import DiagnosisEvent, FitEvent, Heard, ProgressEvent, Sampled, StateEvent, SweepEvent
+from ...wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, Sampled, StateEvent, SweepEvent
 from .fit_tables import fit_table
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -30,7 +30,7 @@ class Watched:
     fit: FitResult | None = None
     words: list[str] = field(default_factory=list[str])
 
-    def hear(self, heard: Heard) -> None:
+    def hear(self, heard: ReceivedEvent) -> None:
         """Take in one event."""
         event = heard.event
         if isinstance(event, Sampled) and event.measurement != self.measurement:
@@ -71,7 +71,7 @@ def sparkline(sweep: Sweep, width: int = _WIDTH) -> str:
     return "".join(_BARS[level] for level in levels)
 
 
-def line(heard: Heard) -> str | None:
+def line(heard: ReceivedEvent) -> str | None:
     """Return an event as one line, or None for one that nobody waits for."""
     event = heard.event
     of = f"{event.sample.name} {event.sample.step}: " if isinstance(event, Sampled) else ""

@@ -9,7 +9,7 @@ import zmq.asyncio
 from zmq.auth.asyncio import AsyncioAuthenticator
 
 from ...wire import requests as ask
-from ...wire.curve_keys import RIGHTS, Client, ClientKey, KeyFileError, Right, ServerKey, clients, server_key
+from ...wire.curve_keys import RIGHTS, AllowedClient, ClientKey, KeyFileError, Right, ServerKey, clients, server_key
 from ..requests.request_errors import RequestError
 
 log = logging.getLogger(__name__)
@@ -18,20 +18,20 @@ DOMAIN = "pzctl"
 """The ZAP domain of both sockets; enforced, so that without an authenticator nobody comes in."""
 
 NEEDED: Mapping[type[ask.Request], Right] = {
-    ask.Measure: "measure",
-    ask.Cancel: "measure",
-    ask.Lease: "measure",
-    ask.Release: "measure",
-    ask.Fit: "measure",
-    ask.Diagnose: "measure",
-    ask.Submit: "measure",
-    ask.Bench: "bench",
-    ask.Shutdown: "admin",
+    ask.MeasureRequest: "measure",
+    ask.CancelRequest: "measure",
+    ask.LeaseRequest: "measure",
+    ask.ReleaseRequest: "measure",
+    ask.FitRequest: "measure",
+    ask.DiagnoseRequest: "measure",
+    ask.SubmitRequest: "measure",
+    ask.BenchRequest: "bench",
+    ask.ShutdownRequest: "admin",
 }
 """What else is asked needs the right to watch."""
 
 
-class Gate:
+class AccessControl:
     """Lets in those whose keys are in the folder; a key that is taken away, or made, counts at once."""
 
     def __init__(self, folder: Path) -> None:
@@ -41,7 +41,7 @@ class Gate:
         public, secret = zmq.curve_keypair()
         self.local = ClientKey(self.server.public, public.decode(), secret.decode())
         """For those who can read this user's files: the commands and fitters on this machine."""
-        self._known: dict[str, Client] = {}
+        self._known: dict[str, AllowedClient] = {}
         self._read_at = -1
         self._barred = False
         if not self._clients():
@@ -75,7 +75,7 @@ class Gate:
         """Raise RequestError where who asks with this key may not ask for this."""
         who = self._who(key or "")
         needed = NEEDED.get(type(request), "watch")
-        if isinstance(request, ask.Hello) and request.fitter is not None:
+        if isinstance(request, ask.HelloRequest) and request.fitter is not None:
             needed = "measure"  # who comes as a fitter is waited for
         if who is None:
             raise RequestError("not-allowed", "this key has been revoked", "ask who runs the daemon for a new one")
@@ -85,12 +85,12 @@ class Gate:
                 f"{who.name!r} has the right to {who.right}; {request.__struct_config__.tag!r} needs {needed!r}",
             )
 
-    def _who(self, key: str) -> Client | None:
+    def _who(self, key: str) -> AllowedClient | None:
         if key == self.local.public:
-            return Client("local", key, "admin")
+            return AllowedClient("local", key, "admin")
         return self._clients().get(key)
 
-    def _clients(self) -> dict[str, Client]:
+    def _clients(self) -> dict[str, AllowedClient]:
         """Return the clients by public key, read anew when the folder has changed."""
         changed = self._folder.stat().st_mtime_ns if self._folder.is_dir() else 0
         if changed != self._read_at:

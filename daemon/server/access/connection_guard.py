@@ -63,7 +63,7 @@ class _Line:
     """How often in a row it was found to send too much."""
 
 
-class Intake:
+class ConnectionGuard:
     """The connections to some ports of this process: each with the bytes that may come over it without a request."""
 
     def __init__(self, most: Mapping[int, int], counts: Counter[str]) -> None:

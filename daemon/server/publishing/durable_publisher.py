@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
-from ...journal.journal_writer import Journal
+from ...journal.journal_writer import JournalWriter
 from ...journal.store import JournalAway
 from ...wire.events import Event, Payload, ProgressEvent
 from ...wire.metrics import Metrics
 from ...wire.uuid7 import uuid7
-from .spool import Unsaved
+from .spool import Spool
 
 log = logging.getLogger(__name__)
 
@@ -20,13 +20,13 @@ KNOCK = 1.0
 """Seconds between two tries to reach a server that has gone."""
 
 
-class Publisher:
+class DurablePublisher:
     """The way of every event. `say` takes its frames, `said` is called with what was said."""
 
     def __init__(
         self,
-        journal: Journal,
-        unsaved: Unsaved,
+        journal: JournalWriter,
+        unsaved: Spool,
         metrics: Metrics,
         say: Callable[[Sequence[bytes]], None],
         said: Callable[[Event], None],

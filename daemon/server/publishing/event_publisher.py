@@ -17,7 +17,7 @@ LINGER = 1.0
 """Seconds within which the last words are passed on."""
 
 
-class Voice:
+class EventPublisher:
     """Says events on a socket, which belongs to it from now on."""
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", events: "zmq.Socket[bytes]") -> None:

@@ -12,7 +12,7 @@ from ...wire.frames import to_json
 _FORM = ".event"
 
 
-class Unsaved:
+class Spool:
     """A queue of events that outlives this process. Raises JournalError where the disk does not take or give them."""
 
     def __init__(self, folder: Path) -> None:

@@ -1,7 +1,7 @@
 """Why a request is not met."""
 
 from ....models.base.errors import PzctlError
-from ...wire.replies import Problem
+from ...wire.replies import ErrorBody
 
 
 class RequestError(PzctlError):
@@ -9,4 +9,4 @@ class RequestError(PzctlError):
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:
         super().__init__(message)
-        self.problem = Problem(code, message, hint)
+        self.problem = ErrorBody(code, message, hint)

@@ -10,16 +10,16 @@ from importlib.metadata import entry_points, version
 from typing import Any
 
 from ....models.base.names import among
-from ...journal.journal_reader import History, Measurement
-from ...journal.journal_writer import Journal
+from ...journal.journal_reader import History, JournalMeasurement
+from ...journal.journal_writer import JournalWriter
 from ...wire import replies as reply
 from ...wire import requests as ask
-from ...wire.events import WIRE, Event, Instrument, Payload, Sample, StateEvent
+from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent
 from ...wire.metrics import Metrics
 from ..access.lease import Lease
-from ..acquisition import Acquisition, Job
+from ..acquisition import Acquisition, MeasurementJob
 from ..workers.fitter_worker import GROUP
-from ..workers.job_runner import Errand, Errands
+from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
 from ..workers.supervisor import Supervisor
 from .request_errors import RequestError
@@ -37,14 +37,14 @@ VERSION = version("pzctl")
 
 
 @dataclass
-class Desk:
+class RequestHandlers:
     """The daemon's answers. Every method takes the request and its raw columns and returns the answer's frames."""
 
-    journal: Journal
+    journal: JournalWriter
     acquisition: Acquisition
     supervisor: Supervisor
-    errands: Errands
-    instrument: Instrument
+    errands: JobRunner
+    instrument: InstrumentInfo
     endpoints: tuple[str, str]
     bench: str | None
     settings: dict[str, Any]
@@ -59,7 +59,7 @@ class Desk:
         raise NotImplementedError(type(request).__name__)
 
     @answer.register
-    def _(self, request: ask.Hello, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.HelloRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
             known = self.supervisor.states
             if request.fitter not in known and len(known) >= MOST_FITTERS:
@@ -83,7 +83,7 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Status, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.StatusRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         job = self.acquisition.current
         return (
             reply.StatusAnswer(
@@ -101,7 +101,7 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Metrics, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.MetricsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         found = self.metrics
         return (
             reply.MetricsAnswer(
@@ -116,11 +116,11 @@ class Desk:
         )
 
     @answer.register
-    def _(self, request: ask.Settings, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SettingsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         return reply.SettingsAnswer(id=request.id, settings=self.settings), []
 
     @answer.register
-    def _(self, request: ask.Measure, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.MeasureRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         steps = [step.name for step in request.build.steps]
         if request.step not in steps:
             raise RequestError(
@@ -134,44 +134,44 @@ class Desk:
                 "give a plan, or a [sweep] table in build.toml",
             )
         if request.decides is not None:
-            self._check_decides(request.decides, Sample(request.build.name, request.step))
+            self._check_decides(request.decides, SampleStep(request.build.name, request.step))
         self.lease.check(request.lease)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
         if new:
-            job = Job(measurement, request.build, request.step, plan, request.priority, request.decides)
+            job = MeasurementJob(measurement, request.build, request.step, plan, request.priority, request.decides)
             self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
             self.acquisition.add(job)
         return reply.MeasureAnswer(id=request.id, measurement=measurement), []
 
     @answer.register
-    def _(self, request: ask.Lease, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.LeaseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
         lease, held = self.lease.take(request.owner, request.seconds, request.lease, busy=busy)
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
     @answer.register
-    def _(self, request: ask.Release, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         self.lease.give_back(request.lease)
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Cancel, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.CancelRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         if not self.acquisition.cancel(request.measurement):
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Replay, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.ReplayRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
         return _events(request.id, events, more=len(events) == request.max)
 
     @answer.register
-    def _(self, request: ask.Samples, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SamplesRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         found: dict[str, list[reply.MeasuredStep]] = {}
         with closing(self.journal.reader()) as archive:  # another thread looks this up: it may be all there is
             for one in archive.histories(request.name):
@@ -180,7 +180,7 @@ class Desk:
         return reply.SamplesAnswer(id=request.id, samples=samples), []
 
     @answer.register
-    def _(self, request: ask.Sweeps, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SweepsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         steps = [step.name for step in self.journal.build(known.id).steps]
         earlier = (
@@ -190,33 +190,33 @@ class Desk:
         return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
 
     @answer.register
-    def _(self, request: ask.Fits, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.FitsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         return _events(request.id, self.journal.fits(self._known(request.measurement).id))
 
     @answer.register
-    def _(self, request: ask.Fit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.FitRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         installed = sorted({*_installed(), *self.supervisor.states})
         if request.fitter not in installed:  # a name from a message is never imported as it is
             raise RequestError(
                 "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
             )
-        return self._errand(request.id, Errand(request.measurement, request.fitter), None), []
+        return self._errand(request.id, WorkerJob(request.measurement, request.fitter), None), []
 
     @answer.register
-    def _(self, request: ask.Diagnose, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
             self._known(other)
         effects = tuple(sorted({*request.effects})) if request.effects else None
-        errand = Errand(request.measurement, None, effects, request.also, request.propose)
+        errand = WorkerJob(request.measurement, None, effects, request.also, request.propose)
         return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
 
     @answer.register
-    def _(self, request: ask.Unanswered, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         open_ones = tuple(self.journal.unanswered(request.fitter))
         return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
 
     @answer.register
-    def _(self, request: ask.Submit, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SubmitRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         event = checked(self.journal, known, request, raw)
         if event is not None:
@@ -225,20 +225,20 @@ class Desk:
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.Shutdown, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         self.shutdown()
         return reply.Answer(id=request.id), []
 
-    def _errand(self, request: str, errand: Errand, version: str | None) -> reply.ErrandAnswer:
+    def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Begin an errand on a complete measurement."""
         known = self._known(errand.measurement)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
         if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
             raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
-        return reply.ErrandAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+        return reply.JobAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
 
-    def _check_decides(self, measurement: str, sample: Sample) -> None:
+    def _check_decides(self, measurement: str, sample: SampleStep) -> None:
         of = self._known(measurement).sample
         if of != sample:
             raise RequestError(
@@ -247,7 +247,7 @@ class Desk:
                 f"{sample.step!r} is decided by measuring that step",
             )
 
-    def _known(self, measurement: str) -> Measurement:
+    def _known(self, measurement: str) -> JournalMeasurement:
         found = self.journal.measurement(measurement)
         if found is None:
             raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")

@@ -19,10 +19,10 @@ from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.events import WIRE
 from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
-from ..access.access_control import Gate
-from ..access.connection_guard import Intake
+from ..access.access_control import AccessControl
+from ..access.connection_guard import ConnectionGuard
 from .request_errors import RequestError
-from .request_handlers import Desk
+from .request_handlers import RequestHandlers
 
 log = logging.getLogger(__name__)
 
@@ -36,23 +36,33 @@ TURN = 0.002
 """Seconds of answering after which others have their turn. Where there was nonsense among what was answered, as long
 is waited: who floods the daemon does not take a whole core, and so what is asked properly finds it awake."""
 
-ONCE = (ask.Measure, ask.Cancel, ask.Bench, ask.Fit, ask.Diagnose, ask.Lease, ask.Release)
+ONCE = (
+    ask.MeasureRequest,
+    ask.CancelRequest,
+    ask.BenchRequest,
+    ask.FitRequest,
+    ask.DiagnoseRequest,
+    ask.LeaseRequest,
+    ask.ReleaseRequest,
+)
 """Requests that change something each time they are done; the others may be answered anew."""
 
-LONG = (ask.Bench, ask.Lease, ask.Diagnose, ask.Samples)
+LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
 """Those that others than the desk have a part in, or that look through the whole journal."""
 
 Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
 """The frames of an answer, or of one that takes a while."""
 
 
-class Reception:
+class RequestServer:
     """Answers requests for as long as `serve` runs.
 
     The socket is read and written without waiting: a ROUTER drops what somebody does not take.
     """
 
-    def __init__(self, socket: zmq.asyncio.Socket, desk: Desk, gate: Gate | None, intake: Intake) -> None:
+    def __init__(
+        self, socket: zmq.asyncio.Socket, desk: RequestHandlers, gate: AccessControl | None, intake: ConnectionGuard
+    ) -> None:
         self._coming = socket
         self._socket: zmq.Socket[bytes] = zmq.Socket(shadow=socket)
         self._gate = gate
@@ -144,19 +154,21 @@ class Reception:
                 self._done.popitem(last=False)
         return said
 
-    async def _arrange(self, request: ask.Bench | ask.Lease | ask.Diagnose | ask.Samples) -> list[bytes]:
+    async def _arrange(
+        self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest
+    ) -> list[bytes]:
         """Answer what takes others: the bench, the instrument, the catalogue of effects, a thread that reads."""
         try:
-            if isinstance(request, ask.Bench):
+            if isinstance(request, ask.BenchRequest):
                 return [to_json(await self._bench(request))]
-            if isinstance(request, ask.Diagnose) and request.effects:
+            if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._desk.errands.effects())
-            if isinstance(request, ask.Samples):
+            if isinstance(request, ask.SamplesRequest):
                 loop = asyncio.get_running_loop()
                 answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, ())
             else:
                 answer, more = self._desk.answer(request, ())
-            if isinstance(request, ask.Lease):
+            if isinstance(request, ask.LeaseRequest):
                 await self._desk.acquisition.let_go()
             header = to_json(answer)
             if len(header) > LARGEST_FRAME:
@@ -176,13 +188,13 @@ class Reception:
             return _refusal(request, error.problem)
         if isinstance(error, WireError):
             counts["garbage"] += 1
-            return _refusal(request, reply.Problem("bad-request", str(error), "see docs/wire.md"))
+            return _refusal(request, reply.ErrorBody("bad-request", str(error), "see docs/wire.md"))
         if isinstance(error, JournalError):
-            return _refusal(request, reply.Problem("journal", str(error)))
+            return _refusal(request, reply.ErrorBody("journal", str(error)))
         log.error("request %s", request, exc_info=error)
-        return _refusal(request, reply.Problem("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
+        return _refusal(request, reply.ErrorBody("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
 
-    async def _bench(self, request: ask.Bench) -> reply.BenchAnswer:
+    async def _bench(self, request: ask.BenchRequest) -> reply.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
         if self._desk.bench is None:
             raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
@@ -246,5 +258,5 @@ def _id_of(frames: Sequence[bytes]) -> str | None:
         return None
 
 
-def _refusal(request: str | None, problem: reply.Problem) -> list[bytes]:
+def _refusal(request: str | None, problem: reply.ErrorBody) -> list[bytes]:
     return [to_json(reply.Refusal(id=request, error=problem))]

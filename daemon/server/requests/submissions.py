@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ...journal.journal_reader import Measurement
-from ...journal.journal_writer import Journal
+from ...journal.journal_reader import JournalMeasurement
+from ...journal.journal_writer import JournalWriter
 from ...wire import requests as ask
 from ...wire.events import DiagnosisEvent, FitEvent
 from ...wire.frames import unpack
@@ -16,7 +16,7 @@ MOST_ANSWERS = 100
 
 
 def checked(
-    journal: Journal, known: Measurement, request: ask.Submit, raw: Sequence[bytes]
+    journal: JournalWriter, known: JournalMeasurement, request: ask.SubmitRequest, raw: Sequence[bytes]
 ) -> FitEvent | DiagnosisEvent | None:
     """Return the event that a submission becomes, or None where the same was handed in before.
 
@@ -37,7 +37,7 @@ def checked(
     return event
 
 
-def _event(request: ask.Submit, known: Measurement) -> FitEvent | DiagnosisEvent:
+def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | DiagnosisEvent:
     """Return the event that a fitter's answer becomes. Raises RequestError where it is not one answer."""
     given = [name for name in ("report", "error", "diagnosis") if getattr(request, name) is not None]
     if len(given) != 1:

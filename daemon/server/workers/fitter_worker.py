@@ -15,7 +15,7 @@ from ....models.sweep import Sweep
 from ...client.client import Client
 from ...client.connection import DaemonError
 from ...wire.curve_keys import ClientKey
-from ...wire.events import Heard, StateEvent, SweepEvent
+from ...wire.events import ReceivedEvent, StateEvent, SweepEvent
 from .worker_main import FitterError, run_as_guest
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ def load_fitter(name: str) -> Fitter:
     raise FitterError(f"fitter {name!r} is not installed; installed are {', '.join(sorted(found)) or 'none'}")
 
 
-def task_of(heard: Sequence[Heard]) -> FitTask:
+def task_of(heard: Sequence[ReceivedEvent]) -> FitTask:
     """Return what a fitter is given, of the sweep events of a measurement and of the steps before it."""
     sweeps: dict[str, tuple[Sweep, ...]] = {}
     build = None
@@ -52,7 +52,7 @@ def task_of(heard: Sequence[Heard]) -> FitTask:
     return FitTask(build, sweeps)
 
 
-class Guest:
+class FitterWorker:
     """Fits every measurement once."""
 
     def __init__(self, name: str, fitter: Fitter, client: Client) -> None:
@@ -119,7 +119,7 @@ def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Ca
         try:
             with Client(events, requests, key) as client:
                 told(f"fitter {name!r} waits for sweeps of the daemon at {requests}")
-                Guest(name, fitter, client).serve()
+                FitterWorker(name, fitter, client).serve()
         except DaemonError as error:
             if error.code != "unreachable":
                 raise
@@ -131,7 +131,7 @@ def main() -> None:
     """Run one fitter until the daemon that started it ends."""
     parser = argparse.ArgumentParser(description="One fitter as a guest of the daemon.")
     parser.add_argument("name", help="an installed fitter, or module:Class")
-    run_as_guest(parser, lambda client, given: Guest(given.name, load_fitter(given.name), client).serve())
+    run_as_guest(parser, lambda client, given: FitterWorker(given.name, load_fitter(given.name), client).serve())
 
 
 if __name__ == "__main__":

@@ -11,10 +11,10 @@ from pathlib import Path
 from ...files.auto_diagnosis import DIAGNOSIS
 from ...files.paths import log_file
 from ...files.worker_limits import Limits
-from ...journal.journal_reader import Measurement
+from ...journal.journal_reader import JournalMeasurement
 from ...wire.curve_keys import ClientKey
 from ...wire.events import FitEvent
-from .process_runner import tend
+from .process_runner import run_to_end
 
 AT_ONCE = 2
 """Errands that run side by side; the others wait."""
@@ -29,7 +29,7 @@ everybody who asks the daemon, so another process does."""
 
 
 @dataclass(frozen=True)
-class Errand:
+class WorkerJob:
     """What is to be done: a fit by `fitter`, or a diagnosis that considers `effects` where fitter is None."""
 
     measurement: str
@@ -54,7 +54,7 @@ class Errand:
 
 
 @dataclass
-class Errands:
+class JobRunner:
     """Carries errands out. An errand that ends without an answer is answered here, with the reason."""
 
     home: Path
@@ -63,11 +63,11 @@ class Errands:
     key: ClientKey | None
     limits: Limits
     publish: Callable[[FitEvent], None]
-    running: dict[Errand, "asyncio.Task[None]"] = field(default_factory=dict[Errand, "asyncio.Task[None]"])
+    running: dict[WorkerJob, "asyncio.Task[None]"] = field(default_factory=dict[WorkerJob, "asyncio.Task[None]"])
     _effects: "asyncio.Task[frozenset[str]] | None" = None
     _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
 
-    def begin(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> bool:
+    def begin(self, errand: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> bool:
         """Begin an errand, unless it runs already; return False where too many do."""
         if errand in self.running:
             return True
@@ -91,12 +91,12 @@ class Errands:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _do(self, errand: Errand, of: Measurement, sweeps: tuple[str, ...]) -> None:
+    async def _do(self, errand: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> None:
         async with self._slots:
             began, most = time.monotonic(), self.limits.seconds
             arguments = [*errand.arguments, "--events", self.events, "--requests", self.requests]
             log = log_file(self.home, f"errand-{errand.measurement}")
-            end = await tend(
+            end = await run_to_end(
                 "pzctl.daemon.server.workers.job_worker",
                 [*arguments, "--memory-MB", str(self.limits.memory_MB)],
                 log,

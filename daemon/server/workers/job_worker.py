@@ -12,7 +12,7 @@ from importlib.metadata import version
 from ....fitters.interface import FitError, FitResult
 from ...client.client import Client
 from ...files.auto_diagnosis import DIAGNOSIS
-from ...wire.events import Heard, SweepEvent
+from ...wire.events import ReceivedEvent, SweepEvent
 from .fitter_worker import load_fitter, task_of
 from .worker_main import run_as_guest
 
@@ -57,11 +57,11 @@ def diagnose(
         client.submit_diagnosis(*key, found, diagnosis_curves(diagnosis))
 
 
-def _measurement_of(heard: Heard) -> str | None:
+def _measurement_of(heard: ReceivedEvent) -> str | None:
     return heard.event.measurement if isinstance(heard.event, SweepEvent) else None
 
 
-def _ids(heard: Sequence[Heard]) -> list[str]:
+def _ids(heard: Sequence[ReceivedEvent]) -> list[str]:
     return [one.event.id for one in heard]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from ...wire.events import DiagnosisEvent, Event, FitEvent, StateEvent
 
 
-class Ledger:
+class PendingResults:
     """The measurements that each kept fitter has still to answer, in the order in which it takes them."""
 
     def __init__(self, fitters: Iterable[str], clock: Callable[[], float] = time.monotonic) -> None:

@@ -22,7 +22,7 @@ KEY = "PZCTL_GUEST_KEY"
 
 
 @dataclass(frozen=True)
-class End:
+class ProcessExit:
     """How a process ended: its exit status (negative: the signal), and a sentence."""
 
     code: int
@@ -35,7 +35,9 @@ def guest_client(events: str, requests: str) -> Client:
     return Client(events, requests, msgspec.json.decode(key, type=ClientKey) if key else None)
 
 
-async def tend(module: str, arguments: Sequence[str], log: Path, key: ClientKey | None, hung: Callable[[], str]) -> End:
+async def run_to_end(
+    module: str, arguments: Sequence[str], log: Path, key: ClientKey | None, hung: Callable[[], str]
+) -> ProcessExit:
     """Run a module of this package until it ends, or until `hung` says what it hangs over.
 
     Its output goes to `log`, begun anew, so that a guest that dies over and over does not fill the disk; what was
@@ -54,4 +56,4 @@ async def tend(module: str, arguments: Sequence[str], log: Path, key: ClientKey 
                 why = hung()
         finally:
             (kill_child if why else end_child)(process)
-    return End(process.returncode, why or f"ended with status {process.returncode}: {last_line(log)}")
+    return ProcessExit(process.returncode, why or f"ended with status {process.returncode}: {last_line(log)}")

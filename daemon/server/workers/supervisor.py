@@ -10,8 +10,8 @@ from ...files.paths import log_file
 from ...files.worker_limits import Limits
 from ...wire.curve_keys import ClientKey
 from ...wire.replies import FitterState
-from .pending_results import Ledger
-from .process_runner import tend
+from .pending_results import PendingResults
+from .process_runner import run_to_end
 from .worker_main import GIVEN_UP
 
 QUIET = 1.0
@@ -22,7 +22,7 @@ FIRST_WAIT, LONGEST_WAIT = 0.5, 60.0
 
 
 @dataclass(frozen=True)
-class Fate:
+class WorkerExit:
     """What became of a fitter's process."""
 
     fitter: str
@@ -40,11 +40,11 @@ class Supervisor:
     key: ClientKey | None
     """What lets a fitter in, where keys are asked for."""
     limits: Limits
-    ledger: Ledger
+    ledger: PendingResults
     """Who owes which answer since when."""
     changed: Callable[[FitterState, str], None]
     """Called with a fitter's new state and a sentence when it became ready, ended or broken."""
-    died: Callable[[Fate], None]
+    died: Callable[[WorkerExit], None]
     """Called when a process ended by itself."""
     states: dict[str, FitterState] = field(default_factory=dict[str, FitterState])
     _told: dict[str, float] = field(default_factory=dict[str, float])
@@ -77,16 +77,16 @@ class Supervisor:
             wait = FIRST_WAIT if loop.time() - began > LONGEST_WAIT else min(2 * wait, LONGEST_WAIT)
             await asyncio.sleep(wait)
 
-    async def _live(self, name: str) -> Fate:
+    async def _live(self, name: str) -> WorkerExit:
         """Run the process once; end it where it hangs, or where this is cancelled."""
         path = log_file(self.home, "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name))
         arguments = [name, "--events", self.events, "--requests", self.requests]
         arguments += ["--memory-MB", str(self.limits.memory_MB)]
         began = time.monotonic()
-        end = await tend(
+        end = await run_to_end(
             "pzctl.daemon.server.workers.fitter_worker", arguments, path, self.key, lambda: self._hung(name, began)
         )
-        return Fate(name, end.code, end.says)
+        return WorkerExit(name, end.code, end.says)
 
     def _hung(self, name: str, began: float) -> str:
         """Return what a fitter hangs over, in words; nothing where it does not."""

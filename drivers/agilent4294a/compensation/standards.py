@@ -15,7 +15,7 @@ from ....models.base.arrays import Complexes
 from ....models.sweep import now_utc
 from ...base.analyzer import Identity, InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 from ..protocol import error_queue as errorqueue
 from ..protocol import settings
 from ..protocol import sweep_wait as wait
@@ -66,7 +66,7 @@ class Compensation:
 
 
 def measure(
-    link: Link,
+    link: Connection,
     identity: Identity,
     standards: Sequence[Standard],
     adapter: str,
@@ -97,7 +97,7 @@ def measure(
     return Compensation({name: _array(link, name) for name in standards}, adapter, taken, identity.idn)
 
 
-def apply(link: Link, identity: Identity, stored: Compensation) -> None:
+def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
     """Write the arrays of `stored` back and switch them on; standards it does not hold are switched off.
 
     Raises InstrumentError: another instrument, or arrays that do not read back as they were written.
@@ -119,7 +119,7 @@ def apply(link: Link, identity: Identity, stored: Compensation) -> None:
         settings.put(link, recipe.switch, values is not None)
 
 
-def _array(link: Link, name: Standard) -> Complexes:
+def _array(link: Connection, name: Standard) -> Complexes:
     query = _RECIPES[name].output
     data = link.ask_block(f"FORM3;{query}", MOST_BYTES)
     pairs = replies.doubles(data, len(data) // 16 * 2, f"{link.name}: {query}")
@@ -128,7 +128,7 @@ def _array(link: Link, name: Standard) -> Complexes:
     return pairs[0::2] + 1j * pairs[1::2]
 
 
-def _check_plausible(link: Link, name: Standard, values: Complexes) -> None:
+def _check_plausible(link: Connection, name: Standard, values: Complexes) -> None:
     """Raise InstrumentError, compensation switched off, where a standard was not what was asked for.
 
     Looked at is the lowest frequency, where no fixture's own capacitance (100 pF) or inductance (1 uH) matters.

@@ -2,7 +2,7 @@
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 from . import error_queue as errorqueue
 from . import settings
 
@@ -13,7 +13,7 @@ RANGE_TOO_SMALL = 137
 """The error of `DCO ON` where the bias needs more current than the range gives."""
 
 
-def switch_on(link: Link, volts: float) -> str:
+def switch_on(link: Connection, volts: float) -> str:
     """Put `volts` (-40 to 40 V) across the device in constant-voltage mode; return the range that was needed.
 
     Ranges are tried from the smallest. Raises InstrumentError where none is enough; the bias is then off.

@@ -2,12 +2,12 @@
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 
 DEPTH = 10
 
 
-def drain(link: Link) -> tuple[replies.QueuedError, ...]:
+def drain(link: Connection) -> tuple[replies.QueuedError, ...]:
     """Return what stands in the error queue, oldest first, and leave it empty. Raises InstrumentError."""
     found: list[replies.QueuedError] = []
     for _ in range(DEPTH + 1):
@@ -18,7 +18,7 @@ def drain(link: Link) -> tuple[replies.QueuedError, ...]:
     raise InstrumentError(f"{link.name}: the error queue does not get empty; last was {described(found[-1])}")
 
 
-def check(link: Link, doing: str) -> None:
+def check(link: Connection, doing: str) -> None:
     """Raise InstrumentError where the queue holds an error; `doing`: after what it was read."""
     if errors := drain(link):
         raise InstrumentError(f"{link.name}: {doing}, the instrument reports {'; '.join(map(described, errors))}")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from ...base.analyzer import Cancelled, Progress
 
 
-class Course:
+class ProgressTracker:
     """How far the sweeps are that together take `seconds`, one number each."""
 
     def __init__(

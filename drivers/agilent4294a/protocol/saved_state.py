@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 from . import settings
 
 NOT_RESTORED = ("DCO",)
 
 
 @dataclass(frozen=True)
-class Found:
+class SavedState:
     """How the instrument was found."""
 
     continuous: bool
@@ -25,7 +25,7 @@ class Found:
     values: Mapping[str, settings.Value]
 
 
-def take(link: Link) -> Found:
+def take(link: Connection) -> SavedState:
     """Stop the sweep (HOLD) and return how the instrument was found. Raises InstrumentError."""
     continuous = replies.flag(link.ask("CONT?"), f"{link.name}: CONT?")
     if replies.flag(link.ask("HOLD;CONT?"), f"{link.name}: CONT?"):
@@ -33,16 +33,16 @@ def take(link: Link) -> Found:
     sweep_type = settings.query(link, "SWPT")
     if sweep_type == "LIST":  # in list mode STAR, POIN ... speak of a segment, not of the sweep
         settings.put(link, "SWPT", "LIN")
-    return Found(continuous, settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type})
+    return SavedState(continuous, settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type})
 
 
-def bias_off(link: Link) -> None:
+def bias_off(link: Connection) -> None:
     """Stop the sweep, switch the bias off, and see that it is. Raises InstrumentError."""
     if replies.flag(link.ask("HOLD;DCO OFF;DCO?"), f"{link.name}: bias (DCO?)"):
         raise InstrumentError(f"{link.name}: the DC bias is still ON after DCO OFF; switch it off at the front panel")
 
 
-def give_back(link: Link, found: Found, resume: bool) -> None:
+def give_back(link: Connection, found: SavedState, resume: bool) -> None:
     """Set everything that differs from `found` back; with `resume`, let it sweep again where it did.
 
     One range may push the other (START beyond STOP), so there are two passes, and only the second one must succeed.

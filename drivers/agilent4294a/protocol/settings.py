@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 
 Value = float | bool | str
 
 
 @dataclass(frozen=True)
-class Number:
+class NumberSetting:
     """A setting that is a number: what people call it, its unit, and how exactly it must come back."""
 
     words: str
@@ -36,7 +36,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Flag:
+class FlagSetting:
     """A setting that is on or off."""
 
     words: str
@@ -52,7 +52,7 @@ class Flag:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChoiceSetting:
     """A setting that is one of some words."""
 
     words: str
@@ -68,41 +68,41 @@ class Choice:
         return asked == got
 
 
-Kind = Number | Flag | Choice
+Kind = NumberSetting | FlagSetting | ChoiceSetting
 
 # The order is that of restoring: what a later value depends on stands before it.
 SETTINGS: dict[str, Kind] = {
-    "SWPP": Choice("sweep parameter", ("FREQ", "OLEV", "DCB")),
-    "SWPT": Choice("sweep type", ("LIN", "LOG", "LIST")),
-    "STAR": Number("start", "Hz", absolute=1e-3),
-    "STOP": Number("stop", "Hz", absolute=1e-3),
-    "POIN": Number("number of points", relative=0),
-    "SWED": Choice("sweep direction", ("UP", "DOWN")),
-    "SDELT": Number("sweep delay", "s"),
-    "PDELT": Number("point delay", "s"),
-    "BWFACT": Number("bandwidth", relative=0),
-    "PAVER": Flag("point averaging"),
-    "PAVERFACT": Number("point averaging factor", relative=0),
-    "AVER": Flag("sweep averaging"),
-    "AVERFACT": Number("sweep averaging factor", relative=0),
-    "POWMOD": Choice("oscillator mode", ("VOLT", "CURR")),
+    "SWPP": ChoiceSetting("sweep parameter", ("FREQ", "OLEV", "DCB")),
+    "SWPT": ChoiceSetting("sweep type", ("LIN", "LOG", "LIST")),
+    "STAR": NumberSetting("start", "Hz", absolute=1e-3),
+    "STOP": NumberSetting("stop", "Hz", absolute=1e-3),
+    "POIN": NumberSetting("number of points", relative=0),
+    "SWED": ChoiceSetting("sweep direction", ("UP", "DOWN")),
+    "SDELT": NumberSetting("sweep delay", "s"),
+    "PDELT": NumberSetting("point delay", "s"),
+    "BWFACT": NumberSetting("bandwidth", relative=0),
+    "PAVER": FlagSetting("point averaging"),
+    "PAVERFACT": NumberSetting("point averaging factor", relative=0),
+    "AVER": FlagSetting("sweep averaging"),
+    "AVERFACT": NumberSetting("sweep averaging factor", relative=0),
+    "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
     # The level is set in steps of about 1 mV; the recording keeps what was read back.
-    "POWE": Number("oscillator level", absolute=6e-4),
-    "DCMOD": Choice("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
-    "DCRNG": Choice("bias range", ("M1", "M10", "M100")),
-    "DCV": Number("bias", "V", relative=1e-3, absolute=2e-3),
-    "DCO": Flag("bias output"),
-    "TRGS": Choice("trigger source", ("INT", "EXT", "BUS", "MAN")),
+    "POWE": NumberSetting("oscillator level", absolute=6e-4),
+    "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
+    "DCRNG": ChoiceSetting("bias range", ("M1", "M10", "M100")),
+    "DCV": NumberSetting("bias", "V", relative=1e-3, absolute=2e-3),
+    "DCO": FlagSetting("bias output"),
+    "TRGS": ChoiceSetting("trigger source", ("INT", "EXT", "BUS", "MAN")),
 }
 """Every setting the driver sets, by mnemonic."""
 
 CONDITIONS: dict[str, Kind] = {
-    "CALP": Choice("points of compensation", ("FIXED", "USER")),
-    "E4TP": Choice("adapter", ("OFF", "M1", "M2", "APC7", "PROBE")),
-    "CALST": Flag("user calibration"),
-    "COMSTA": Flag("open compensation"),
-    "COMSTB": Flag("short compensation"),
-    "COMSTC": Flag("load compensation"),
+    "CALP": ChoiceSetting("points of compensation", ("FIXED", "USER")),
+    "E4TP": ChoiceSetting("adapter", ("OFF", "M1", "M2", "APC7", "PROBE")),
+    "CALST": FlagSetting("user calibration"),
+    "COMSTA": FlagSetting("open compensation"),
+    "COMSTB": FlagSetting("short compensation"),
+    "COMSTC": FlagSetting("load compensation"),
 }
 """What belongs to the bench: recorded with every sweep, never changed by one."""
 
@@ -116,13 +116,13 @@ def text_of(value: Value) -> str:
     return value if isinstance(value, str) else f"{value:.12g}"
 
 
-def query(link: Link, mnemonic: str) -> Value:
+def query(link: Connection, mnemonic: str) -> Value:
     """Return the setting or condition `mnemonic` as the instrument has it. Raises InstrumentError."""
     kind = _KINDS[mnemonic]
     return kind.read(link.ask(f"{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
 
 
-def put(link: Link, mnemonic: str, value: Value) -> Value:
+def put(link: Connection, mnemonic: str, value: Value) -> Value:
     """Set `mnemonic` to `value` and return what is read back. Raises InstrumentError where it was not taken."""
     kind = _KINDS[mnemonic]
     got = kind.read(link.ask(f"{mnemonic} {text_of(value)};{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
@@ -135,12 +135,12 @@ def put(link: Link, mnemonic: str, value: Value) -> Value:
     return got
 
 
-def snapshot(link: Link, mnemonics: Iterable[str]) -> dict[str, Value]:
+def snapshot(link: Connection, mnemonics: Iterable[str]) -> dict[str, Value]:
     """Return the present value of each of `mnemonics`. Raises InstrumentError."""
     return {mnemonic: query(link, mnemonic) for mnemonic in mnemonics}
 
 
-def compare(link: Link, wanted: Mapping[str, Value], got: Mapping[str, Value], what: str) -> None:
+def compare(link: Connection, wanted: Mapping[str, Value], got: Mapping[str, Value], what: str) -> None:
     """Raise InstrumentError, saying `what` happened to the setting, where one `got` is not as `wanted`."""
     for mnemonic, value in wanted.items():
         kind = _KINDS[mnemonic]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 from .. import sweep_time
 from . import error_queue as errorqueue
 
@@ -32,7 +32,7 @@ SLOWEST_POLL_SECONDS = 0.25
 FASTEST_POLL_SECONDS = 0.005
 
 
-def start(link: Link, command: str, end: int = SWEEP_END) -> None:
+def start(link: Connection, command: str, end: int = SWEEP_END) -> None:
     """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...), which ends in the instrument event `end`.
 
     Raises InstrumentError where it is refused.
@@ -43,7 +43,7 @@ def start(link: Link, command: str, end: int = SWEEP_END) -> None:
         raise InstrumentError(f"{link.name}: {command} was refused (event status register {events})")
 
 
-def finish(link: Link, seconds: float, tick: Callable[[float], None], what: str) -> None:
+def finish(link: Connection, seconds: float, tick: Callable[[float], None], what: str) -> None:
     """Return when what was started is over; it should take `seconds`.
 
     `tick` is told the seconds that have passed, several times a second, and may raise to give up.

@@ -14,7 +14,7 @@ OVERLAP_POINTS = 16
 
 
 @dataclass(frozen=True)
-class Part:
+class GridPart:
     """One sweep of a segment: its points `first` to `last`, both included, counted from 0."""
 
     segment: Segment
@@ -33,20 +33,20 @@ def points(segment: Segment) -> Frequencies:
     return np.round(exact, 3)
 
 
-def parts(segment: Segment) -> tuple[Part, ...]:
+def parts(segment: Segment) -> tuple[GridPart, ...]:
     """Return the sweeps, each of at most 801 points, that together cover `segment`; neighbours overlap.
 
     Their lengths are as equal as can be, so that none is a stub.
     """
     if segment.points <= MOST_POINTS:
-        return (Part(segment, 0, segment.points - 1),)
+        return (GridPart(segment, 0, segment.points - 1),)
     fresh = MOST_POINTS - OVERLAP_POINTS
     count = -(-(segment.points - OVERLAP_POINTS) // fresh)
     edges = np.linspace(0, segment.points - OVERLAP_POINTS, count + 1).round().astype(int)
-    return tuple(Part(segment, int(a), int(b) + OVERLAP_POINTS - 1) for a, b in pairwise(edges))
+    return tuple(GridPart(segment, int(a), int(b) + OVERLAP_POINTS - 1) for a, b in pairwise(edges))
 
 
-def of_part(part: Part) -> Segment:
+def of_part(part: GridPart) -> Segment:
     """Return the segment that the instrument is to sweep for `part`.
 
     Its grid is that of the whole but for the rounding of its own ends: 1 mHz, or, in a log sweep, that much relative

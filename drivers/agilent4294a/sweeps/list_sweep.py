@@ -19,7 +19,7 @@ import numpy as np
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import ConnectionLost, Link
+from ...visa.connection import Connection, ConnectionLost
 from .. import limits
 from ..protocol import error_queue as errorqueue
 from ..protocol import settings
@@ -81,7 +81,7 @@ def lines(segments: Sequence[Segment]) -> tuple[Segment, ...]:
 
 
 def sweep(
-    link: Link, segments: Sequence[Segment], plan: SweepPlan, tick: Callable[[float], None]
+    link: Connection, segments: Sequence[Segment], plan: SweepPlan, tick: Callable[[float], None]
 ) -> tuple[sweeping.RawSweep, ...]:
     """Sweep one of `batches(plan)`; return what each of its segments gave. `tick`: see `wait.finish`.
 
@@ -136,7 +136,7 @@ def _others(plan: SweepPlan) -> dict[str, settings.Value]:
     }
 
 
-def _set_up(link: Link, table: Sequence[Segment], plan: SweepPlan) -> dict[str, settings.Value]:
+def _set_up(link: Connection, table: Sequence[Segment], plan: SweepPlan) -> dict[str, settings.Value]:
     """Fill the table and switch to it; return all settings as read back, those of a line from the last one.
 
     Raises InstrumentError where anything differs from what was asked.
@@ -165,7 +165,7 @@ def _set_up(link: Link, table: Sequence[Segment], plan: SweepPlan) -> dict[str, 
     return before | own | {"SWPT": "LIST"}
 
 
-def _command(link: Link, command: str) -> None:
+def _command(link: Connection, command: str) -> None:
     """Send what has no query. Raises InstrumentError where the instrument does not know it, or cannot do it now."""
     events = replies.integer(link.ask(f"*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
     if events & wait.ERRORS:

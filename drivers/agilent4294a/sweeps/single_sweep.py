@@ -11,7 +11,7 @@ from ....models.sweep import now_utc
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import InstrumentError
 from ...visa import replies
-from ...visa.connection import Link
+from ...visa.connection import Connection
 from .. import sweep_time
 from ..protocol import bias, settings
 from ..protocol import error_queue as errorqueue
@@ -57,7 +57,7 @@ class Run:
     seconds: float
 
 
-def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
+def sweep(link: Connection, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
     """Sweep `segment` as `plan` says. `tick`: see `wait.finish`. Raises InstrumentError, and what `tick` raises."""
     asked = wanted(segment, plan)
     set_up(link, asked)
@@ -74,7 +74,7 @@ def sweep(link: Link, segment: Segment, plan: SweepPlan, tick: Callable[[float],
     return RawSweep(frequency, impedance, ran.started, ran.ended, ran.seconds, before)
 
 
-def run(link: Link, plan: SweepPlan, expected: float, tick: Callable[[float], None]) -> Run:
+def run(link: Connection, plan: SweepPlan, expected: float, tick: Callable[[float], None]) -> Run:
     """Sweep as the instrument is set up, as often as `plan` averages; it should take `expected` seconds.
 
     Raises InstrumentError, and what `tick` raises.
@@ -108,7 +108,7 @@ def wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
     }
 
 
-def set_up(link: Link, asked: Mapping[str, settings.Value]) -> None:
+def set_up(link: Connection, asked: Mapping[str, settings.Value]) -> None:
     """Set everything `asked` and read it back. Raises InstrumentError where a setting is not taken."""
     for mnemonic, value in asked.items():
         if mnemonic == "STAR":  # first once without looking, so that neither end can push the other afterwards
@@ -117,7 +117,7 @@ def set_up(link: Link, asked: Mapping[str, settings.Value]) -> None:
         settings.put(link, mnemonic, value)
 
 
-def check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
+def check_untouched(link: Connection, before: Mapping[str, settings.Value]) -> None:
     """Raise InstrumentError where the instrument is not as it was `before` the sweep, or not in HOLD."""
     after = settings.snapshot(link, before)
     settings.compare(link, before, after, "changed while the sweep ran; was a key pressed at the front panel?")
@@ -125,7 +125,7 @@ def check_untouched(link: Link, before: Mapping[str, settings.Value]) -> None:
         raise InstrumentError(f"{link.name}: it sweeps again before its data were read; was a key pressed?")
 
 
-def read(link: Link, expected: Frequencies) -> tuple[Frequencies, Impedances]:
+def read(link: Connection, expected: Frequencies) -> tuple[Frequencies, Impedances]:
     """Return axis and data array of the sweep that is in HOLD: the complex R,X after every correction.
 
     Raises InstrumentError where the axis is not `expected` (Hz, shape (N,)).
@@ -148,7 +148,7 @@ def read(link: Link, expected: Frequencies) -> tuple[Frequencies, Impedances]:
     return frequency, impedance
 
 
-def _check_axis(link: Link, frequency: Frequencies, expected: Frequencies) -> None:
+def _check_axis(link: Connection, frequency: Frequencies, expected: Frequencies) -> None:
     """Raise InstrumentError where the axis is not the plan's grid, to the instrument's step of 1 mHz."""
     off = np.abs(frequency - expected)
     k = int(np.argmax(off))

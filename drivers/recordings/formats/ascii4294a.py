@@ -16,7 +16,7 @@ from ..assemble import Points, assemble
 from ..columns import sign_lost, weak_resistance
 from ..convert import SIGN_LOST, to_impedance
 from ..provenance import check_points
-from ..text_file import Page, RecordingError, clipped
+from ..text_file import RecordingError, TextFile, clipped
 from .csv_table import MEMORY_NOTE
 from .header4294a import parameter_of, settings_of, time_of
 
@@ -26,7 +26,7 @@ ARRAYS = {"data": "Data Trace", "memory": "Memory Trace", "raw": "Data"}
 
 
 @dataclass
-class Trace:
+class ExportTrace:
     """One of the two traces, as the file has it."""
 
     names: list[str] = field(default_factory=list[str])
@@ -47,12 +47,12 @@ class Trace:
         return np.array([complex(row[real], row[imag]) for row in self.numbers], dtype=np.complex128)
 
 
-def is_4294a(page: Page) -> bool:
+def is_4294a(page: TextFile) -> bool:
     """Return whether the content is an export of the 4294A."""
     return FIRST_LINE.match(page.lines[0]) is not None
 
 
-def read_4294a(page: Page) -> tuple[Sweep, Sweep | None]:
+def read_4294a(page: TextFile) -> tuple[Sweep, Sweep | None]:
     """Return the recording and, where one was saved, the memory trace. Raises RecordingError."""
     header, traces = _parsed(page)
     settings = settings_of(page, header)
@@ -69,17 +69,17 @@ def read_4294a(page: Page) -> tuple[Sweep, Sweep | None]:
     return main, assemble(page, points, settings, time, notes=(MEMORY_NOTE, *notes))
 
 
-def _parsed(page: Page) -> tuple[dict[str, str], dict[str, Trace]]:
+def _parsed(page: TextFile) -> tuple[dict[str, str], dict[str, ExportTrace]]:
     """Return the header's `KEY: value` lines and the traces."""
     header: dict[str, str] = {"IDN": page.lines[0].strip().strip('"')}
-    traces: dict[str, Trace] = {}
-    trace: Trace | None = None
+    traces: dict[str, ExportTrace] = {}
+    trace: ExportTrace | None = None
     for n, line in _written_lines(page):
         cells = [cell.strip().strip('"') for cell in line.split("\t")]
         key, colon, value = line.strip().strip('"').partition(":")
         if colon and len(cells) == 1:
             if key.strip() == "TRACE":
-                trace = traces.setdefault(value.strip(), Trace())
+                trace = traces.setdefault(value.strip(), ExportTrace())
             else:
                 header.setdefault(key.strip().upper(), value.strip())
         elif trace is None and line.startswith('"') and len(cells) == 1:
@@ -96,11 +96,11 @@ def _parsed(page: Page) -> tuple[dict[str, str], dict[str, Trace]]:
     return header, traces
 
 
-def _written_lines(page: Page) -> Iterator[tuple[int, str]]:
+def _written_lines(page: TextFile) -> Iterator[tuple[int, str]]:
     return ((n, line) for n, line in enumerate(page.lines[1:], 2) if line.strip())
 
 
-def _checked(page: Page, traces: Mapping[str, Trace], name: str, header: Mapping[str, str]) -> Trace:
+def _checked(page: TextFile, traces: Mapping[str, ExportTrace], name: str, header: Mapping[str, str]) -> ExportTrace:
     """Return a trace that is whole. Raises RecordingError."""
     if name not in traces:
         raise page.error(None, f"trace {name} is missing; a 4294A export holds both traces")
@@ -112,7 +112,7 @@ def _checked(page: Page, traces: Mapping[str, Trace], name: str, header: Mapping
     return trace
 
 
-def _impedance(page: Page, traces: Mapping[str, Trace], header: Mapping[str, str], array: str) -> Impedances:
+def _impedance(page: TextFile, traces: Mapping[str, ExportTrace], header: Mapping[str, str], array: str) -> Impedances:
     """Return Z in ohm, shape (N,), of the data or the memory trace."""
     a = traces["A"]
     if array == "data" and a.has("raw") and np.any(a.complex_of("raw")):  # parts that are not in use hold zeros
@@ -132,7 +132,7 @@ def _impedance(page: Page, traces: Mapping[str, Trace], header: Mapping[str, str
     return to_impedance(parameter, a.frequency(), a.complex_of(array).real, phase * b.complex_of(array).real)
 
 
-def _same_frequencies(page: Page, a: Trace, b: Trace) -> None:
+def _same_frequencies(page: TextFile, a: ExportTrace, b: ExportTrace) -> None:
     differ = np.flatnonzero(a.frequency() != b.frequency())
     if differ.size:
         k = int(differ[0])

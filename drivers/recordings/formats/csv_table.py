@@ -6,12 +6,12 @@ from ....models.sweep import Sweep
 from ..assemble import assemble
 from ..columns import data_columns, memory_columns, points_of, read_header
 from ..provenance import check_points, read_provenance
-from ..text_file import Page
+from ..text_file import TextFile
 
 MEMORY_NOTE = "This is the memory trace of the recording, not its data trace."
 
 
-def read_table(page: Page) -> tuple[Sweep, Sweep | None]:
+def read_table(page: TextFile) -> tuple[Sweep, Sweep | None]:
     """Return the recording in a table and, where there are `-mem` columns, the memory trace. Raises RecordingError."""
     comments, lines = _parted(page)
     said = read_provenance(page, comments)
@@ -34,7 +34,7 @@ def read_table(page: Page) -> tuple[Sweep, Sweep | None]:
     return main, assemble(page, points, said.settings, said.time, said.id, (MEMORY_NOTE, *notes))
 
 
-def header_cells(page: Page, header: str, separator: str, line: int) -> list[str]:
+def header_cells(page: TextFile, header: str, separator: str, line: int) -> list[str]:
     """Return the cells of a header row, quotes removed. Raises RecordingError."""
     try:
         return next(csv.reader([header], delimiter=separator, skipinitialspace=True))
@@ -42,7 +42,7 @@ def header_cells(page: Page, header: str, separator: str, line: int) -> list[str
         raise page.error(line, f"this header row cannot be read: {error}") from None
 
 
-def _parted(page: Page) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+def _parted(page: TextFile) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
     """Return comment lines without their sign, and all other lines that are not blank, with their numbers."""
     comments: list[tuple[int, str]] = []
     lines: list[tuple[int, str]] = []

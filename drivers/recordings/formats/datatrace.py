@@ -9,7 +9,7 @@ from ....models.sweep import Sweep
 from ..assemble import Points, assemble
 from ..columns import sign_lost, weak_resistance
 from ..convert import CONVERSIONS, SIGN_LOST, to_impedance
-from ..text_file import Page, RecordingError, read_bytes
+from ..text_file import RecordingError, TextFile, read_bytes
 
 _PREAMBLE, _GAP, _POINT = 29, 10, 16
 """Bytes before trace A, between the traces, and of one complex point (float64, big-endian)."""
@@ -21,7 +21,7 @@ def read_data_trace(path: Path, frequency: Frequencies, parameter: str) -> Sweep
     `frequency` in Hz, shape (N,), and `parameter` (the 4294A's mnemonic, as `IMPH`) are what the instrument was set
     to; the file does not hold them. Raises RecordingError.
     """
-    page = Page(path, ())
+    page = TextFile(path, ())
     data = read_bytes(path)
     body = len(data) - _PREAMBLE - _GAP
     count = body // (2 * _POINT)

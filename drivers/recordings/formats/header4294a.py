@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from ..convert import CONVERSIONS, SIGN_LOST
-from ..text_file import Page, clipped
+from ..text_file import TextFile, clipped
 
 _WORDS = {
     "IMPH": ("IMPEDANCE MAG PHASE", "Z TH", "Z THETA"),
@@ -27,7 +27,7 @@ _SIZE = re.compile(r"([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*([mu]?)(Volt|Amp|V|A|Sec|s
 _PREFIX = {"": 1.0, "m": 1e-3, "u": 1e-6}
 
 
-def parameter_of(page: Page, header: Mapping[str, str]) -> str:
+def parameter_of(page: TextFile, header: Mapping[str, str]) -> str:
     """Return the 4294A's mnemonic of the measurement parameter. Raises RecordingError."""
     found = header.get("MEASURE PARAMETER")
     if found is None:
@@ -39,7 +39,7 @@ def parameter_of(page: Page, header: Mapping[str, str]) -> str:
     return PARAMETERS[plain]
 
 
-def settings_of(page: Page, header: Mapping[str, str]) -> dict[str, Any]:
+def settings_of(page: TextFile, header: Mapping[str, str]) -> dict[str, Any]:
     """Return the settings that the header names. Raises RecordingError for a sweep that is none of frequency."""
     sweep = header.get("SWEEP TYPE", "")
     if "FREQ" not in sweep.upper():
@@ -62,7 +62,7 @@ def settings_of(page: Page, header: Mapping[str, str]) -> dict[str, Any]:
     return settings
 
 
-def _whole(page: Page, header: Mapping[str, str], key: str) -> int | None:
+def _whole(page: TextFile, header: Mapping[str, str], key: str) -> int | None:
     """Return a whole number, 1 for OFF, None where the file is silent."""
     text = header.get(key)
     if text is None:
@@ -74,7 +74,7 @@ def _whole(page: Page, header: Mapping[str, str], key: str) -> int | None:
     return int(text)
 
 
-def _size(page: Page, header: Mapping[str, str], key: str) -> tuple[float | None, str]:
+def _size(page: TextFile, header: Mapping[str, str], key: str) -> tuple[float | None, str]:
     """Return a number in SI units with the unit's sign (0 for OFF, None where the file is silent)."""
     text = header.get(key)
     if text is None or text.upper() == "OFF":

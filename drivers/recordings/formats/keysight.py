@@ -6,19 +6,19 @@ from datetime import datetime
 from ....models.sweep import Sweep
 from ..assemble import assemble
 from ..columns import data_columns, memory_columns, points_of, read_header
-from ..text_file import Page
+from ..text_file import TextFile
 from .csv_table import MEMORY_NOTE, header_cells
 
 _IDN = re.compile(r"(?:Keysight|Agilent)[^,]*,[^,]+,[^,]*,.*", re.IGNORECASE)
 
 
-def is_keysight(page: Page) -> bool:
+def is_keysight(page: TextFile) -> bool:
     """Return whether the content is such a file: an identity in the first comment, or a BEGIN line."""
     head = [line.strip() for line in page.lines[:20]]
     return any(line.startswith("BEGIN ") or (line.startswith("!") and _IDN.match(line[1:].strip())) for line in head)
 
 
-def read_keysight(page: Page) -> tuple[Sweep, Sweep | None]:
+def read_keysight(page: TextFile) -> tuple[Sweep, Sweep | None]:
     """Return the recording and, where there are `-mem` columns, the memory trace. Raises RecordingError."""
     settings, time, notes = _head(page)
     first, last = _block(page)
@@ -38,7 +38,7 @@ def read_keysight(page: Page) -> tuple[Sweep, Sweep | None]:
     return main, assemble(page, points, settings, time, notes=(MEMORY_NOTE, *more))
 
 
-def _head(page: Page) -> tuple[dict[str, object], str | None, list[str]]:
+def _head(page: TextFile) -> tuple[dict[str, object], str | None, list[str]]:
     """Return settings, the time, and notes from the comment lines."""
     settings: dict[str, object] = {}
     time, notes = None, list[str]()
@@ -57,7 +57,7 @@ def _head(page: Page) -> tuple[dict[str, object], str | None, list[str]]:
     return settings, time, notes
 
 
-def _block(page: Page) -> tuple[int, int]:
+def _block(page: TextFile) -> tuple[int, int]:
     """Return the lines of BEGIN and END. Raises RecordingError where there is not exactly one such block."""
     begins = [n for n, line in enumerate(page.lines, 1) if line.startswith("BEGIN")]
     ends = [n for n, line in enumerate(page.lines, 1) if line.strip() == "END"]

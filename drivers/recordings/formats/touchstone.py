@@ -14,7 +14,7 @@ from ....models.base.arrays import Impedances, Reals
 from ....models.sweep import Sweep
 from ..assemble import Points, assemble
 from ..provenance import FORMAT, Provenance, check_points, provenance_lines, read_provenance
-from ..text_file import Page, RecordingError, clipped
+from ..text_file import RecordingError, TextFile, clipped
 
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _REFERENCE = 50.0
@@ -22,7 +22,7 @@ SUFFIXES = (".s1p", ".z1p", ".y1p")
 
 
 @dataclass(frozen=True)
-class Options:
+class TouchstoneOptions:
     """The option line; where it is silent, the standard's own values."""
 
     unit: float = 1e9
@@ -32,9 +32,9 @@ class Options:
     """ohm."""
 
 
-def read_touchstone(page: Page) -> tuple[Sweep, None]:
+def read_touchstone(page: TextFile) -> tuple[Sweep, None]:
     """Return the recording in a Touchstone file of one port. Raises RecordingError."""
-    options: Options | None = None
+    options: TouchstoneOptions | None = None
     comments: list[tuple[int, str]] = []
     found: list[tuple[int, list[float]]] = []
     for n, line in enumerate(page.lines, 1):
@@ -60,18 +60,18 @@ def read_touchstone(page: Page) -> tuple[Sweep, None]:
     return assemble(page, points, said.settings, said.time, said.id, (*said.notes, *notes)), None
 
 
-def _normalised(options: Options) -> str:
+def _normalised(options: TouchstoneOptions) -> str:
     return f"{options.kind} of Touchstone 1 is normalised to {options.reference:g} ohm; it was multiplied out."
 
 
-def _own_provenance(page: Page, comments: list[tuple[int, str]]) -> Provenance:
+def _own_provenance(page: TextFile, comments: list[tuple[int, str]]) -> Provenance:
     """Return what our own comments say; those of other programs are for people."""
     if any(text.strip() == f"format: {FORMAT}" for _, text in comments):
         return read_provenance(page, comments)
     return Provenance()
 
 
-def _options(page: Page, text: str, line: int) -> Options:
+def _options(page: TextFile, text: str, line: int) -> TouchstoneOptions:
     words = text[1:].upper().split()
     options: dict[str, float | str] = {}
     while words:
@@ -86,13 +86,13 @@ def _options(page: Page, text: str, line: int) -> Options:
             options["reference"] = page.number(words.pop(0), "the reference R", line)
         else:
             raise page.error(line, f"{clipped(word)!r} in the option line is not understood; `# Hz S RI R 50` is")
-    made = Options(**options)  # type: ignore[arg-type]
+    made = TouchstoneOptions(**options)  # type: ignore[arg-type]
     if made.reference <= 0:
         raise page.error(line, f"the reference R is {made.reference:g} ohm; a positive one is needed")
     return made
 
 
-def _impedance(options: Options, numbers: Reals) -> Impedances:
+def _impedance(options: TouchstoneOptions, numbers: Reals) -> Impedances:
     """Return Z in ohm, shape (N,), from frequency and number pairs, shape (N, 3); not finite where S = 1."""
     a, b = numbers[:, 1], numbers[:, 2]
     with np.errstate(all="ignore"):

@@ -42,7 +42,9 @@ def where_disturbed(gated: Gated, effect: Candidate, found: Refit) -> bool:
     """Return whether an effect is a line where a recording was disturbed: what the points left out leave there."""
     bands = [one.band_Hz for check in gated.bad if check.step in effect.steps for one in check.abrupt]
     return any(
-        a - _BESIDE * (b - a) < found.values[line] < b + _BESIDE * (b - a) for a, b in bands for line in effect.lines
+        a - _BESIDE * (b - a) < found.values[line] < b + _BESIDE * (b - a)
+        for a, b in bands
+        for line in effect.resonance_parameters
     )
 
 

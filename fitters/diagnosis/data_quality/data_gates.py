@@ -8,8 +8,8 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ....models.sweep import Sweep
 from ...engine.noise import noise_from_smoothness
-from .data_issues import DataCheck, Trouble
-from .matched_filters import Flaw
+from .data_issues import DataCheck, DataIssue
+from .matched_filters import Glitch
 from .passivity import active_bands
 from .polarity import put_right
 from .pole_fit import MOST_POLES, PoleFit
@@ -72,11 +72,11 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
     density = points_per_linewidth(found.fit, sweep.frequency)
     troubles = [
         *(_trouble(sweep, flaw) for flaw in found.flaws),
-        *(Trouble("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
-        *(Trouble("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
+        *(DataIssue("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
+        *(DataIssue("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
     ]
     if density is not None and density[0] < _COARSE:
-        troubles.append(Trouble("too coarse", (density[1], density[1]), None, density[0]))
+        troubles.append(DataIssue("too coarse", (density[1], density[1]), None, density[0]))
     put = replace(sweep, frequency=sweep.frequency[found.good], impedance=repaired(sweep, found.flaws)[found.good])
     made = replace(
         check,
@@ -88,10 +88,10 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
     return put, made
 
 
-def _trouble(sweep: Sweep, flaw: Flaw) -> Trouble:
+def _trouble(sweep: Sweep, flaw: Glitch) -> DataIssue:
     f, step = sweep.frequency, flaw.is_step(sweep.frequency.size)
     band = (float(f[flaw.first - 1]), float(f[flaw.first])) if step else (float(f[flaw.first]), float(f[flaw.stop - 1]))
-    return Trouble("step" if step else "glitch", band, _when(sweep, band), abs(flaw.amplitude))
+    return DataIssue("step" if step else "glitch", band, _when(sweep, band), abs(flaw.amplitude))
 
 
 def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:

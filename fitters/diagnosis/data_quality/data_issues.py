@@ -7,7 +7,7 @@ Kind = Literal["step", "glitch", "not passive", "not causal", "too coarse", "not
 
 
 @dataclass(frozen=True)
-class Trouble:
+class DataIssue:
     """Something that is not right with a recording."""
 
     kind: Kind
@@ -55,9 +55,9 @@ class DataCheck:
     """Of the sharpest resonance in the band."""
     turned: str = ""
     """`inverted` or `conjugated`, and put right."""
-    troubles: tuple[Trouble, ...] = ()
+    troubles: tuple[DataIssue, ...] = ()
 
     @property
-    def abrupt(self) -> tuple[Trouble, ...]:
+    def abrupt(self) -> tuple[DataIssue, ...]:
         """What happened to the data and not to the device: steps and glitches."""
         return tuple(one for one in self.troubles if one.kind in ("step", "glitch"))

@@ -28,7 +28,7 @@ _BY_CHANCE = 0.2
 
 
 @dataclass(frozen=True)
-class Flaw:
+class Glitch:
     """Something abrupt in a recording."""
 
     first: int
@@ -49,7 +49,7 @@ class Flaw:
         return self.stop == points
 
 
-def strongest(fit: PoleFit) -> list[Flaw]:
+def strongest(fit: PoleFit) -> list[Glitch]:
     """Return the best place of a step, and of a glitch of every length, the most significant first."""
     search = _Search.of(fit)
     n = search.residual.size
@@ -60,7 +60,7 @@ def strongest(fit: PoleFit) -> list[Flaw]:
     return sorted(found, key=lambda flaw: -flaw.score)
 
 
-def standing(fit: PoleFit, flaw: Flaw) -> Flaw:
+def standing(fit: PoleFit, flaw: Glitch) -> Glitch:
     """Return a flaw scored anew by a fit that was made with it: a step taken out, a glitch's points still in."""
     search = _Search.of(fit)
     if not flaw.is_step(search.residual.size):
@@ -72,7 +72,7 @@ def standing(fit: PoleFit, flaw: Flaw) -> Flaw:
     return replace(flaw, raw=raw, score=raw / _worth(search.residual[near][fit.frame.inverse[near] > 0]))
 
 
-def adjusted(fit: PoleFit, flaws: Sequence[Flaw]) -> list[Flaw]:
+def adjusted(fit: PoleFit, flaws: Sequence[Glitch]) -> list[Glitch]:
     """Return the flaws, their steps as high as the fit, which was made without them, would have them all at once."""
     n = fit.frame.inverse.size
     steps = [flaw for flaw in flaws if flaw.is_step(n)]
@@ -88,7 +88,7 @@ def adjusted(fit: PoleFit, flaws: Sequence[Flaw]) -> list[Flaw]:
     ]
 
 
-def _held(change: complex, flaw: Flaw) -> complex:
+def _held(change: complex, flaw: Glitch) -> complex:
     """Return the change of a step's height, kept to half of it: the fit may be bad yet."""
     return change * min(1.0, 0.5 * abs(flaw.amplitude) / max(abs(change), 1e-300))
 
@@ -125,7 +125,7 @@ class _Search:
         whole = self.squares[stop] - self.squares[first]
         return whole - np.sum(R**2, axis=1), whole - np.sum(X**2, axis=1), -np.sum(R * X, axis=1)
 
-    def best(self, first: Indices, stop: Indices, survives: float) -> Flaw:
+    def best(self, first: Indices, stop: Indices, survives: float) -> Glitch:
         """Return the best of the templates [first, stop)."""
         whole, pull = self.squares[stop] - self.squares[first], self.left[stop] - self.left[first]
         aa, bb, ab = self.information(first, stop)
@@ -138,7 +138,7 @@ class _Search:
         # residuals are 1 - Y_fit / Y: a Z that is too large makes them negative
         return self._weighed(int(first[k]), int(stop[k]), -complex(a[k], b[k]), float(raw[k]))
 
-    def _weighed(self, first: int, stop: int, amplitude: complex, raw: float) -> Flaw:
+    def _weighed(self, first: int, stop: int, amplitude: complex, raw: float) -> Glitch:
         n, inverse = self.residual.size, self.fit.frame.inverse
         template = np.zeros(n, np.complex128)
         template[first:stop] = -amplitude * inverse[first:stop]
@@ -148,7 +148,7 @@ class _Search:
         last = first if stop == n else stop
         low, high = max(0, first - _NEAR), min(n, last + _NEAR)
         near = left[low:high][inverse[low:high] > 0]
-        return Flaw(first, stop, amplitude, raw, raw / _worth(near))
+        return Glitch(first, stop, amplitude, raw, raw / _worth(near))
 
 
 def _worth(near: Complexes) -> float:

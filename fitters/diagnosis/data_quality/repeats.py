@@ -7,20 +7,20 @@ import numpy as np
 
 from ....models.sweep import Sweep
 from ...engine.noise import noise_from_smoothness
-from .data_issues import Trouble
+from .data_issues import DataIssue
 
 _OVER = 15
 _BEYOND = 8.0
 """Mean chi2 over `_OVER` points of the difference of two sweeps, from which they are not the same."""
 
 
-def differences(sweeps: Sequence[Sweep]) -> list[tuple[Trouble, ...]]:
+def differences(sweeps: Sequence[Sweep]) -> list[tuple[DataIssue, ...]]:
     """Return, for each sweep, where it differs from the one before on the same points; the first has none before it."""
-    found: list[tuple[Trouble, ...]] = [()] if sweeps else []
+    found: list[tuple[DataIssue, ...]] = [()] if sweeps else []
     return [*found, *(_difference(before, after) for before, after in pairwise(sweeps))]
 
 
-def _difference(before: Sweep, after: Sweep) -> tuple[Trouble, ...]:
+def _difference(before: Sweep, after: Sweep) -> tuple[DataIssue, ...]:
     common, i, j = np.intersect1d(before.frequency, after.frequency, return_indices=True)
     first, second = noise_from_smoothness(before), noise_from_smoothness(after)
     if first is None or second is None or common.size < before.frequency.size / 2:
@@ -31,4 +31,4 @@ def _difference(before: Sweep, after: Sweep) -> tuple[Trouble, ...]:
     if not guilty.size:
         return ()
     band = float(common[guilty[0]]), float(common[guilty[-1]])
-    return (Trouble("not repeated", band, None, float(np.mean(excess))),)
+    return (DataIssue("not repeated", band, None, float(np.mean(excess))),)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ....models.base.arrays import Complexes, Reals
 from ....models.sweep import Sweep
 from ...engine.noise import resolution
-from .matched_filters import Flaw, adjusted, standing, strongest
+from .matched_filters import Glitch, adjusted, standing, strongest
 from .pole_fit import Frame, PoleFit, fit_poles, linear_fit, refined
 
 _SIGNIFICANT = 50.0
@@ -44,7 +44,7 @@ _GOOD = 10.0
 class Abrupt:
     """What is abrupt in a recording, and the fit of poles beside it."""
 
-    flaws: tuple[Flaw, ...]
+    flaws: tuple[Glitch, ...]
     fit: PoleFit
     good: NDArray[np.bool_]
     """Points that no glitch has, shape (N,)."""
@@ -68,7 +68,9 @@ def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
     return Abrupt(tuple(sorted(sure, key=lambda flaw: flaw.first)), fit, good_points(sweep, sure))
 
 
-def _settled(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], poles: Complexes | None) -> tuple[list[Flaw], PoleFit]:
+def _settled(
+    sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], poles: Complexes | None
+) -> tuple[list[Glitch], PoleFit]:
     """Return the flaws, the heights of the steps adjusted to the fit of poles and that to them."""
     fit = fit_poles(_frame(sweep, noise, flaws), poles)
     now = list(flaws)
@@ -84,7 +86,7 @@ def _settled(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], poles: Complexes
     return now, fit
 
 
-def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], fit: PoleFit) -> tuple[list[list[Flaw]], PoleFit]:
+def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], fit: PoleFit) -> tuple[list[list[Glitch]], PoleFit]:
     """Return what may be the next flaws, one guess or two, and the fit: without the pole that stood for them.
 
     On the flank of a resonance a step and a glitch look alike until they are tried, so one of each is returned.
@@ -110,7 +112,7 @@ def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], fit: PoleFit) -> tu
     return [], fit
 
 
-def _is_new(flaw: Flaw, known: Sequence[Flaw]) -> bool:
+def _is_new(flaw: Glitch, known: Sequence[Glitch]) -> bool:
     return all((flaw.first, flaw.stop) != (one.first, one.stop) for one in known)
 
 
@@ -129,7 +131,7 @@ def _narrow(fit: PoleFit) -> list[list[int]]:
     return groups
 
 
-def _possible(sweep: Sweep, flaw: Flaw) -> bool:
+def _possible(sweep: Sweep, flaw: Glitch) -> bool:
     """Return whether a flaw is larger than what a wavering resonance or rounding would make."""
     slopes = np.abs(np.diff(np.log(sweep.impedance * sweep.frequency)))
     last = flaw.first if flaw.is_step(sweep.frequency.size) else flaw.stop
@@ -138,7 +140,7 @@ def _possible(sweep: Sweep, flaw: Flaw) -> bool:
     return abs(flaw.amplitude) > max(_OF_SLOPE * float(np.median(near)), _OF_ROUNDING * rounding)
 
 
-def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], flaw: Flaw, fit: PoleFit) -> Flaw | None:
+def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], flaw: Glitch, fit: PoleFit) -> Glitch | None:
     """Return the flaw as it stands when all others are known; None where it does not stand."""
     if flaw.is_step(sweep.frequency.size):
         again = standing(fit, flaw)
@@ -151,11 +153,11 @@ def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw], flaw: Flaw, fit:
     return again if clear and again.score > least and _possible(sweep, again) else None
 
 
-def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Flaw]) -> Frame:
+def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch]) -> Frame:
     return Frame.of(replace(sweep, impedance=repaired(sweep, flaws)), noise, good_points(sweep, flaws))
 
 
-def good_points(sweep: Sweep, flaws: Sequence[Flaw]) -> NDArray[np.bool_]:
+def good_points(sweep: Sweep, flaws: Sequence[Glitch]) -> NDArray[np.bool_]:
     """Return which points no glitch has, shape (N,)."""
     good = np.ones(sweep.frequency.size, np.bool_)
     for flaw in flaws:
@@ -164,7 +166,7 @@ def good_points(sweep: Sweep, flaws: Sequence[Flaw]) -> NDArray[np.bool_]:
     return good
 
 
-def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[Flaw]) -> list[Flaw]:
+def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[Glitch]) -> list[Glitch]:
     """Return steps of ln Z that stand out against a cubic through eight points on either side; the surest first.
 
     `course`, shape (N,), is ln Z less something smooth: at first only what a capacitor does, later a fit of poles.
@@ -184,10 +186,10 @@ def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[
     rest = np.sum(np.abs(left) ** 2, axis=1) - raw
     floor = sliding_window_view(noise, size).mean(axis=1) ** 2
     score = raw / np.maximum(floor, rest / (2 * size - 10))
-    found: list[Flaw] = []
+    found: list[Glitch] = []
     for k in np.argsort(-score):
         first = int(k) + _HALF
-        flaw = Flaw(first, n, complex(np.exp(amplitude[int(k)]) - 1), float(raw[k] / floor[k]), float(score[k]))
+        flaw = Glitch(first, n, complex(np.exp(amplitude[int(k)]) - 1), float(raw[k] / floor[k]), float(score[k]))
         if score[k] < _LOCAL or len(found) >= _MOST:
             break
         if all(abs(first - one.first) >= _HALF for one in (*found, *known)) and _possible(sweep, flaw):
@@ -195,7 +197,7 @@ def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[
     return found
 
 
-def repaired(sweep: Sweep, flaws: Sequence[Flaw]) -> Complexes:
+def repaired(sweep: Sweep, flaws: Sequence[Glitch]) -> Complexes:
     """Return the impedance without its steps: all stretches as high as the longest one; ohm, shape (N,).
 
     Which stretch is right, nobody knows; a factor over all of it is what area and permittivity absorb.

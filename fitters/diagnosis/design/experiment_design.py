@@ -42,7 +42,7 @@ _MOST = 3
 
 
 @dataclass(frozen=True)
-class Instrument:
+class InstrumentLimits:
     """What has to be known of an instrument to plan with it."""
 
     seconds: Callable[[SweepPlan], float]
@@ -84,7 +84,7 @@ class _Rival:
     """Whether it says that nothing depends on how a sweep runs."""
 
 
-def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tuple[Proposal, ...]:
+def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits) -> tuple[Proposal, ...]:
     """Return the measurements of the last step that would decide what a diagnosis leaves open, most telling first.
 
     None where nothing is open that this instrument could decide. Raises FitError where the task cannot be fitted.
@@ -104,7 +104,7 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: Instrument) -> tu
     return _chosen(tried, rivals, instrument)
 
 
-def _unexplained(choice: Sequence[Experiment], instrument: Instrument) -> tuple[Proposal, ...]:
+def _unexplained(choice: Sequence[Experiment], instrument: InstrumentLimits) -> tuple[Proposal, ...]:
     """Return what tells device from sweep, where no model predicts anything."""
     telling = [one for one in choice if one.kind in ("direction", "lower level")]
     open_question = (Question(UNKNOWN, ANY, "instead"),)
@@ -114,7 +114,7 @@ def _unexplained(choice: Sequence[Experiment], instrument: Instrument) -> tuple[
 def _accepted(problem: Problem, diagnosis: Diagnosis, found: Sequence[Candidate]) -> Refit:
     values = dict(problem.values)
     for finding, candidate in zip((f for f in diagnosis.findings if f.effect != "polarity"), found, strict=False):
-        own = {candidate.prefix + knob.name for knob in candidate.knobs}
+        own = {candidate.prefix + knob.name for knob in candidate.effect_parameters}
         values |= {
             candidate.prefix + name: size.value
             for name, size in finding.parameters.items()
@@ -138,9 +138,9 @@ def _renamed(
         rest = tuple(one for one in accepted.effects if (one.effect.name, one.where) != (finding.effect, finding.where))
         for other in finding.alternatives:
             candidate = known.get((other.effect, other.where, finding.step))
-            if other.probability < _LIKELY or candidate is None or not candidate.knobs:
+            if other.probability < _LIKELY or candidate is None or not candidate.effect_parameters:
                 continue
-            fitted = _fitted(problem, (*rest, candidate), accepted.values, candidate.knobs[0].typical)
+            fitted = _fitted(problem, (*rest, candidate), accepted.values, candidate.effect_parameters[0].typical)
             question = Question(other.effect, other.where, "instead")
             made.append(_Rival(question, fitted.objective, fitted.descent.x))
     return made
@@ -153,13 +153,13 @@ def _unseen(
     made: list[_Rival] = []
     for entry in diagnosis.not_decidable:
         candidate = next((c for key, c in known.items() if key[:2] == (entry.effect, entry.where)), None)
-        if candidate is None or not candidate.knobs:
+        if candidate is None or not candidate.effect_parameters:
             continue
-        knob = candidate.knobs[0]
+        knob = candidate.effect_parameters[0]
         limit = entry.upper_limit.get(knob.name)
         if limit is None or knob.typical <= 0:
             continue
-        held = {one.name: one.null for one in candidate.knobs} | {knob.name: limit.value}
+        held = {one.name: one.null for one in candidate.effect_parameters} | {knob.name: limit.value}
         with_it = replace(problem, recordings=tuple(_holding(one, candidate, held) for one in problem.recordings))
         fitted = _fitted(with_it, accepted.effects, accepted.values, None)
         question = Question(entry.effect, entry.where, "unseen", f"{limit.value:.2g} {limit.unit}".removesuffix(" 1"))
@@ -177,7 +177,7 @@ def _seen_once(problem: Problem, step: str, accepted: Refit) -> list[_Rival]:
     return [
         _Rival(Question(one.effect.name, one.where, "seen once"), accepted.objective, accepted.descent.x, frozen=True)
         for one in accepted.effects
-        if one.effect.stage == Stage.RECORD and step in one.steps and alike
+        if one.effect.stage == Stage.ACQUISITION and step in one.steps and alike
     ]
 
 
@@ -188,7 +188,7 @@ def _holding(recording: Recording, candidate: Candidate, values: dict[str, float
     return replace(recording, model=device.with_effect(candidate.effect, candidate.where, values))
 
 
-def _separation(one: Experiment, step: str, accepted: Refit, rival: _Rival, instrument: Instrument) -> float:
+def _separation(one: Experiment, step: str, accepted: Refit, rival: _Rival, instrument: InstrumentLimits) -> float:
     """Return the chi2 by which a measurement would contradict a rival, were the accepted explanation true."""
     f = frequencies(one.plan)
     own = [k for k, recording in enumerate(accepted.objective.recordings) if recording.step == step]
@@ -216,7 +216,7 @@ def _under(device: Model, ran: Conditions) -> Model:
 
 
 def _chosen(
-    tried: Sequence[tuple[Experiment, list[float]]], rivals: Sequence[_Rival], instrument: Instrument
+    tried: Sequence[tuple[Experiment, list[float]]], rivals: Sequence[_Rival], instrument: InstrumentLimits
 ) -> tuple[Proposal, ...]:
     """Return the fewest measurements that decide all that can be decided, of those that decide as much the shortest."""
     left = set(range(len(rivals)))

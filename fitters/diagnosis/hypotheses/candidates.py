@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....models.effects import Device, Effect, Knob, catalogue
+from ....models.effects import Device, Effect, EffectParameter, catalogue
 from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
 from .instrument_artefacts import ANY, FLAWS
 from .problem import Candidate, Problem
@@ -40,12 +40,12 @@ def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
         device = devices[steps[-1]]
         if not isinstance(device, Device):
             continue
-        knobs = effect.knobs(device.bare, where)
-        if not knobs:
+        effect_parameters = effect.effect_parameters(device.bare, where)
+        if not effect_parameters:
             continue
-        knobs = tuple(_recorded(problem, knob) for knob in knobs)
+        effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
         groups = _groups(where, steps)
-        found += [Candidate(effect, where, group, knobs) for group in groups]
+        found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
 
 
@@ -60,8 +60,8 @@ def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
     return [tuple(steps), *single] if where in (SWEEP, ANY) and len(steps) > 1 else [tuple(steps)]
 
 
-def _recorded(problem: Problem, knob: Knob) -> Knob:
-    """Return a knob that is a frequency within the recorded band: what lies beyond it shows no line."""
+def _recorded(problem: Problem, knob: EffectParameter) -> EffectParameter:
+    """Return a parameter that is a frequency within the recorded band: what lies beyond it shows no line."""
     if knob.name != "frequency" or knob.unit != "Hz":
         return knob
     low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)

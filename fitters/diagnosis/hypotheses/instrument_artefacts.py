@@ -9,7 +9,7 @@ from math import pi
 import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies, Impedances
-from ....models.effects import Assembly, Effect, Knob
+from ....models.effects import Assembly, Effect, EffectParameter
 from ....models.effects.base.effect import Stage
 from ....models.effects.base.scale import resonance
 from ....models.stack import Stack
@@ -21,7 +21,7 @@ _NEVER = -0.5, 0.5
 """Limits of ln Z beyond which nobody would take it for a flaw."""
 
 
-class Flaw(Effect):
+class InstrumentArtefact(Effect):
     """What is wrong with the instrument or around it: no place of a build, and rarer than what a catalogue has."""
 
     name = UNKNOWN
@@ -32,23 +32,23 @@ class Flaw(Effect):
         return (ANY,)
 
 
-class RangeStep(Flaw):
+class RangeStep(InstrumentArtefact):
     """Z times a factor from one frequency on: the analyzer has changed its range there."""
 
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     sizes = 2
     says = "From one frequency on all values differ by a factor, as if the analyzer had changed its range there."
     separates = "sweep again with a fixed range, or at another level"
     references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the change of ln |Z|, of the phase (rad), and where it is (Hz)."""
         low, high = _NEVER
         f0 = resonance(stack)
         return (
-            Knob("gain", "1", typical=1e-3, lower=low, upper=high),
-            Knob("phase", "rad", typical=1e-3, lower=low, upper=high),
-            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=f0),
+            EffectParameter("gain", "1", typical=1e-3, lower=low, upper=high),
+            EffectParameter("phase", "rad", typical=1e-3, lower=low, upper=high),
+            EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=f0),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -63,20 +63,20 @@ class RangeStep(Flaw):
         return assembly.recorded(stepped)
 
 
-class PhaseError(Flaw):
+class PhaseError(InstrumentArtefact):
     """Z times exp(j phase (f/f0)^power), whatever Z is: the adapter's phase is not what the analyzer believes."""
 
-    stage = Stage.RECORD
+    stage = Stage.ACQUISITION
     says = "The phase is off by an angle that grows with frequency whatever the impedance is, as of a wrong adapter."
     separates = "set the adapter again, and sweep a capacitor: its phase tells"
     references = ("Agilent 4294A Operation Manual, adapter phase compensation",)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the angle at the resonance (rad), and the power of frequency with which it grows."""
         low, high = _NEVER
         return (
-            Knob("phase", "rad", typical=1e-3, lower=low, upper=high),
-            Knob("power", "1", typical=0.3, lower=0.3, upper=4.0, null=1.0, scan=(0.5, 1.0, 2.0, 3.0)),
+            EffectParameter("phase", "rad", typical=1e-3, lower=low, upper=high),
+            EffectParameter("power", "1", typical=0.3, lower=0.3, upper=4.0, null=1.0, scan=(0.5, 1.0, 2.0, 3.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -89,7 +89,7 @@ class PhaseError(Flaw):
         return assembly.recorded(turned)
 
 
-class CoupledLoop(Flaw):
+class CoupledLoop(InstrumentArtefact):
     """Z + (w M)^2 over the impedance of a loop beside the lead: a resonance in series, at any loss."""
 
     stage = Stage.TERMINALS
@@ -97,13 +97,13 @@ class CoupledLoop(Flaw):
     separates = "sweep a short circuit in the same clip: what it shows is not the device's; move the leads"
     references = ("Terman, Radio Engineers' Handbook (1943), section 3 (coupled circuits)",)
 
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return M^2/L of the loop (H), its frequency (Hz) and its Q."""
         f0 = resonance(stack)
         return (
-            Knob("inductance", "H", typical=1e-9),
-            Knob("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
-            Knob("q", "1", typical=3.0, lower=1.0, upper=1000.0, null=10.0, scan=(3.0, 10.0, 40.0)),
+            EffectParameter("inductance", "H", typical=1e-9),
+            EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
+            EffectParameter("q", "1", typical=3.0, lower=1.0, upper=1000.0, null=10.0, scan=(3.0, 10.0, 40.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -116,4 +116,4 @@ class CoupledLoop(Flaw):
         return assembly.behind(lead)
 
 
-FLAWS: tuple[Flaw, ...] = (RangeStep(), PhaseError(), CoupledLoop())
+FLAWS: tuple[InstrumentArtefact, ...] = (RangeStep(), PhaseError(), CoupledLoop())

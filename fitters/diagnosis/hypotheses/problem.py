@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....models.build import Build
-from ....models.effects import Device, Effect, Knob
+from ....models.effects import Device, Effect, EffectParameter
 from ...engine.multi_step_fit import Solution
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of
@@ -30,7 +30,7 @@ class Candidate:
     where: str
     steps: tuple[str, ...]
     """The steps whose recordings have it, in gluing order."""
-    knobs: tuple[Knob, ...]
+    effect_parameters: tuple[EffectParameter, ...]
 
     @property
     def step(self) -> str:
@@ -45,24 +45,24 @@ class Candidate:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of its parameters."""
-        return tuple(self.prefix + knob.name for knob in self.knobs)
+        return tuple(self.prefix + knob.name for knob in self.effect_parameters)
 
     @property
-    def sizes(self) -> tuple[tuple[str, Knob], ...]:
-        """Names of its sizes among the parameters, and their knobs."""
-        return tuple(zip(self.parameters, self.knobs, strict=True))[: self.effect.sizes]
+    def sizes(self) -> tuple[tuple[str, EffectParameter], ...]:
+        """Names of its sizes among the parameters, and their parameters."""
+        return tuple(zip(self.parameters, self.effect_parameters, strict=True))[: self.effect.sizes]
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def resonance_parameters(self) -> tuple[str, ...]:
         """Names of those parameters that say at which frequency something of its own is."""
-        others = zip(self.parameters[1:], self.knobs[1:], strict=True)
+        others = zip(self.parameters[1:], self.effect_parameters[1:], strict=True)
         return tuple(name for name, knob in others if knob.unit == "Hz")
 
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
-        """Return the coordinates of its knobs, within what physics allows, for a fit that starts at `values`."""
+        """Return the coordinates of its parameters, within what physics allows, for a fit that starts at `values`."""
         return tuple(
-            _block(name, knob, values.get(name, knob.null), first=knob is self.knobs[0])
-            for name, knob in zip(self.parameters, self.knobs, strict=True)
+            _block(name, knob, values.get(name, knob.null), first=knob is self.effect_parameters[0])
+            for name, knob in zip(self.parameters, self.effect_parameters, strict=True)
         )
 
 
@@ -110,7 +110,7 @@ class Problem:
         base = coordinates_of(self.build, self.steps, values, self.free)
         blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
         names = [name for effect in effects for name in effect.parameters]
-        null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.knobs}
+        null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.effect_parameters}
         return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
 
     def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
@@ -134,7 +134,7 @@ class Problem:
         return replace(self, recordings=tuple(parts))
 
 
-def _block(name: str, knob: Knob, start: float, first: bool) -> Block:
+def _block(name: str, knob: EffectParameter, start: float, first: bool) -> Block:
     if knob.from_nothing:
         # of the size it starts from, so that small ones are found as well as typical ones
         return hardly_negative(

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ....models.effects import Knob
+from ....models.effects import EffectParameter
 from ...engine.descent import lag_one
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
@@ -29,17 +29,17 @@ def gain(before: Refit, after: Refit) -> float:
     return float(np.sum(worth * fall / np.maximum(1.0, np.array(after.chi2)))) + eased
 
 
-def price(found: Refit) -> float:
-    """Return chi2 per degree of freedom with a price for each knob, as the Bayesian information criterion has it."""
+def bic_penalty(found: Refit) -> float:
+    """Return chi2 plus the penalty of the Bayesian information criterion for each parameter, per degree of freedom."""
     points = 2 * found.objective.points
-    knobs = sum(len(effect.knobs) for effect in found.effects)
-    return (found.chi2_per_dof + found.against / points) * (1 + knobs * float(np.log(points)) / points)
+    effect_parameters = sum(len(effect.effect_parameters) for effect in found.effects)
+    return (found.chi2_per_dof + found.against / points) * (1 + effect_parameters * float(np.log(points)) / points)
 
 
 def evidence_lost(rival: Refit, final: Refit) -> float:
     """Return by how much a rival is worse: -2 ln of the ratio of evidences, by Laplace's approximation.
 
-    What both have costs both the same: how far a knob of it is used that hardly matters, is an accident of the fits.
+    Effects common to both models cancel; their poorly determined parameters must not decide the comparison.
     """
     shared = {*rival.effects} & {*final.effects}
     return gain(rival, final) + _freedom(rival, shared) - _freedom(final, shared)
@@ -48,8 +48,8 @@ def evidence_lost(rival: Refit, final: Refit) -> float:
 def _freedom(found: Refit, shared: Collection[Candidate]) -> float:
     """Return what its other effects cost: -2 ln(odds of each, and part of what was possible that is left of it).
 
-    A size may be anything over some decades; every other knob anything between its limits. A knob that the recording
-    leaves open costs nothing, whatever a criterion that counts knobs says.
+    A size may be anything over some decades; any other parameter anything between its limits. One that the recording
+    leaves open costs nothing, whatever a criterion that counts parameters says.
     D. J. C. MacKay, Neural Comput. 4 (1992) 415.
     """
     cost = 0.0
@@ -59,14 +59,14 @@ def _freedom(found: Refit, shared: Collection[Candidate]) -> float:
             continue
         sizes = dict(effect.sizes)
         cost -= 2 * float(np.log(effect.effect.odds))
-        for name, knob in zip(effect.parameters, effect.knobs, strict=True):
+        for name, knob in zip(effect.parameters, effect.effect_parameters, strict=True):
             value, sigma = found.values[name], sigmas[name]
             cost += 2 * float(np.log1p(_possible(value, sigma, knob, size=name in sizes) / sigma))
     return cost
 
 
-def _possible(value: float, sigma: float, knob: Knob, size: bool) -> float:
-    """Return the width of what a knob may be, in its unit: of a size, on a logarithmic scale around what it is.
+def _possible(value: float, sigma: float, knob: EffectParameter, size: bool) -> float:
+    """Return the width of what a parameter may be, in its unit: of a size, on a logarithmic scale around what it is.
 
     A size of two standard uncertainties or less is none yet: that fits end with it or without is chance.
     """
@@ -80,7 +80,7 @@ def _possible(value: float, sigma: float, knob: Knob, size: bool) -> float:
 
 
 def _sigmas(found: Refit) -> dict[str, float]:
-    """Return the uncertainty of each knob, the constants free, the knobs before it free too, those after it held."""
+    """Return the uncertainty of each parameter, with the constants and all parameters before it free, those after held."""
     coordinates = found.objective.coordinates
     names = [name for effect in found.effects for name in effect.parameters]
     if not names:

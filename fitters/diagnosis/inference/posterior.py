@@ -8,7 +8,7 @@ from ..findings import Alternative
 from ..hypotheses.problem import Candidate
 from ..search.beam_search import Search
 from ..search.refit import Refit, is_there
-from .evidence import evidence_lost, gain, price
+from .evidence import bic_penalty, evidence_lost, gain
 
 _RIVALS = 3
 _DECIDED = 12.0
@@ -34,7 +34,7 @@ class Weighed:
     """Other places where it would look the same: the far face of a disk between equal loads."""
 
 
-def weigh(search: Search, final: Refit) -> list[Weighed]:
+def posterior_probabilities(search: Search, final: Refit) -> list[Weighed]:
     """Return every effect of the final fit with its probability, the weightiest first."""
     found: list[Weighed] = []
     for candidate in final.effects:
@@ -78,7 +78,7 @@ def _instead(search: Search, rest: Refit, candidate: Candidate, final: Refit) ->
     """
     kinds: set[str] = set()
     found: list[Refit] = []
-    for one in sorted((*search.onward(rest, final), *search.flawed(rest, final)), key=price):
+    for one in sorted((*search.onward(rest, final), *search.flawed(rest, final)), key=bic_penalty):
         newest = one.effects[-1]
         if newest is candidate or not is_there(one):
             continue

@@ -37,7 +37,7 @@ def not_decidable(
 
 
 def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[float, NotDecidable] | None:
-    candidate, knob = score.candidate, score.candidate.knobs[0]
+    candidate, knob = score.candidate, score.candidate.effect_parameters[0]
     rows = float(np.sqrt(found.objective.residual(found.descent.x).size))
     sigma = knob.typical / max(score.survives * score.size * rows, 1e-300)
     limit = min(max(score.value, 0.0) + _ONE_SIDED_95 * sigma, _PLAUSIBLE * knob.typical, knob.upper)
@@ -50,7 +50,7 @@ def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[
                 shifts[name] = moved[key] / value
     if worst < 1:
         return None
-    shown = candidate.effect.shown({k.name: limit if k is knob else k.null for k in candidate.knobs})
+    shown = candidate.effect.shown({k.name: limit if k is knob else k.null for k in candidate.effect_parameters})
     sizes = {name: Size(value, 0.0, unit) for name, (value, unit) in shown.items()}
     upper = sizes or {knob.name: Size(limit, 0.0, knob.unit)}
     return worst, NotDecidable(candidate.effect.name, candidate.where, upper, shifts, candidate.effect.separates)

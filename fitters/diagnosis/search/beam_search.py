@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.evidence import evidence_lost, gain, price
+from ..inference.evidence import bic_penalty, evidence_lost, gain
 from ..validation.whiteness_tests import structured
 from .refit import Refit, all_there, refit
 from .trial_fits import DESCRIBED, FINER, SIGNIFICANT, polish, resoftened, tried_beside, tried_in_pairs
 
 _EVIDENT = 18.0
-"""What of this gain must remain when the freedom of its knobs is paid for: a line may be anywhere in the band."""
+"""What of this gain must remain when the freedom of its parameters is paid for: a line may be anywhere in the band."""
 _BEAM = (4, 3, 1)
 """How many explanations with one, two and three effects are kept."""
 _AS_GOOD = 4.0
@@ -76,7 +76,7 @@ class Search:
         return self.missed[found, effect]
 
 
-def pursue(search: Search, null: Refit) -> Refit:
+def beam_search(search: Search, null: Refit) -> Refit:
     """Return the fit with the effects that are there: until the recordings are described or nothing helps any more."""
     best, beam = null, [null]
     for n, kept in enumerate(_BEAM):
@@ -113,11 +113,11 @@ def _next(search: Search, beam: Sequence[Refit], null: Refit, pairs: Sequence[Re
     for current, one in (*onward, *((null, pair) for pair in pairs)):
         if all_there(one) and gain(current, one) > SIGNIFICANT and evidence_lost(current, one) > _EVIDENT:
             found.setdefault(frozenset(one.effects), one)
-    ordered = sorted(found.values(), key=price)
+    ordered = sorted(found.values(), key=bic_penalty)
     return [one for one in ordered if one.chi2_per_dof < _AS_GOOD * ordered[0].chi2_per_dof]
 
 
-def without_idle(search: Search, found: Refit) -> Refit:
+def backward_elimination(search: Search, found: Refit) -> Refit:
     """Return the refit without the effects whose absence is hardly felt once the others are there."""
     current = found
     for effect in found.effects:
@@ -133,11 +133,11 @@ def weightiest(search: Search, found: Refit, most: int) -> Refit:
     """Return the fit with at most so many effects, those left out that are felt least."""
     current = found
     while len(current.effects) > most:
-        current = min((search.without(current, effect) for effect in current.effects), key=price)
+        current = min((search.without(current, effect) for effect in current.effects), key=bic_penalty)
     return current
 
 
-def believed(search: Search, found: Refit) -> Refit:
+def drop_artefact_remnants(search: Search, found: Refit) -> Refit:
     """Return the fit without the effects that may be what a flaw of the instrument, drawn roughly, leaves over.
 
     Beside a flaw only an effect that weighs several times more is believed: mended, the instrument will show the rest.

@@ -30,7 +30,7 @@ class Pair:
     gain: float
     """How much chi2 would fall."""
     start: dict[str, float]
-    """First-order estimate of every knob, by parameter."""
+    """First-order estimate of every parameter, by parameter."""
 
 
 def promising(found: Sequence[Score], residual: Reals) -> list[Pair]:
@@ -66,11 +66,13 @@ def _most(gram: Reals, along: Reals, columns: NDArray[np.bool_]) -> float:
 
 
 def _pair(one: Score, other: Score, residual: Reals) -> Pair:
-    knobs = (*one.felt, *other.felt)
-    steps, gain = together(np.hstack([one.columns, other.columns]), residual, [knob for _, knob, _ in knobs])
+    effect_parameters = (*one.felt, *other.felt)
+    steps, gain = together(
+        np.hstack([one.columns, other.columns]), residual, [knob for _, knob, _ in effect_parameters]
+    )
     start = {**one.start, **other.start}
     firsts = {score.candidate.parameters[0] for score in (one, other)}
-    for (name, knob, unit), step in zip(knobs, steps, strict=True):
+    for (name, knob, unit), step in zip(effect_parameters, steps, strict=True):
         if name in firsts or knob.from_nothing:  # what only shapes an effect stays where it was looked for
             start[name] = float(np.clip(knob.null + step * unit, knob.lower, knob.upper))
     return Pair((one, other), gain, start)

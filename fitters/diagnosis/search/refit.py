@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
-from ....models.effects import Knob
+from ....models.effects import EffectParameter
 from ...engine.descent import Descent, chi2_per_point, descend
 from ...engine.objective import Objective
 from ..hypotheses.problem import Candidate, Problem
@@ -73,23 +73,23 @@ def refit(
     guess: float | None,
     tolerance: float = ROUGH,
 ) -> Refit:
-    """Fit with `effects`, the last of them new: from `values`, and from several sizes of the new one's first knob.
+    """Fit with `effects`, the last of them new: from `values`, and from several sizes of the new one's first parameter.
 
-    `guess` is a first size of it (from the score test); None means that all knobs are in `values` already.
+    `guess` is a first size of it (from the score test); None means that all parameters are in `values` already.
     """
     new = effects[-1] if effects else None
     if guess is None or new is None:
         objective = problem.objective(effects, values)
         return finished(effects, descend(objective, objective.coordinates.x, tolerance, AGAIN))
     elsewhere = any(values.get(name, knob.null) != knob.null for name, knob in new.sizes[1:])
-    sizes = _sizes(guess, new.knobs[0])
+    sizes = _sizes(guess, new.effect_parameters[0])
     starts = [{**values, new.parameters[0]: size} for size in ([*sizes, guess] if elsewhere else sizes)]
     objectives = [problem.objective(effects, start) for start in starts]
     best = min(objectives, key=lambda one: float(np.sum(one.residual(one.coordinates.x) ** 2)))
     return finished(effects, descend(best, best.coordinates.x, tolerance, _ROUGHLY))
 
 
-def _sizes(guess: float, knob: Knob) -> list[float]:
+def _sizes(guess: float, knob: EffectParameter) -> list[float]:
     """Return first guesses of a size: that of the score test, and one that is plausible whatever the score says."""
     plausible = knob.typical if guess >= 0 else -knob.typical
     sizes = [guess, plausible] if guess != knob.null else [plausible]
@@ -108,7 +108,7 @@ def all_there(found: Refit) -> bool:
 
 
 def is_there(found: Refit, effect: Candidate | None = None) -> bool:
-    """Return whether an effect, the newest unless told, has a size: without, it would be another effect's other knobs.
+    """Return whether an effect (by default the newest) has a size different from zero.
 
     All its sizes together are held against null, in standard uncertainties, everything else free; but what only shapes
     the effect is held: a cable is there although a short one's impedance is open. A line whose top no sweep shows is
@@ -119,7 +119,7 @@ def is_there(found: Refit, effect: Candidate | None = None) -> bool:
         return False
     coordinates = found.objective.coordinates
     columns = [coordinates.free.index(name) for name, _ in asked.sizes]
-    shapes = {one for one, knob in zip(asked.parameters, asked.knobs, strict=True) if not knob.from_nothing}
+    shapes = {one for one, knob in zip(asked.parameters, asked.effect_parameters, strict=True) if not knob.from_nothing}
     J = found.objective.jacobian(found.descent.x)
     others = [k for k, name in enumerate(coordinates.free) if k not in columns and name not in shapes]
     own = J[:, columns] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, columns], rcond=1e-12)[0]
@@ -138,5 +138,5 @@ def _in_sight(found: Refit, effect: Candidate) -> bool:
         for recording in found.objective.recordings
         if recording.step in effect.steps
     ]
-    own = [found.values[name] for name in effect.lines]
+    own = [found.values[name] for name in effect.resonance_parameters]
     return all(any(_AT_THE_END * (b - a) < f - a < (1 - _AT_THE_END) * (b - a) for a, b in bands) for f in own)

@@ -1,6 +1,6 @@
 """Score (Lagrange multiplier) tests: how much of the residual an effect would explain, without fitting it.
 
-C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. The derivative of the residuals by an effect's knobs, less what the free
+C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. Derivatives of the residuals by an effect's parameters, less what free
 constants can imitate of it, is held against the residuals; only the physical sign counts.
 """
 
@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from ....models.base.arrays import Frequencies, Impedances, Reals
 from ....models.base.model import Model
-from ....models.effects import Device, Knob, Stage
+from ....models.effects import Device, EffectParameter, Stage
 from ...engine.objective import Objective
 from ...engine.recording import Recording
 from ..hypotheses.problem import Candidate, Problem
@@ -22,7 +22,7 @@ _SCANNED = 240
 """Frequencies at which a further resonance is looked for: closer than the width of a line of Q = 60."""
 _STEP = 1e-3
 _FELT = 1e-6
-"""Of the effect of the knob that is felt most: what is less is the rounding of a knob that is not felt at all yet."""
+"""Relative to the most sensitive parameter: anything less is rounding of a parameter without influence yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +35,17 @@ class Score:
     survives: float
     """Part of the effect that the free constants cannot imitate, 0 to 1 (of its root mean square)."""
     size: float
-    """Root mean square of d residual / d typical size of the first knob: how visible it is at all."""
+    """Root mean square of d residual / d typical size of the first parameter: how visible it is at all."""
     value: float
-    """First-order estimate of the first knob."""
+    """First-order estimate of the first parameter."""
     start: dict[str, float]
-    """Values of the other knobs at which the score was taken, by parameter."""
+    """Values of the other parameters at which the score was taken, by parameter."""
     columns: Reals
-    """d residual / d knob of the knobs that are felt, less what the free constants can imitate; of norm 1 each."""
-    felt: tuple[tuple[str, Knob, float], ...]
-    """Parameter, knob, and its change per unit of its column."""
+    """d residual / d parameter of the sensitive parameters, orthogonal to the free constants; each of norm 1."""
+    felt: tuple[tuple[str, EffectParameter, float], ...]
+    """Parameter, parameter, and its change per unit of its column."""
     shifts: Reals
-    """What the free coordinates do, per unit of the first knob, where the effect is there and ignored."""
+    """What the free coordinates do, per unit of the first parameter, where the effect is there and ignored."""
 
 
 def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals) -> list[Score]:
@@ -65,7 +65,7 @@ def _score(
     G = _knob_columns(problem, candidate, {**values, **start}, r.size)
     held = Q.T @ G
     outside = G - Q @ held
-    first, size = candidate.knobs[0], float(np.sqrt(np.mean(G[:, 0] ** 2)))
+    first, size = candidate.effect_parameters[0], float(np.sqrt(np.mean(G[:, 0] ** 2)))
     norm = float(np.linalg.norm(outside[:, 0]))
     step = float(outside[:, 0] @ -r) / norm**2 if norm > 0 else 0.0
     if first.from_nothing:
@@ -73,13 +73,13 @@ def _score(
     gain = step**2 * norm**2
     norms = np.linalg.norm(outside, axis=0)
     felt = np.flatnonzero(norms > _FELT * max(float(np.max(norms)), 1e-300))
-    columns, own = outside[:, felt] / norms[felt], [candidate.knobs[k] for k in felt]
+    columns, own = outside[:, felt] / norms[felt], [candidate.effect_parameters[k] for k in felt]
     if G.shape[1] > 1:
         steps, fall = together(columns, r, own)
         gain = max(gain, fall)
-        all_steps = np.zeros(len(candidate.knobs))  # what is not felt stays at rest
+        all_steps = np.zeros(len(candidate.effect_parameters))  # what is not felt stays at rest
         all_steps[felt] = steps / norms[felt]
-        others = list(enumerate(candidate.knobs))[1:]
+        others = list(enumerate(candidate.effect_parameters))[1:]
         step = float(all_steps[0])
         start |= {
             candidate.parameters[k]: float(np.clip(all_steps[k] * knob.typical, knob.lower, knob.upper))
@@ -111,13 +111,13 @@ class _Scan:
     """Name of an effect, a first column, and the values found."""
 
     def tuned(self, candidate: Candidate) -> list[float]:
-        """Return the values of the other knobs at which the first one explains most.
+        """Return the values of the other parameters at which the first one explains most.
 
-        For knobs in which an effect is far from linear: the frequency and quality of a resonance, the delay of an echo.
+        For parameters in which an effect is far from linear: frequency and quality of a resonance, delay of an echo.
         """
-        grids = [_grid(self.problem, knob) for knob in candidate.knobs[1:]]
+        grids = [_grid(self.problem, knob) for knob in candidate.effect_parameters[1:]]
         if all(len(grid) == 1 for grid in grids):
-            return [knob.null for knob in candidate.knobs[1:]]
+            return [knob.null for knob in candidate.effect_parameters[1:]]
         column = _first_columns(self.problem, candidate, self.values, self.r.size)
         sample = column([grid[len(grid) // 2] for grid in grids])
         for name, known, found in self.made:
@@ -133,8 +133,8 @@ class _Scan:
         return max(0.0, float(outside @ -self.r)) / norm if norm > 0 else 0.0
 
 
-def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
-    """Return the values of a knob to scan: those it names, of a frequency a grid, else where it rests."""
+def _grid(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
+    """Return the values of a parameter to scan: those it names, of a frequency a grid, else where it rests."""
     if knob.scan:
         return knob.scan
     if knob.unit == "Hz":
@@ -147,12 +147,12 @@ def _grid(problem: Problem, knob: Knob) -> tuple[float, ...]:
 def _first_columns(
     problem: Problem, candidate: Candidate, values: dict[str, float], rows: int
 ) -> Callable[[Sequence[float]], Reals]:
-    """Return what makes, of the other knobs' values, d residual / d first knob in typical sizes, shape (rows,).
+    """Return a function of the other parameters: d residual / d first parameter in typical sizes, shape (rows,).
 
     By one small step from where the effect is absent, which is the same for all of them. What the sweep itself did is
     small, and left out unless it is what is looked for.
     """
-    knob, name = candidate.knobs[0], candidate.parameters[0]
+    knob, name = candidate.effect_parameters[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0
     places: list[tuple[int, Recording, Model, Impedances]] = []
     for plain, recording in zip(problem.recordings, problem.with_effects([candidate]), strict=True):
@@ -174,7 +174,7 @@ def _first_columns(
 
 
 def _seen(model: Model, candidate: Candidate, f: Frequencies) -> Impedances:
-    if candidate.effect.stage < Stage.RECORD and isinstance(model, Device):
+    if candidate.effect.stage < Stage.ACQUISITION and isinstance(model, Device):
         return model.steady_impedance(f)
     return model.impedance(f)
 
@@ -184,22 +184,22 @@ def _moved(model: Model, values: dict[str, float]) -> Model:
     return model.replace({name: value for name, value in values.items() if name in own})
 
 
-def together(columns: Reals, r: Reals, knobs: Sequence[Knob]) -> tuple[Reals, float]:
+def together(columns: Reals, r: Reals, effect_parameters: Sequence[EffectParameter]) -> tuple[Reals, float]:
     """Return the steps along `columns`, those of sizes not negative, by which chi2 falls most, and how far it falls."""
     if not columns.shape[1]:
         return np.zeros(0), 0.0
     Q, R = np.linalg.qr(columns)
     b = -(Q.T @ r)
-    lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in knobs])
+    lower = np.array([0.0 if knob.from_nothing else -np.inf for knob in effect_parameters])
     step = np.asarray(lsq_linear(R, b, (lower, np.inf), method="bvls").x, np.float64)
     return step, float(b @ b - np.sum((R @ step - b) ** 2))
 
 
 def _knob_columns(problem: Problem, candidate: Candidate, values: dict[str, float], rows: int) -> Reals:
-    """Return d residual / d knob, in typical sizes, shape (rows, knobs); priors do not depend on knobs."""
-    columns = np.zeros((rows, len(candidate.knobs)))
+    """Return d residual / d parameter in typical sizes, shape (rows, parameters); priors do not depend on them."""
+    columns = np.zeros((rows, len(candidate.effect_parameters)))
     at = 0
-    typical = np.array([knob.typical for knob in candidate.knobs])
+    typical = np.array([knob.typical for knob in candidate.effect_parameters])
     for recording in problem.with_effects([candidate]):
         n = recording.sweep.frequency.size
         if recording.step in candidate.steps:

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.descent import descend, softened
+from ...engine.descent import descend, with_model_discrepancy
 from ...engine.parameters.assembly import nominal_parameters
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.evidence import price
+from ..inference.evidence import bic_penalty
 from .pair_scores import promising
 from .refit import ROUGH, Refit, finished, is_there, refit
 from .score_test import Score, scores
@@ -70,7 +70,7 @@ def tried_beside(
     rough = [_tried(softer, current, base, score) for score in firsts]
     if _is_lost(current):
         rough += [_from_the_build(problem, softer, candidate) for candidate in left]
-    rough.sort(key=price)
+    rough.sort(key=bic_penalty)
     rivals = [one for one in (*rough[:1], against) if one is not None]
     likely = [*rough[:_POLISHED], *(one for one in rough[_POLISHED:] if not one.descent.converged)]
     coarse = _POLISH if _survive(base) else FINER
@@ -81,7 +81,7 @@ def tried_beside(
         if all(_within_reach(one, best) for best in rivals)
     ]
     polished += [_elsewhere(problem, one, twin) for one in polished for twin in twins.get(one.effects[-1], ())]
-    return sorted(polished, key=lambda one: (not is_there(one), price(one)))
+    return sorted(polished, key=lambda one: (not is_there(one), bic_penalty(one)))
 
 
 def _is_lost(current: Refit) -> bool:
@@ -93,7 +93,7 @@ def _is_lost(current: Refit) -> bool:
 def _from_the_build(problem: Problem, softer: Problem, candidate: Candidate) -> Refit:
     """Return a refit with a candidate alone, of plausible size, from the constants that the build gives."""
     start = {**problem.values, **nominal_parameters(problem.build)}
-    return polish(problem, refit(softer, (candidate,), start, candidate.knobs[0].typical))
+    return polish(problem, refit(softer, (candidate,), start, candidate.effect_parameters[0].typical))
 
 
 def tried_in_pairs(problem: Problem, candidates: Sequence[Candidate], null: Refit) -> list[Refit]:
@@ -106,9 +106,9 @@ def tried_in_pairs(problem: Problem, candidates: Sequence[Candidate], null: Refi
         refit(softer, tuple(score.candidate for score in pair.scores), {**base.values, **pair.start}, None)
         for pair in pairs
     ]
-    rough.sort(key=price)
+    rough.sort(key=bic_penalty)
     likely = [one for one in rough if _within_reach(one, rough[0]) and one.chi2_per_dof < _AS_A_PAIR]
-    return sorted((polish(problem, one) for one in likely), key=price)
+    return sorted((polish(problem, one) for one in likely), key=bic_penalty)
 
 
 def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit:
@@ -116,15 +116,15 @@ def _tried(problem: Problem, current: Refit, base: Refit, score: Score) -> Refit
     start = {**base.values, **score.start}
     if score.survives > _IMITATED:
         told = refit(problem, effects, start, score.value)
-        if told.chi2_per_dof < base.chi2_per_dof or score.value == score.candidate.knobs[0].null:
+        if told.chi2_per_dof < base.chi2_per_dof or score.value == score.candidate.effect_parameters[0].null:
             return told
         # It went astray: at worst the effect would be absent.
-        return min(told, refit(problem, effects, start, _SHORTER * score.value), key=price)
+        return min(told, refit(problem, effects, start, _SHORTER * score.value), key=bic_penalty)
     # What the score tells of its sizes is as little worth as what it tells of its gain.
-    told, first = refit(problem, effects, start, score.value, FINER), score.candidate.knobs[0]
+    told, first = refit(problem, effects, start, score.value, FINER), score.candidate.effect_parameters[0]
     if score.value == first.null and all(start[name] == knob.null for name, knob in score.candidate.sizes[1:]):
         return told
-    return min(told, refit(problem, effects, base.values, first.null, FINER), key=price)
+    return min(told, refit(problem, effects, base.values, first.null, FINER), key=bic_penalty)
 
 
 def _within_reach(rough: Refit, best: Refit) -> bool:
@@ -160,7 +160,7 @@ def _mirrored(ranked: Sequence[Score]) -> tuple[list[Score], dict[Candidate, lis
 
 def _same(one: Score, other: Score) -> bool:
     a, b = one.candidate, other.candidate
-    if a.effect is not b.effect or a.steps != b.steps or a.knobs != b.knobs or one.gain <= 0:
+    if a.effect is not b.effect or a.steps != b.steps or a.effect_parameters != b.effect_parameters or one.gain <= 0:
         return False
     return bool(np.allclose([one.gain, one.survives, one.size], [other.gain, other.survives, other.size], rtol=_ALIKE))
 
@@ -200,7 +200,9 @@ def _silent(ranked: list[Score], survives: float) -> list[Score]:
 def resoftened(problem: Problem, current: Refit) -> Problem:
     """Return the problem with its recordings softened by what a refit leaves."""
     ratios = current.objective.log_ratios(current.descent.x)
-    soft = tuple(softened(recording, ratio) for recording, ratio in zip(problem.recordings, ratios, strict=True))
+    soft = tuple(
+        with_model_discrepancy(recording, ratio) for recording, ratio in zip(problem.recordings, ratios, strict=True)
+    )
     return replace(problem, recordings=soft)
 
 

@@ -59,7 +59,7 @@ def _twins(other: Problem, found: Candidate) -> list[Candidate]:
         if one.where == found.where and set(one.steps) <= set(found.steps)
     ]
     longest = max(same, key=lambda one: len(one.steps), default=None)
-    return [] if longest is None else [replace(longest, knobs=found.knobs)]
+    return [] if longest is None else [replace(longest, effect_parameters=found.effect_parameters)]
 
 
 def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Posterior:

@@ -43,7 +43,7 @@ def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
 
 
 def _lies_in(problem: Problem, effect: Candidate, found: Refit) -> bool:
-    places = [found.values[name] for name in effect.lines]
+    places = [found.values[name] for name in effect.resonance_parameters]
     return all(
         mask.all() or (places and all(mask[np.argmin(np.abs(recording.sweep.frequency - f))] for f in places))
         for recording, mask in zip(problem.recordings, problem.proof, strict=True)

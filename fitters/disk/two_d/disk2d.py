@@ -22,7 +22,7 @@ from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
 from ....models.stack import CausalConstantQ
 from ...engine.covariance import estimate
-from ...engine.descent import Descent, descend, softened
+from ...engine.descent import Descent, descend, with_model_discrepancy
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates, positive
 from ...engine.recording import Posterior, Prior, Recording
@@ -213,7 +213,7 @@ def _descend(
         before = left
         if settled or time.perf_counter() > until:
             break
-    judged = list(map(softened, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
+    judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
     objective = Objective(judged, coordinates, priors)
     cost = float(np.sum(objective.residual(x) ** 2)) / 2
     return Descent(objective, coordinates.x, x, cost, settled, evaluations), error
@@ -232,7 +232,7 @@ def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recor
     uncertain is for the covariance (`softened`).
     """
     (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
-    return replace(softened(recording, ratio), correlation=1.0)
+    return replace(with_model_discrepancy(recording, ratio), correlation=1.0)
 
 
 def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.build import Build, LayerSpec, Load, Quantity, Step
+from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.stack import Elastic, HalfSpace, Piezo, Stack
 from ....models.sweep import Sweep
 from ...interface import TaskError
@@ -69,7 +69,7 @@ def _layer(spec: LayerSpec, ground: Quantity | None) -> Piezo | Elastic:
     )
 
 
-def _half_space(load: Load) -> HalfSpace:
+def _half_space(load: LoadSpec) -> HalfSpace:
     return HalfSpace(load.name, z=load.z.re)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from ....models.build import Build, LayerSpec, Load, Quantity
+from ....models.build import Build, LayerSpec, LoadSpec, Quantity
 from ...interface import TaskError
 from .assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, ground_name
 
@@ -126,8 +126,8 @@ def _with(build: Build, changed: Mapping[str, Quantity]) -> Build:
     def layer(spec: LayerSpec) -> LayerSpec:
         return replace(spec, values={k: changed.get(f"{spec.name}.{k}", q) for k, q in spec.values.items()})
 
-    def load(side: str, old: Load) -> Load:
-        return Load("given", changed[f"{side}.z"]) if f"{side}.z" in changed else old
+    def load(side: str, old: LoadSpec) -> LoadSpec:
+        return LoadSpec("given", changed[f"{side}.z"]) if f"{side}.z" in changed else old
 
     return replace(
         build,

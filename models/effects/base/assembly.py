@@ -40,7 +40,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Part:
+class ParallelSection:
     """A share of the face and the stack that stands there."""
 
     fraction: float
@@ -48,7 +48,7 @@ class Part:
     """Over the whole area; `fraction` says how much of it counts."""
     scale: Mapping[str, float] = field(default_factory=dict[str, float])
     """d (parameter of this stack) / d (parameter of the device) where it is not 1."""
-    twins: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    linked_parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     """Parameters of this stack that move with one of the device: a layer that an effect has cut in two."""
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
@@ -57,7 +57,7 @@ class Part:
         return [
             (k, moved, self.scale.get(moved, 1.0))
             for k, name in enumerate(names)
-            for moved in (name, *self.twins.get(name, ()))
+            for moved in (name, *self.linked_parameters.get(name, ()))
             if moved in own
         ]
 
@@ -73,7 +73,7 @@ Shunt = Callable[[Complexes], Complexes]
 class Assembly:
     """The device with its effects, ready to be evaluated."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ParallelSection, ...]
     nominal: Stack
     """The stack to which the first effect was added: it gives effects their scales, which no fit moves."""
     shunts: tuple[Shunt, ...] = ()
@@ -100,7 +100,7 @@ class Assembly:
         """Return the assembly with every stack changed."""
         return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
 
-    def split(self, change: Callable[[Part], Sequence[Part]]) -> Self:
+    def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
         """Return the assembly with every part of the face split into several."""
         return replace(self, parts=tuple(made for part in self.parts for made in change(part)))
 

@@ -1,4 +1,4 @@
-"""A stack with effects added: a `Model` whose further parameters are the effects' knobs."""
+"""A stack with effects added: a `Model` whose further parameters are the effects' parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,11 +10,11 @@ import numpy as np
 from ...base.arrays import Complexes, Frequencies, Impedances
 from ...base.names import require
 from ...stack import Stack
-from .assembly import Assembly, Conditions, Part
-from .effect import Effect, Knob, Stage
+from .assembly import Assembly, Conditions, ParallelSection
+from .effect import Effect, EffectParameter, Stage
 
 _STEP = 1e-6
-"""Step of derivatives by a knob, in its typical size: a one-sided difference is right to about as much."""
+"""Step of derivatives by a parameter, in its typical size: a one-sided difference is right to about as much."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Added:
     effect: Effect
     where: str
     values: Mapping[str, float]
-    """By knob."""
+    """By parameter."""
 
     @property
     def prefix(self) -> str:
@@ -41,8 +41,8 @@ class Added:
         return type(self)(self.effect, self.where, {**self.values, **own}) if own else self
 
 
-def small_step(knob: Knob, value: float) -> float:
-    """Return the step of a derivative by a knob, into the side that is physical."""
+def small_step(knob: EffectParameter, value: float) -> float:
+    """Return the step of a derivative by a parameter, into the side that is physical."""
     step = _STEP * knob.typical
     return step if value + step <= knob.upper else -step
 
@@ -56,7 +56,7 @@ def _from_within(added: Sequence[Added]) -> list[Added]:
 class Device:
     """A stack with effects, as a sweep under these conditions records it. Satisfies `Model`.
 
-    Parameters are the stack's and, for each effect, `effect@place.knob`, as in `lead-inductance@terminals.inductance`.
+    Parameters are the stack's and, for each effect, `effect@place.name`: `lead-inductance@terminals.inductance`.
     """
 
     bare: Stack
@@ -72,8 +72,8 @@ class Device:
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for a name it does not have."""
-        knobs = {name for one in self.added for name in one.parameters()}
-        moved = {name: value for name, value in values.items() if name not in knobs}
+        effect_parameters = {name for one in self.added for name in one.parameters()}
+        moved = {name: value for name, value in values.items() if name not in effect_parameters}
         if moved:
             require(moved, self.parameters(), "the device")
         added = tuple(one.moved(values) for one in self.added)
@@ -84,9 +84,9 @@ class Device:
         return made
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
-        """Return the device with one effect more, its knobs at null unless given."""
+        """Return the device with one effect more, its parameters at null unless given."""
         nominal = self.nominal or self.bare
-        null = {knob.name: knob.null for knob in effect.knobs(nominal, where)}
+        null = {knob.name: knob.null for knob in effect.effect_parameters(nominal, where)}
         added = (*self.added, Added(effect, where, {**null, **(values or {})}))
         return replace(self, added=added, nominal=nominal)
 
@@ -102,8 +102,8 @@ class Device:
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
 
-        Exact by the stack's parameters; by knobs from one difference, on the allowed side of a limit.
-        Effects of the sweep are small: all derivatives but those by their own knobs are those of the steady device.
+        Exact by the stack's parameters; by parameters from one difference, on the allowed side of a limit.
+        Effects of the sweep are small: derivatives by other parameters are those of the steady device.
         """
         require(names, self.parameters(), "the device")
         own = self.bare.parameters()
@@ -127,7 +127,7 @@ class Device:
         """
         made: list[Assembly] = list(self.__dict__.get("_kept", ()))
         if not made:
-            made = [Assembly((Part(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)]
+            made = [Assembly((ParallelSection(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)]
         for one in _from_within(self.added)[len(made) - 1 :]:
             made.append(one.effect.extend(made[-1], one.where, self._within_limits(one)))
         return tuple(made)
@@ -139,21 +139,26 @@ class Device:
         return self._assemblies[:same]
 
     @cached_property
-    def _knobs(self) -> dict[str, dict[str, Knob]]:
-        """The knobs of the effects, by the prefix of the effect and their name."""
+    def _knobs(self) -> dict[str, dict[str, EffectParameter]]:
+        """The parameters of the effects, by the prefix of the effect and their name."""
         nominal = self.nominal or self.bare
-        return {one.prefix: {knob.name: knob for knob in one.effect.knobs(nominal, one.where)} for one in self.added}
+        return {
+            one.prefix: {knob.name: knob for knob in one.effect.effect_parameters(nominal, one.where)}
+            for one in self.added
+        }
 
     def _within_limits(self, one: Added) -> dict[str, float]:
         """Return the values of an effect: beyond a limit it is as it is at the limit."""
-        knobs = self._knobs[one.prefix]
+        effect_parameters = self._knobs[one.prefix]
         return {
-            name: min(max(value, knobs[name].lower), knobs[name].upper) if name in knobs else value
+            name: min(max(value, effect_parameters[name].lower), effect_parameters[name].upper)
+            if name in effect_parameters
+            else value
             for name, value in one.values.items()
         }
 
     def _by_knob(self, name: str, frequency: Frequencies, at_rest: Impedances, Z: Impedances) -> Complexes:
-        """Return d ln Z / d knob, into the side that is physical; 0 for a flag. `at_rest` is the steady impedance."""
+        """Return d ln Z / d parameter, towards the physical side; 0 for a flag. `at_rest` is the steady impedance."""
         one = next(one for one in self.added if name.startswith(one.prefix))
         own = name.removeprefix(one.prefix)
         knob, value = self._knobs[one.prefix].get(own), one.values[own]
@@ -161,6 +166,6 @@ class Device:
             return np.zeros_like(Z)
         step = small_step(knob, value)
         moved = self.replace({name: value + step})
-        if one.effect.stage is Stage.RECORD:
+        if one.effect.stage is Stage.ACQUISITION:
             return (moved.impedance(frequency) / Z - 1) / complex(step)
         return (moved.steady_impedance(frequency) / at_rest - 1) / complex(step)

@@ -33,12 +33,12 @@ class Stage(IntEnum):
     """Beside the device and in its leads."""
     CABLE = 5
     """Between the leads and the analyzer."""
-    RECORD = 6
+    ACQUISITION = 6
     """While the sweep runs, and when it is written down."""
 
 
 @dataclass(frozen=True)
-class Knob:
+class EffectParameter:
     """A parameter of an effect."""
 
     name: str
@@ -49,9 +49,9 @@ class Knob:
     upper: float = float("inf")
     """Physical limits; a mass or an inductance is not negative."""
     null: float = 0.0
-    """The value at which the effect is absent; of a knob that is not the first, where it rests while there is none."""
+    """The value at which the effect is absent; for a parameter other than the first, its value while absent."""
     scan: tuple[float, ...] = ()
-    """Values to start from where the effect is too far from linear in this knob to find them (a delay, a share)."""
+    """Start values, where the effect is too far from linear in this parameter to find them (a delay, a share)."""
 
     @property
     def from_nothing(self) -> bool:
@@ -60,7 +60,7 @@ class Knob:
 
 
 class Effect(ABC):
-    """One piece of physics, as a nested extension: with all knobs at null the model is the one without it."""
+    """One piece of physics, as a nested extension: with all parameters at null the model is the one without it."""
 
     name: ClassVar[str]
     """As people and `pzctl diagnose` call it."""
@@ -71,7 +71,7 @@ class Effect(ABC):
     references: ClassVar[tuple[str, ...]]
     stage: ClassVar[Stage] = Stage.LAYERS
     sizes: ClassVar[int] = 1
-    """How many of the first knobs are sizes: the effect is absent where all of them are null."""
+    """How many of the first parameters are sizes: the effect is absent where all of them are null."""
 
     odds: ClassVar[float] = 1.0
     """How often it is met against a look-alike that a recording cannot tell from it: a judgement, and a mild one."""
@@ -81,22 +81,22 @@ class Effect(ABC):
         """Return where in this stack it may sit: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
 
     @abstractmethod
-    def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return its parameters at this place; the first is its size (the first `sizes` are).
 
         None for an effect that is there or not (`polarity`): no size, no derivative.
         """
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return value and unit of what people are shown of the knobs `values`; the knobs themselves unless changed.
+        """Return value and unit of each quantity shown to people, computed from the parameters `values`.
 
-        For effects whose size enters squared: the knob is the square, so that the derivative at null is not zero.
+        For effects whose size enters squared: the parameter is the square, so that the derivative at null is not zero.
         """
         return {}
 
     @abstractmethod
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the effect; `values` lie within the knobs' limits."""
+        """Return the device with the effect; `values` lie within the parameters' limits."""
 
 
 def layer_at(where: str) -> str:

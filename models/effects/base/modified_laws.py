@@ -14,7 +14,7 @@ _TINY = 1e-9
 
 
 @dataclass(frozen=True)
-class Bent(LossLaw):
+class ModifiedLaw(LossLaw):
     """A law with its parameters, made of another one."""
 
     base: LossLaw
@@ -22,7 +22,7 @@ class Bent(LossLaw):
     """Hz, where the bent law gives what the base gives."""
 
     def parameters(self) -> Mapping[str, float]:
-        """Return those of the base: what bends it are an effect's knobs."""
+        """Return those of the base: what bends it are an effect's parameters."""
         return self.base.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -34,7 +34,7 @@ class Bent(LossLaw):
 
 
 @dataclass(frozen=True)
-class LossExponent(Bent):
+class LossExponent(ModifiedLaw):
     """M(f) = base + M'' [j (x^n - 1) + a x-dependent stiffening that causality asks for], x = f/reference.
 
     The loss M'' grows as x^n. Its Kramers-Kronig companion cot(n pi/2) (x^n - 1) (Szabo, J. Acoust. Soc. Am. 96 (1994)
@@ -64,7 +64,7 @@ class LossExponent(Bent):
 
 
 @dataclass(frozen=True)
-class Slope(Bent):
+class Slope(ModifiedLaw):
     """eps(f) = x^(-slope) [eps' - j eps'' x^loss], x = f/reference: falls by a power, and so may its loss tangent."""
 
     slope: float = 0.0
@@ -87,7 +87,7 @@ class Slope(Bent):
 
 
 @dataclass(frozen=True)
-class Relaxation(Bent):
+class Relaxation(ModifiedLaw):
     """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: Debye's relaxation, of a strength."""
 
     strength: float = 0.0

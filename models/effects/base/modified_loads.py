@@ -14,7 +14,7 @@ from ...stack.loads import Load
 
 
 @dataclass(frozen=True)
-class Wrapped(Load):
+class ModifiedLoad(Load):
     """A load whose answer is a function of another one's, linear in it."""
 
     inner: Load
@@ -38,7 +38,7 @@ class Wrapped(Load):
 
 
 @dataclass(frozen=True)
-class Pressed(Wrapped):
+class SupportedLoad(ModifiedLoad):
     """A face that moves something else as well: the impedances add."""
 
     support: Load
@@ -53,7 +53,7 @@ class Pressed(Wrapped):
 
 
 @dataclass(frozen=True)
-class Echoing(Wrapped):
+class FiniteBackingLoad(ModifiedLoad):
     """A medium with a free rear: z sqrt(1 + j loss) (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) its echo.
 
     The amplitude is strength exp(decay (1 - f/reference)), as a medium of constant Q makes it, and stays below 1.

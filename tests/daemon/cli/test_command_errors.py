@@ -17,20 +17,20 @@ from pzctl.daemon.cli.bench.adaptive_measure import adapted_plan
 from pzctl.daemon.cli.records import export
 from pzctl.daemon.cli.records import report_command as report
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, parse_build, read_build
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import copy_journal
 from pzctl.daemon.journal.store import open_store
 from pzctl.daemon.page.page_process import serve, served_beside
 from pzctl.daemon.report.fit_widget import sliders
 from pzctl.daemon.report.pictures.picture_file import save_picture
 from pzctl.daemon.samples.sample_selection import journal_samples
-from pzctl.daemon.server.publishing.spool import Unsaved
+from pzctl.daemon.server.publishing.spool import Spool
 from pzctl.daemon.server.simulated_analyzer import simulated_instrument
 from pzctl.daemon.server.sockets import _bind, gate_for
 from pzctl.daemon.server.workers.fitter_worker import load_fitter
 from pzctl.daemon.wire.curve_keys import read_client_key, write_secret
-from pzctl.daemon.wire.events import BeatEvent, Heard, decode
+from pzctl.daemon.wire.events import BeatEvent, ReceivedEvent, decode
 from pzctl.daemon.wire.result_messages import curves_of
 from pzctl.models.base.errors import PzctlError
 
@@ -168,25 +168,25 @@ def no_steps() -> object:
     return parse_build("steps = []\n" + head + rest[rest.index("[sweep]") :])
 
 
-def journal_without_measurements() -> Archive:
-    Journal(Path("journal")).close()
-    return Archive(Path("journal"))
+def journal_without_measurements() -> JournalReader:
+    JournalWriter(Path("journal")).close()
+    return JournalReader(Path("journal"))
 
 
 def damaged_in_waiting() -> object:
     Path("unsaved").mkdir()
     (Path("unsaved") / "000000000.event").write_bytes(b"half a")
-    kept = Unsaved(Path("unsaved"))
+    kept = Spool(Path("unsaved"))
     assert len(kept) == 1
     return kept.first()
 
 
 def nowhere_to_wait() -> None:
-    Unsaved(Path("disk.csv")).put(BeatEvent(), ())
+    Spool(Path("disk.csv")).put(BeatEvent(), ())
 
 
 def beat_as_sweep() -> object:
-    return Heard(BeatEvent(), {}).sweep()
+    return ReceivedEvent(BeatEvent(), {}).sweep()
 
 
 def bound(endpoint: str) -> object:

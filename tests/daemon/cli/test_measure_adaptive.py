@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pzctl.daemon.journal.journal_reader import Archive
+from pzctl.daemon.journal.journal_reader import JournalReader
 
 PZCTL = Path(sys.executable).with_name("pzctl")
 
@@ -26,6 +26,6 @@ def test_an_adaptive_measurement_is_one_recording_that_gives_the_constants(tmp_p
         for part in ("re", "im"):
             if constant[f"u_{part}"]:
                 assert abs(constant[part] - story["truth"][name][part]) < 4 * constant[f"u_{part}"], name
-    journal = Archive(tmp_path / "journal")
+    journal = JournalReader(tmp_path / "journal")
     assert len(journal.measurements()) == 2, "the look is kept as well"
     journal.close()

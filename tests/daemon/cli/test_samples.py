@@ -16,11 +16,11 @@ import pytest
 
 from pzctl.daemon.cli import main
 from pzctl.daemon.files.builds.build_file import parse_build
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.report.tables.population_table import population_table
 from pzctl.daemon.samples.sample_selection import folder_samples, journal_samples, sheets_of, step_of
-from pzctl.daemon.wire.events import FitEvent, Instrument, Sample, StateEvent, SweepEvent, decode, sweep_columns
+from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.drivers.recordings import write_csv
 from pzctl.fitters.interface import Constant, FitResult, Noise
 from pzctl.fitters.population.population_statistics import population
@@ -71,15 +71,15 @@ def sweep(step: str, c33D: float, seed: int) -> Sweep:
     return Sweep(f, z * (1 + 1e-3 * (noise[0] + 1j * noise[1])), id=f"{step}-{seed}")
 
 
-def put(journal: Journal, name: str, step: str, recorded: Sweep) -> str:
+def put(journal: JournalWriter, name: str, step: str, recorded: Sweep) -> str:
     """Put a complete measurement into the journal, as the daemon does."""
     measured = build(name)
     measurement, _ = journal.begin_measurement(f"{name}-{step}-{recorded.id}", measured, step)
     columns, payload = sweep_columns(recorded)
     said = SweepEvent(
         measurement=measurement,
-        sample=Sample(name, step),
-        instrument=Instrument("R", "I", "4294A", "1", "1", simulated=True),
+        sample=SampleStep(name, step),
+        instrument=InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True),
         build=measured,
         segment=1,
         segments=1,
@@ -88,7 +88,7 @@ def put(journal: Journal, name: str, step: str, recorded: Sweep) -> str:
         columns=columns,
     )
     journal.append(said, payload)
-    journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(name, step)))
+    journal.append(StateEvent(state="measured", measurement=measurement, sample=SampleStep(name, step)))
     return measurement
 
 
@@ -97,7 +97,7 @@ STIFFNESS = {"S1": 1.48e11, "S2": 1.50e11, "S3": 1.53e11}
 
 def fill(home: Path) -> None:
     """Three samples; S1 measured twice, first badly; S2 with a matching layer; one that is a resistor."""
-    journal = Journal(home / "journal")
+    journal = JournalWriter(home / "journal")
     put(journal, "S1", "disk", sweep("disk", 1.0e11, 9))
     for k, (name, c33D) in enumerate(STIFFNESS.items()):
         put(journal, name, "disk", sweep("disk", c33D, k))
@@ -174,7 +174,7 @@ def test_while_a_daemon_runs_it_keeps_the_results_once(
         assert done.returncode == 1, done.stderr
         assert "not kept" not in done.stderr
     check_population(json.loads(here("samples", "--constants", "--json")[1]))
-    archive = Archive(tmp_path / "journal")
+    archive = JournalReader(tmp_path / "journal")
     kept = [decode(frames).event for frames in archive.replay(1, None, 1000)]
     archive.close()
     assert sum(isinstance(event, FitEvent) for event in kept) == 3
@@ -190,7 +190,7 @@ def test_samples_lists_steps_times_and_fits(tmp_path: Path, here: Run) -> None:
 
 def test_the_latest_measurement_of_each_step_is_taken(tmp_path: Path) -> None:
     fill(tmp_path)
-    archive = Archive(tmp_path / "journal")
+    archive = JournalReader(tmp_path / "journal")
     found = {sample.name: sample for sample in journal_samples(archive)}
     archive.close()
     job = found["S1"].job

@@ -8,11 +8,11 @@ import pytest
 import zmq
 import zmq.asyncio
 
-from pzctl.daemon.client.async_connection import AsyncAsker, AsyncSubscription
-from pzctl.daemon.client.connection import Asker, DaemonError, Subscription
+from pzctl.daemon.client.async_connection import AsyncRequestClient, AsyncSubscription
+from pzctl.daemon.client.connection import DaemonError, RequestClient, Subscription
 from pzctl.daemon.wire.frames import WireError
 from pzctl.daemon.wire.replies import HelloAnswer
-from pzctl.daemon.wire.requests import Hello
+from pzctl.daemon.wire.requests import HelloRequest
 
 NO_ANSWER = "no answer in 4 tries of 0.01 s; is it running"
 NO_DAEMON = "it begins with b'good morning'; a pzctl daemon says welcome"
@@ -42,10 +42,10 @@ def greet_all(greeter: "zmq.Socket[bytes]", ended: threading.Event) -> None:
 
 
 def ask(events: str, requests: str, context: "zmq.Context[zmq.Socket[bytes]]") -> None:
-    asker = Asker(context, requests)
+    asker = RequestClient(context, requests)
     try:
         with pytest.raises(DaemonError, match=NO_ANSWER):
-            asker.ask(Hello(id="1"), HelloAnswer, patience=0.01)
+            asker.ask(HelloRequest(id="1"), HelloAnswer, patience=0.01)
         with pytest.raises(WireError, match=NO_DAEMON):
             Subscription(context, events, asker)
     finally:
@@ -54,11 +54,11 @@ def ask(events: str, requests: str, context: "zmq.Context[zmq.Socket[bytes]]") -
 
 async def ask_async(events: str, requests: str) -> None:
     context = zmq.asyncio.Context()
-    asker = AsyncAsker(context, requests, None)
+    asker = AsyncRequestClient(context, requests, None)
     listener = AsyncSubscription(context, events, asker, None)
     try:
         with pytest.raises(DaemonError, match=NO_ANSWER):
-            await asker.ask(Hello(id="1"), HelloAnswer, patience=0.01)
+            await asker.ask(HelloRequest(id="1"), HelloAnswer, patience=0.01)
         with pytest.raises(WireError, match=NO_DAEMON):
             await listener.open()
     finally:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.files.config import SETTINGS, ConfigError, options, settings
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.files.worker_limits import Limits
 from pzctl.daemon.server.logs import JsonLines
 
@@ -26,7 +26,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_order(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert options(settings({})) == Options(simulator={"time_scale": 1.0, "seed": 0})
+    assert options(settings({})) == DaemonOptions(simulator={"time_scale": 1.0, "seed": 0})
     file.write_text('resource = "A"\nfitters = ["mason"]\nseed = 1\nfit_seconds = 10\n', encoding="utf-8")
     monkeypatch.setenv("PZCTL_RESOURCE", "B")
     monkeypatch.setenv("PZCTL_FITTERS", "bvd, disk")

@@ -14,32 +14,32 @@ import pytest
 
 from pzctl.daemon.files.paths import FolderError
 from pzctl.daemon.journal.folder_lock import is_written
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.server.launch import start
-from pzctl.daemon.wire.events import FitEvent, Instrument, Sample, StateEvent, SweepEvent, decode, sweep_columns
+from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport
 from pzctl.daemon.wire.uuid7 import uuid7
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
 SWEEP = Sweep(np.linspace(1e6, 2e6, 801), np.exp(1j * np.arange(801)))
-INSTRUMENT = Instrument("R", "I", "4294A", "1", "1", simulated=True)
+INSTRUMENT = InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True)
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    opened = Journal(tmp_path / "journal")
+def journal(tmp_path: Path) -> Iterator[JournalWriter]:
+    opened = JournalWriter(tmp_path / "journal")
     yield opened
     opened.close()
 
 
-def put_sweep(journal: Journal, build: Build, measurement: str, step: str = "disk") -> SweepEvent:
+def put_sweep(journal: JournalWriter, build: Build, measurement: str, step: str = "disk") -> SweepEvent:
     columns, payload = sweep_columns(SWEEP)
     event = SweepEvent(
         measurement=measurement,
-        sample=Sample(build.name, step),
+        sample=SampleStep(build.name, step),
         instrument=INSTRUMENT,
         build=build,
         segment=1,
@@ -51,21 +51,21 @@ def put_sweep(journal: Journal, build: Build, measurement: str, step: str = "dis
     return journal.append(event, payload)[0]
 
 
-def measured(journal: Journal, build: Build, request: str, step: str = "disk") -> str:
+def measured(journal: JournalWriter, build: Build, request: str, step: str = "disk") -> str:
     measurement, _ = journal.begin_measurement(request, build, step)
     put_sweep(journal, build, measurement, step)
-    journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(build.name, step)))
+    journal.append(StateEvent(state="measured", measurement=measurement, sample=SampleStep(build.name, step)))
     return measurement
 
 
 def fit_event(measurement: str, sweep: str, *, ok: bool = True) -> FitEvent:
     report = FitReport("S4", "mason", "1", ("disk",), NoiseReport(1e-3, "repeats"), 1.0, {}, {}, (), 0.1, True, 1, 0.1)
     answer = {"report": report} if ok else {"error": "no resonance"}
-    sample = Sample("S4.a", "disk")
+    sample = SampleStep("S4.a", "disk")
     return FitEvent(measurement=measurement, sample=sample, fitter="mason", version="1", sweeps=(sweep,), **answer)
 
 
-def test_what_was_said_is_said_again(journal: Journal, build: Build) -> None:
+def test_what_was_said_is_said_again(journal: JournalWriter, build: Build) -> None:
     _, said = journal.append(StateEvent(state="started"))
     assert journal.replay(1, None, 50) == [said]
     event = put_sweep(journal, build, "m")
@@ -75,20 +75,20 @@ def test_what_was_said_is_said_again(journal: Journal, build: Build) -> None:
     assert np.array_equal(heard.sweep().impedance, SWEEP.impedance)
 
 
-def test_a_new_run_goes_on_counting(journal: Journal, tmp_path: Path) -> None:
+def test_a_new_run_goes_on_counting(journal: JournalWriter, tmp_path: Path) -> None:
     first = journal.append(StateEvent(state="started"))[0]
     journal.close()
-    later = Journal(tmp_path / "journal")
+    later = JournalWriter(tmp_path / "journal")
     second = later.append(StateEvent(state="started"))[0]
     later.close()
     assert (first.seq, second.seq) == (1, 2)
     assert first.run != second.run
 
 
-def test_one_writes_and_many_read(journal: Journal, tmp_path: Path) -> None:
+def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="another daemon writes this journal"):
-        Journal(tmp_path / "journal")
-    reader = Archive(tmp_path / "journal")
+        JournalWriter(tmp_path / "journal")
+    reader = JournalReader(tmp_path / "journal")
     journal.append(StateEvent(state="started"))
     assert len(reader.replay(1, None, 50)) == 1
     assert is_written(tmp_path / "journal")
@@ -99,19 +99,19 @@ def test_one_writes_and_many_read(journal: Journal, tmp_path: Path) -> None:
     assert not is_written(tmp_path / "journal")
 
 
-def test_the_rest_of_an_interrupted_write_goes(journal: Journal, build: Build, tmp_path: Path) -> None:
+def test_the_rest_of_an_interrupted_write_goes(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     kept = put_sweep(journal, build, "m")
     journal.close()
     arrays = tmp_path / "journal" / "arrays"
     (arrays / "0-half.part").write_bytes(b"abc")
     (arrays / "0-whole.bin").write_bytes(b"abc")
-    again = Journal(tmp_path / "journal")
+    again = JournalWriter(tmp_path / "journal")
     assert [path.stem for path in arrays.iterdir()] == [kept.id]
     assert again.verify() == []
     again.close()
 
 
-def test_damage_is_found(journal: Journal, build: Build, tmp_path: Path) -> None:
+def test_damage_is_found(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     one, other = put_sweep(journal, build, "m"), put_sweep(journal, build, "m")
     path = tmp_path / "journal" / "arrays" / f"{one.id}.bin"
     path.write_bytes(b"\x01" + path.read_bytes()[1:])
@@ -121,7 +121,7 @@ def test_damage_is_found(journal: Journal, build: Build, tmp_path: Path) -> None
         journal.sweeps("m")
 
 
-def test_what_cannot_be_written_is_not_counted(journal: Journal, build: Build, tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_not_counted(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     (tmp_path / "journal" / "arrays").rmdir()
     with pytest.raises(JournalError, match="the journal cannot be read or written"):
         put_sweep(journal, build, "m")
@@ -129,16 +129,16 @@ def test_what_cannot_be_written_is_not_counted(journal: Journal, build: Build, t
     assert journal.append(StateEvent(state="started"))[0].seq == 1
 
 
-def test_a_later_journal_is_not_touched(journal: Journal, tmp_path: Path) -> None:
+def test_a_later_journal_is_not_touched(journal: JournalWriter, tmp_path: Path) -> None:
     journal.close()
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
     db.close()
     with pytest.raises(JournalError, match="a journal of version 9; version 3 is read here"):
-        Journal(tmp_path / "journal")
+        JournalWriter(tmp_path / "journal")
 
 
-def test_the_same_request_is_the_same_measurement(journal: Journal, build: Build) -> None:
+def test_the_same_request_is_the_same_measurement(journal: JournalWriter, build: Build) -> None:
     first, new = journal.begin_measurement("r", build, "disk")
     assert (first, new) == (first, True)
     assert journal.begin_measurement("r", build, "disk") == (first, False)
@@ -146,7 +146,7 @@ def test_the_same_request_is_the_same_measurement(journal: Journal, build: Build
     assert [found.state for found in journal.measurements()] == ["queued"]
 
 
-def test_a_fit_counts_once_and_a_refusal_gives_way(journal: Journal, build: Build) -> None:
+def test_a_fit_counts_once_and_a_refusal_gives_way(journal: JournalWriter, build: Build) -> None:
     measurement = measured(journal, build, "a")
     sweep = journal.sweep_ids(measurement)[0]
     assert journal.unanswered("mason") == [measurement]
@@ -161,7 +161,7 @@ def test_a_fit_counts_once_and_a_refusal_gives_way(journal: Journal, build: Buil
     assert journal.unanswered("mason") == []
 
 
-def test_the_latest_complete_measurement_of_an_earlier_step(journal: Journal, build: Build) -> None:
+def test_the_latest_complete_measurement_of_an_earlier_step(journal: JournalWriter, build: Build) -> None:
     measured(journal, build, "a")
     second = measured(journal, build, "b")
     ml1 = measured(journal, build, "c", "ml1")
@@ -181,7 +181,9 @@ def test_ids_are_of_version_7_and_sort_by_time() -> None:
     assert abs((uuid.UUID(ids[-1]).int >> 80) / 1000 - time.time()) < 60
 
 
-def test_a_full_disk_takes_no_measurement(journal: Journal, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_takes_no_measurement(
+    journal: JournalWriter, build: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
     known, _ = journal.begin_measurement("before", build, "disk")
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=3 << 20))
     with pytest.raises(JournalError, match="3 MB are free on its disk; 64 MB are needed"):
@@ -190,7 +192,9 @@ def test_a_full_disk_takes_no_measurement(journal: Journal, build: Build, monkey
     assert [one.id for one in journal.measurements()] == [known]
 
 
-def test_a_clock_set_back_changes_no_order(journal: Journal, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_set_back_changes_no_order(
+    journal: JournalWriter, build: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = measured(journal, build, "1")
     now = time.time_ns
     monkeypatch.setattr("time.time_ns", lambda: now() - 86_400_000_000_000)
@@ -204,7 +208,7 @@ def test_a_clock_set_back_changes_no_order(journal: Journal, build: Build, monke
 
 
 def test_on_a_full_disk_what_is_there_is_read_and_no_daemon_starts(
-    journal: Journal, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    journal: JournalWriter, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     resource = pytest.importorskip("resource", reason="no limit for the size of files")
     measurement = measured(journal, build, "1")
@@ -220,7 +224,7 @@ def test_on_a_full_disk_what_is_there_is_read_and_no_daemon_starts(
             with pytest.raises(FolderError, match="cannot be written: File too large"):
                 start()
             with nullcontext() if there else pytest.raises(JournalError, match="cannot be read or written"):
-                reader = Archive(tmp_path / "journal")
+                reader = JournalReader(tmp_path / "journal")
                 assert len(reader.sweeps(measurement)) == 1
                 reader.close()
         finally:

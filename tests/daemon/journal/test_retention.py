@@ -12,12 +12,12 @@ import pytest
 
 from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.migrations import _STEPS
-from pzctl.daemon.journal.retention import COLUMNS, Keeper, copy_journal
+from pzctl.daemon.journal.retention import COLUMNS, JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
-from pzctl.daemon.wire.events import Sample, StateEvent
+from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 
 
@@ -40,17 +40,17 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
         refused = pzctl(tmp_path, "journal", "prune", "--before", "2999-01-01", "--backup", str(tmp_path / "all"))
         assert "another daemon writes this journal" in refused.stderr
         lab.shutdown()
-        newest = Archive(journal_folder(tmp_path)).newest
+        newest = JournalReader(journal_folder(tmp_path)).newest
     words = ("journal", "prune", "--before", "2999-01-01", "--backup", str(tmp_path / "all"))
     done = pzctl(tmp_path, *words, "--json")
     assert json.loads(done.stdout)["removed"] > 0, done.stderr
-    archive = Archive(journal_folder(tmp_path))
+    archive = JournalReader(journal_folder(tmp_path))
     assert archive.measurements() == []
     assert archive.verify() == []
     assert archive.newest >= newest
     assert not list((journal_folder(tmp_path) / "arrays").iterdir())
     archive.close()
-    kept = Archive(tmp_path / "all")
+    kept = JournalReader(tmp_path / "all")
     assert (len(kept.measurements()), kept.verify()) == (1, [])
     kept.close()
     start_daemon()
@@ -65,14 +65,14 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
 def test_only_the_older_measurements_go(tmp_path: Path, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
     from pzctl.daemon.journal import journal_writer as module
 
-    keeper = Keeper(tmp_path / "journal")
+    keeper = JournalMaintenance(tmp_path / "journal")
     keeper.append(StateEvent(state="started"))
     ids = []
     for k, day in enumerate(("2026-01-01", "2026-02-01", "2026-03-01")):
         monkeypatch.setattr(module, "now_utc", lambda day=day: f"{day}T00:00:00.000Z")
         ids.append(keeper.begin_measurement(str(k), build, "disk")[0])
         for state in ("queued", "measured"):
-            keeper.append(StateEvent(state=state, measurement=ids[-1], sample=Sample("s", "disk")))
+            keeper.append(StateEvent(state=state, measurement=ids[-1], sample=SampleStep("s", "disk")))
     assert keeper.prune("2026-01-01", tmp_path / "nothing") == 0, "no measurement is older, so nothing goes with one"
     assert keeper.prune("2026-02-01", tmp_path / "copy") == 3
     assert [one.id for one in keeper.measurements()] == ids[1:]
@@ -93,7 +93,7 @@ def test_damage_is_found_and_not_copied(start_daemon, build: Build, tmp_path: Pa
     array.write_bytes(b"x" + array.read_bytes()[1:])
     found = pzctl(tmp_path, "journal", "verify")
     assert (found.returncode, "is not what was written" in found.stdout) == (1, True)
-    archive = Archive(journal_folder(tmp_path))
+    archive = JournalReader(journal_folder(tmp_path))
     with pytest.raises(JournalError, match="the copy is not whole: event"):
         copy_journal(archive, tmp_path / "copy")
     archive.close()
@@ -101,9 +101,11 @@ def test_damage_is_found_and_not_copied(start_daemon, build: Build, tmp_path: Pa
 
 def test_a_journal_of_version_1_is_copied_and_brought_up_to_date(tmp_path: Path, build: Build) -> None:
     folder = tmp_path / "journal"
-    journal = Journal(folder)
+    journal = JournalWriter(folder)
     measurement, _ = journal.begin_measurement("r", build, "disk")
-    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(build.name, "disk")))[1]
+    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=SampleStep(build.name, "disk")))[
+        1
+    ]
     journal.close()
     with sqlite3.connect(folder / "journal.sqlite") as new, sqlite3.connect(tmp_path / "v1.sqlite") as old:
         old.executescript(_STEPS[0] + "PRAGMA user_version=1")
@@ -117,8 +119,8 @@ def test_a_journal_of_version_1_is_copied_and_brought_up_to_date(tmp_path: Path,
     old.close()
     shutil.copy(tmp_path / "v1.sqlite", folder / "journal.sqlite")
     with pytest.raises(JournalError, match="a journal of version 1; version 3 is read here; start the daemon once"):
-        Archive(folder)
-    journal = Journal(folder)
+        JournalReader(folder)
+    journal = JournalWriter(folder)
     assert [one.id for one in journal.measurements()] == [measurement]
     assert journal.replay(1, None, 10) == [said]
     assert journal.append(StateEvent(state="started"))[0].seq == 2

@@ -12,14 +12,14 @@ import pytest
 
 from pzctl import connect
 from pzctl.daemon.client.connection import DaemonError
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.journal import migrations
-from pzctl.daemon.journal.journal_reader import Archive
-from pzctl.daemon.journal.journal_writer import Journal
-from pzctl.daemon.journal.retention import Keeper, copy_journal
+from pzctl.daemon.journal.journal_reader import JournalReader
+from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalAway, JournalError
 from pzctl.daemon.server.launch import start
-from pzctl.daemon.wire.events import Sample, StateEvent
+from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -67,7 +67,7 @@ def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypa
         for station in ("a", "b"):
             monkeypatch.setenv("PZCTL_HOME", str(tmp_path / station))
             simulator = {"time_scale": 0.0}
-            places[station] = start(Options(fitters=(), simulator=simulator, journal=url, station=station))
+            places[station] = start(DaemonOptions(fitters=(), simulator=simulator, journal=url, station=station))
         with (
             connect(places["a"].events, places["a"].requests) as a,
             connect(places["b"].events, places["b"].requests) as b,
@@ -87,7 +87,7 @@ def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypa
         assert "4 arrays: all whole" in told.stdout, told.stderr
         copied = pzctl(tmp_path / "c", url, "journal", "backup", str(tmp_path / "copy"))
         assert "and verified" in copied.stdout, copied.stderr
-        copy = Archive(tmp_path / "copy", "b")
+        copy = JournalReader(tmp_path / "copy", "b")
         assert (len(copy.measurements()), len(copy.sweeps(disk.id)), copy.verify()) == (2, 2, [])
         copy.close()
         pruned = pzctl(
@@ -117,7 +117,7 @@ def test_killed_at_any_moment_nothing_announced_is_lost(
         states = {one.state for one in lab.samples()[0].measurements}
         assert states <= {"measured", "abandoned"}
         assert again.run == lab.hello().run != where.run
-    archive = Archive(url, "a")
+    archive = JournalReader(url, "a")
     assert archive.verify() == []
     archive.close()
 
@@ -152,7 +152,7 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
         seqs = [one.event.seq for one in lab.replay(1)]
         assert seqs == list(range(1, len(seqs) + 1)), "none lost, none twice"
     assert not any((tmp_path / "unsaved").iterdir())
-    archive = Archive(url, "a")
+    archive = JournalReader(url, "a")
     assert [one.state for one in archive.measurements()] == ["measured"] * 4
     assert archive.verify() == []
     archive.close()
@@ -173,7 +173,7 @@ def test_what_was_measured_while_the_server_was_gone_outlives_the_daemon(
     end(where.pid, signal.SIGKILL)
     start_server()
     start_daemon(journal=url, station="a")
-    archive = Archive(url, "a")
+    archive = JournalReader(url, "a")
     assert [(one.id, one.state) for one in archive.measurements()] == [(running, "measured")]
     assert len(archive.sweep_ids(running)) == 2
     assert archive.verify() == []
@@ -181,13 +181,13 @@ def test_what_was_measured_while_the_server_was_gone_outlives_the_daemon(
 
 
 def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "one", url, "a")
+    journal = JournalWriter(tmp_path / "one", url, "a")
     journal.append(StateEvent(state="started"))
     with psycopg.connect(url, autocommit=True) as db:
         db.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid != pg_backend_pid()")
     with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@.*the journal's server has gone"):
         journal.append(StateEvent(state="started"))
-    other = Journal(tmp_path / "other", url, "a")
+    other = JournalWriter(tmp_path / "other", url, "a")
     other.append(StateEvent(state="started"))
     other.close()
     assert journal.store.gone
@@ -195,23 +195,25 @@ def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp
         journal.resume(journal.reopened())
     journal.close()
     with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@/gone.*the journal cannot be read or written"):
-        Archive(url.replace("/record", "/gone"))
+        JournalReader(url.replace("/record", "/gone"))
 
 
 def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build, tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "journal")
+    journal = JournalWriter(tmp_path / "journal")
     measurement, _ = journal.begin_measurement("r", build, "disk")
-    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=Sample(build.name, "disk")))[1]
+    said = journal.append(StateEvent(state="measured", measurement=measurement, sample=SampleStep(build.name, "disk")))[
+        1
+    ]
     copy_journal(journal, url, "old")
     with pytest.raises(JournalError, match="station 'old' is in this journal already"):
         copy_journal(journal, url, "old")
     journal.close()
-    keeper = Keeper(tmp_path / "other", url, "old")
+    keeper = JournalMaintenance(tmp_path / "other", url, "old")
     with pytest.raises(JournalError, match="another daemon writes this journal as station 'old'"):
-        Journal(tmp_path / "third", url, "old")
-    other = Journal(tmp_path / "third", url, "new")
+        JournalWriter(tmp_path / "third", url, "old")
+    other = JournalWriter(tmp_path / "third", url, "new")
     kept, _ = other.begin_measurement("s", build, "disk")
-    other.append(StateEvent(state="measured", measurement=kept, sample=Sample(build.name, "disk")))
+    other.append(StateEvent(state="measured", measurement=kept, sample=SampleStep(build.name, "disk")))
     assert keeper.replay(1, None, 10) == [said]
     assert keeper.prune("2999-01-01", tmp_path / "backup") == 1
     assert [one.id for one in keeper.measurements()] == [kept], "nothing of another station goes"
@@ -223,7 +225,7 @@ def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build
 def test_tables_change_when_nobody_writes_them_and_are_copied_first(
     url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    journal = Journal(tmp_path / "journal", url, "a")
+    journal = JournalWriter(tmp_path / "journal", url, "a")
     measurement, _ = journal.begin_measurement("r", build, "disk")
     monkeypatch.setattr(migrations, "VERSION", 4)
     monkeypatch.setattr(migrations, "PATIENCE", 0.1)
@@ -231,11 +233,11 @@ def test_tables_change_when_nobody_writes_them_and_are_copied_first(
         migrations, "_POSTGRES_STEPS", (*migrations._POSTGRES_STEPS, "ALTER TABLE runs ADD COLUMN x INT")
     )
     with pytest.raises(JournalError, match="of version 3, and a daemon of an older pzctl writes it"):
-        Journal(tmp_path / "later", url, "b")
+        JournalWriter(tmp_path / "later", url, "b")
     journal.close()
     with pytest.raises(JournalError, match="of version 3; version 4 is read here; start the daemon once"):
-        Archive(url)
-    later = Archive(url, write=True)
+        JournalReader(url)
+    later = JournalReader(url, write=True)
     assert [one.id for one in later.measurements()] == [measurement]
     assert later.store.all("SELECT id FROM pzctl_v3.measurements") == [(measurement,)]
     later.close()

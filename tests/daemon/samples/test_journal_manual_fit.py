@@ -7,7 +7,7 @@ import pytest
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.report.document.html_report import report_html
-from pzctl.daemon.report.fit_widget import Board
+from pzctl.daemon.report.fit_widget import FitWidget
 from pzctl.daemon.samples.journal_manual_fit import Choices, NobodyError, of_measurement, of_sample
 from pzctl.daemon.samples.sample_record import UnknownSampleError, sample_record
 from pzctl.daemon.samples.sample_selection import open_journal
@@ -52,7 +52,7 @@ def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_it(start_daemo
     assert "by Ana B." in report_html(sample_record(open_journal(), "thesis"), "by-hand")
 
     pytest.importorskip("ipywidgets")
-    board = Board(hand, Choices(bands={"disk": ()}))
+    board = FitWidget(hand, Choices(bands={"disk": ()}))
     before = board._picture.value
     board._slider["ml1.thickness"].value *= 1.05
     assert "<svg" in board._picture.value != before

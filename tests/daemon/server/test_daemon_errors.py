@@ -18,7 +18,7 @@ from pzctl.daemon.client import async_connection as aiowire
 from pzctl.daemon.client import connection
 from pzctl.daemon.client.client import Client
 from pzctl.daemon.client.connection import DaemonError
-from pzctl.daemon.files.daemon_options import Options
+from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.server.requests.request_handlers import MOST_FITTERS
 from pzctl.daemon.server.requests.submissions import MOST_ANSWERS
@@ -32,7 +32,7 @@ from pzctl.models.build import Build
 
 def submitted(lab: Client, measurement: str, sweeps: tuple[str, ...], **answer: Any) -> object:
     said: dict[str, Any] = {"version": "1", **answer}
-    request = ask.Submit(id=uuid7(), measurement=measurement, sweeps=sweeps, fitter="mine", **said)
+    request = ask.SubmitRequest(id=uuid7(), measurement=measurement, sweeps=sweeps, fitter="mine", **said)
     return lab._asker.ask(request, Answer)
 
 
@@ -45,7 +45,7 @@ def sentence(work: Callable[[], object]) -> str:
 def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> None:
     where = start_daemon()
     host, port = where.resource.split("::")[1:3]
-    assert start(Options(resource=f"{host}:{port}")) == where, "the same instrument by its short name"
+    assert start(DaemonOptions(resource=f"{host}:{port}")) == where, "the same instrument by its short name"
     with connect() as lab:
         one = lab.measure(build, "disk")
         sweeps = tuple(sweep.id for sweep in one.sweeps)
@@ -82,7 +82,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
                 f"{MOST_FITTERS} fitters said hello already",
             ),
             (
-                lambda: start(Options(resource="127.0.0.1:5025")),
+                lambda: start(DaemonOptions(resource="127.0.0.1:5025")),
                 f"a daemon runs already (process {where.pid}) and measures with {where.resource}, not 127.0.0.1:5025; "
                 "end it first",
             ),
@@ -111,7 +111,7 @@ def raised(words: list[str]) -> None:
 def diagnosed(lab: Client, measurement: str, k: int) -> object:
     """Ask for one of a hundred diagnoses that differ in what they take in."""
     effects = (("leakage",), ("cable",), ("lead-inductance",))[k % 3]
-    wish = ask.Diagnose(
+    wish = ask.DiagnoseRequest(
         id=uuid7(), measurement=measurement, effects=effects, also=(measurement,) * (k // 6), propose=bool(k // 3 % 2)
     )
     return lab._asker.ask(wish, Answer, patience=60.0)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from pzctl import connect
 from pzctl.daemon.files.paths import home, log_file
-from pzctl.daemon.server.access.connection_guard import MOST_CONNECTIONS, Intake, _sockets
+from pzctl.daemon.server.access.connection_guard import MOST_CONNECTIONS, ConnectionGuard, _sockets
 from pzctl.daemon.server.requests.request_server import NAMES, _read
 from pzctl.daemon.wire.events import decode
 from pzctl.daemon.wire.frames import MOST_FRAMES, WireError
@@ -141,7 +141,7 @@ def test_where_the_kernel_tells_nothing_that_is_said_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("pzctl.daemon.server.access.connection_guard.sys.platform", "darwin")
-    intake = Intake({5470: 1}, Counter())
+    intake = ConnectionGuard({5470: 1}, Counter())
     asyncio.run(asyncio.wait_for(intake.watch(), 5))
     intake.look(0.0)
     assert [one.levelname for one in caplog.records] == ["WARNING"]
@@ -156,7 +156,7 @@ def test_a_connection_that_goes_between_being_listed_and_looked_at(
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with socket.create_connection(("127.0.0.1", port)), server.accept()[0] as ours:
-            intake, listed = Intake({port: 1}, Counter()), list(_sockets())
+            intake, listed = ConnectionGuard({port: 1}, Counter()), list(_sockets())
             if known:
                 intake.look(0.0)
             assert ours.fileno() in dict(listed)

@@ -16,12 +16,12 @@ from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import find
 from pzctl.daemon.files.paths import journal_folder, log_file
-from pzctl.daemon.journal.journal_reader import Archive
+from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.server.launch import running, start
 from pzctl.daemon.server.workers.subprocesses import last_line
 from pzctl.daemon.wire.events import ProgressEvent, StateEvent
 from pzctl.daemon.wire.frames import to_json
-from pzctl.daemon.wire.requests import Measure
+from pzctl.daemon.wire.requests import MeasureRequest
 from pzctl.daemon.wire.uuid7 import uuid7
 from pzctl.models.build import Build
 from pzctl.models.sweep_plan import Segment, SweepPlan
@@ -50,7 +50,7 @@ def ask_for_measurements(endpoint: str, build: Build, go_on: Callable[[], bool])
         link.setsockopt(zmq.LINGER, 0)
         link.connect(endpoint)
         while go_on():
-            link.send(to_json(Measure(id=uuid7(), build=build, step="disk")))
+            link.send(to_json(MeasureRequest(id=uuid7(), build=build, step="disk")))
             time.sleep(0.02)
     context.term()
 
@@ -71,7 +71,7 @@ def test_kill_9_loses_nothing_that_was_announced(start_daemon, build: Build, end
     listener.join()
 
     again = start_daemon()
-    archive = Archive(journal_folder(tmp_path))
+    archive = JournalReader(journal_folder(tmp_path))
     assert archive.verify() == []
     recorded = archive.replay(1, None, 1_000_000)
     announced = [frames for frames in heard if frames[0] not in (b"welcome.", b"beat.")]
@@ -106,7 +106,7 @@ def test_asked_to_end_it_leaves_the_instrument_as_it_should_be(
         assert states[-3:] == ["stopping", "cancelled", "cancelled"]
         assert find(tmp_path) is None
         assert not (tmp_path / "daemon.json").exists()
-        archive = Archive(journal_folder(tmp_path))
+        archive = JournalReader(journal_folder(tmp_path))
         assert [one.state for one in archive.measurements()] == ["cancelled", "cancelled"]
         archive.close()
         assert ask_instrument(sim.port, "DCO?") == "0"
@@ -161,7 +161,7 @@ def test_a_disk_that_fails_ends_the_daemon_before_it_says_what_it_has_not_kept(
     assert find(tmp_path) is None
     arrays.mkdir()
     start_daemon()
-    archive = Archive(journal_folder(tmp_path))
+    archive = JournalReader(journal_folder(tmp_path))
     assert [one.state for one in archive.measurements()] == ["abandoned"]
     assert archive.verify() == []
     archive.close()

@@ -7,9 +7,9 @@ import pytest
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.files.worker_limits import Limits
-from pzctl.daemon.server.workers.pending_results import Ledger
+from pzctl.daemon.server.workers.pending_results import PendingResults
 from pzctl.daemon.server.workers.supervisor import QUIET
-from pzctl.daemon.wire.events import FitEvent, Sample, StateEvent
+from pzctl.daemon.wire.events import FitEvent, SampleStep, StateEvent
 from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build
 
@@ -43,13 +43,13 @@ def test_the_log_of_a_guest_is_bounded(start_daemon, build: Build, tmp_path: Pat
 
 def test_the_ledger_knows_who_owes_what_since_when() -> None:
     now = 0.0
-    ledger = Ledger(["a", "b"], lambda: now)
+    ledger = PendingResults(["a", "b"], lambda: now)
     for moment, measurement in ((1.0, "m1"), (2.0, "m2")):
         now = moment
         ledger.note(StateEvent(state="measured", measurement=measurement))
     now = 5.0
     assert (ledger.first("a"), ledger.waited("a", began=0.0), ledger.waited("a", began=4.0)) == ("m1", 4.0, 1.0)
-    sample = Sample("s", "disk")
+    sample = SampleStep("s", "disk")
     ledger.note(FitEvent(measurement="m1", sample=sample, fitter="a", version="1", sweeps=()))
     now = 6.0
     assert (ledger.first("a"), ledger.waited("a", began=0.0)) == ("m2", 1.0)

@@ -18,19 +18,19 @@ from pzctl.daemon.wire.events import (
     BeatEvent,
     DiagnosisEvent,
     FitEvent,
-    Instrument,
+    InstrumentInfo,
     ProgressEvent,
-    Sample,
+    SampleStep,
     StateEvent,
     SweepEvent,
     decode,
     encode,
     sweep_columns,
 )
-from pzctl.daemon.wire.frames import Column, to_json
+from pzctl.daemon.wire.frames import ColumnHeader, to_json
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport, curve_columns, curves_of
 from pzctl.fitters.interface import Constant, Curve
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.sweep import Sweep
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -41,8 +41,8 @@ SWEEP = Sweep(F, Z)
 CURVE = Curve("disk", F, Z, 2 * Z, Z.conj())
 STAMP = {"run": "0197c000-0000-7000-8000-000000000001", "id": "0197d000-0000-7000-8000-000000000002"}
 STAMP |= {"time": "2026-11-21T02:14:03.120Z"}
-OF = {"measurement": "0197d000-0000-7000-8000-000000000003", "sample": Sample("S4.a", "disk")}
-AIR = Load("air", Quantity(413.0))
+OF = {"measurement": "0197d000-0000-7000-8000-000000000003", "sample": SampleStep("S4.a", "disk")}
+AIR = LoadSpec("air", Quantity(413.0))
 BUILD = Build(
     name="S4.a",
     area=Quantity(2.01e-4, source="build.toml"),
@@ -52,7 +52,7 @@ BUILD = Build(
     steps=(Step("disk", ("disk",)),),
     plan=SweepPlan((Segment(1e6, 6e6, 801), Segment(5e5, 1.55e7, 201, "log")), bias_V=1.5),
 )
-INSTRUMENT = Instrument(
+INSTRUMENT = InstrumentInfo(
     "GPIB0::17::INSTR", "HEWLETT-PACKARD,4294A,JP1KG00123,REV1.11", "4294A", "JP1KG00123", "REV1.11", False
 )
 REPORT = FitReport(
@@ -103,18 +103,18 @@ EVENTS: dict[str, tuple[AnyEvent, tuple[bytes, ...]]] = {
     "event-beat": (BeatEvent(run=STAMP["run"], time=STAMP["time"], seq=415), ()),
 }
 REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
-    "request-hello": (ask.Hello(id="1", fitter="mason", version="1"), ()),
-    "request-status": (ask.Status(id="2"), ()),
-    "request-settings": (ask.Settings(id="3"), ()),
-    "request-measure": (ask.Measure(id="4", build=BUILD, step="disk", plan=BUILD.plan), ()),
-    "request-cancel": (ask.Cancel(id="5", measurement="m"), ()),
-    "request-replay": (ask.Replay(id="6", since=3, until=9, max=2), ()),
-    "request-samples": (ask.Samples(id="7", name="S4.a"), ()),
-    "request-sweeps": (ask.Sweeps(id="8", measurement="m"), ()),
-    "request-fits": (ask.Fits(id="9", measurement="m"), ()),
-    "request-unanswered": (ask.Unanswered(id="10", fitter="mason"), ()),
+    "request-hello": (ask.HelloRequest(id="1", fitter="mason", version="1"), ()),
+    "request-status": (ask.StatusRequest(id="2"), ()),
+    "request-settings": (ask.SettingsRequest(id="3"), ()),
+    "request-measure": (ask.MeasureRequest(id="4", build=BUILD, step="disk", plan=BUILD.plan), ()),
+    "request-cancel": (ask.CancelRequest(id="5", measurement="m"), ()),
+    "request-replay": (ask.ReplayRequest(id="6", since=3, until=9, max=2), ()),
+    "request-samples": (ask.SamplesRequest(id="7", name="S4.a"), ()),
+    "request-sweeps": (ask.SweepsRequest(id="8", measurement="m"), ()),
+    "request-fits": (ask.FitsRequest(id="9", measurement="m"), ()),
+    "request-unanswered": (ask.UnansweredRequest(id="10", fitter="mason"), ()),
     "request-submit": (
-        ask.Submit(
+        ask.SubmitRequest(
             id="11",
             measurement="m",
             fitter="mason",
@@ -126,13 +126,13 @@ REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
         ),
         CURVE_RAW,
     ),
-    "request-bench": (ask.Bench(id="12", command={"command": "step", "name": "ml1"}), ()),
-    "request-fit": (ask.Fit(id="14", measurement="m", fitter="mason"), ()),
-    "request-diagnose": (ask.Diagnose(id="15", measurement="m", effects=("bond-layer", "cable")), ()),
-    "request-lease": (ask.Lease(id="16", owner="scan", seconds=60.0), ()),
-    "request-release": (ask.Release(id="17", lease="l"), ()),
-    "request-metrics": (ask.Metrics(id="18"), ()),
-    "request-shutdown": (ask.Shutdown(id="13"), ()),
+    "request-bench": (ask.BenchRequest(id="12", command={"command": "step", "name": "ml1"}), ()),
+    "request-fit": (ask.FitRequest(id="14", measurement="m", fitter="mason"), ()),
+    "request-diagnose": (ask.DiagnoseRequest(id="15", measurement="m", effects=("bond-layer", "cable")), ()),
+    "request-lease": (ask.LeaseRequest(id="16", owner="scan", seconds=60.0), ()),
+    "request-release": (ask.ReleaseRequest(id="17", lease="l"), ()),
+    "request-metrics": (ask.MetricsRequest(id="18"), ()),
+    "request-shutdown": (ask.ShutdownRequest(id="13"), ()),
 }
 
 
@@ -187,7 +187,7 @@ def test_every_kind_has_its_message() -> None:
     kinds = {f"event-{kind.__struct_config__.tag}" for kind in AnyEvent.__args__}
     kinds |= {f"request-{kind.__struct_config__.tag}" for kind in ask.AnyRequest.__args__}
     assert kinds <= {path.stem for path in FOLDER.glob("*.frames")}
-    assert Column("frequency", "Hz", "<f8", (3,)) in decode(read("event-sweep")).event.columns
+    assert ColumnHeader("frequency", "Hz", "<f8", (3,)) in decode(read("event-sweep")).event.columns
 
 
 if __name__ == "__main__":

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from schemas import schemas, text
 
-from pzctl.daemon.wire.events import Instrument, Sample, SweepEvent, decode, encode, sweep_columns, topic
+from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, SweepEvent, decode, encode, sweep_columns, topic
 from pzctl.daemon.wire.frames import WireError
-from pzctl.models.build import Build, Load, Quantity, Step
+from pzctl.models.build import Build, LoadSpec, Quantity, Step
 from pzctl.models.sweep import Sweep
 
 ROOT = Path(__file__).resolve().parents[3]
-AIR = Load("air", Quantity(413.0))
+AIR = LoadSpec("air", Quantity(413.0))
 BUILD = Build("S4", Quantity(2e-4), (), AIR, AIR, (Step("disk", ()),))
 
 
@@ -29,8 +29,10 @@ def message(sweep: Sweep, **settings: object) -> list[bytes]:
         id="s",
         time="2026-11-21T02:14:03.120Z",
         measurement="m",
-        sample=Sample("S4", "disk"),
-        instrument=Instrument("GPIB0::17::INSTR", "HEWLETT-PACKARD,4294A", "4294A", "JP1", "REV1.11", simulated=False),
+        sample=SampleStep("S4", "disk"),
+        instrument=InstrumentInfo(
+            "GPIB0::17::INSTR", "HEWLETT-PACKARD,4294A", "4294A", "JP1", "REV1.11", simulated=False
+        ),
         build=BUILD,
         segment=1,
         segments=1,

@@ -10,7 +10,7 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.diagnosis.data_quality.data_findings import of_the_data, verdict_with
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.models.sweep import Sweep
-from pzctl.sim.blind_cases.recording_process import Take, noisy, record
+from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record
 from pzctl.sim.blind_cases.scenario import NOTHING
 from pzctl.sim.blind_cases.test_device import random_specimen
 
@@ -20,7 +20,7 @@ def sound(seed: int, steps: int = 1, top: float = 3.4, **settings: object) -> Sw
     rng = np.random.default_rng(seed)
     specimen = random_specimen(rng, "x", steps, backed=False)
     f = np.linspace(0.12, top, 801) * specimen.disk.f0
-    take = Take(specimen.steps[-1], f)
+    take = SweepSpec(specimen.steps[-1], f)
     return Sweep(f, noisy(record(specimen, NOTHING, take), take, rng), settings)
 
 

@@ -10,7 +10,7 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.planning.adaptive import plan_seconds
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments, plan_of
-from pzctl.fitters.diagnosis.design.experiment_design import Instrument, proposals
+from pzctl.fitters.diagnosis.design.experiment_design import InstrumentLimits, proposals
 from pzctl.fitters.diagnosis.design.sweep_comparison import compared
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
@@ -79,7 +79,7 @@ def test_a_plan_comes_back_out_of_settings() -> None:
 def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosis]) -> None:
     task, diagnosis = told
     assert [finding.effect for finding in diagnosis.findings] == ["drive-nonlinearity"]
-    instrument = Instrument(lambda plan: 10.0, lambda plan, f, Z: np.full(f.size, NOISE))
+    instrument = InstrumentLimits(lambda plan: 10.0, lambda plan, f, Z: np.full(f.size, NOISE))
     asked = {
         (q.effect, q.kind): one.experiment.kind for one in proposals(task, diagnosis, instrument) for q in one.decides
     }
@@ -103,7 +103,7 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
 ) -> None:
     """The first sweep shows it by its shape alone, or nothing, or something that looks like it."""
     plan = SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5)
-    instrument = Instrument(plan_seconds, lambda plan, f, Z: np.full(f.size, NOISE))
+    instrument = InstrumentLimits(plan_seconds, lambda plan, f, Z: np.full(f.size, NOISE))
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})
     considered = CONSIDERED if hidden != "drive-nonlinearity" else ("drive-nonlinearity", "sweep-lag", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:

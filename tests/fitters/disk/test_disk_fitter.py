@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pzctl.fitters.disk.disk_fitter import Disk
+from pzctl.fitters.disk.disk_fitter import DiskFitter
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.engine.parameters.overrides import Amendments, amended
 from pzctl.fitters.interface import FitError, FitTask
@@ -36,7 +36,7 @@ def both_modes(build):
 def test_constants_of_both_modes_come_back(build, swept):
     model = both_modes(build)
     sweeps = tuple(swept(model, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
-    result = Disk().fit(FitTask(build, {"disk": sweeps}))
+    result = DiskFitter().fit(FitTask(build, {"disk": sweeps}))
     assert 0.8 < result.chi2_per_dof < 1.2
     v = build.layer("disk").values
     # the fitter's references lie within a per cent of these: 1e-4 of a constant by its loss's dispersion
@@ -54,9 +54,9 @@ def test_constants_of_both_modes_come_back(build, swept):
 def test_one_mode_alone_is_refused(build, swept):
     model = both_modes(build)
     with pytest.raises(FitError, match="no thickness resonance in 80-599 kHz"):
-        Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[0]),)}))
+        DiskFitter().fit(FitTask(build, {"disk": (swept(model, BANDS[0]),)}))
     with pytest.raises(FitError, match="no radial resonance in 2000-9000 kHz"):
-        Disk().fit(FitTask(build, {"disk": (swept(model, BANDS[1]),)}))
+        DiskFitter().fit(FitTask(build, {"disk": (swept(model, BANDS[1]),)}))
 
 
 @pytest.mark.parametrize(("material", "off"), [("Pz27 Bergen", 0.06), ("PIC255", -0.12), ("NCE51", 0.15)])
@@ -67,7 +67,7 @@ def test_sizes_that_are_all_uncertain_do_not_drift(disk_build, swept, material, 
     model = both_modes(truth)
     parts = {name: value for name, value in model.parameters().items() if name.endswith(("s11E.re", "c33D.re"))}
     model = model.replace({name: (1 + off) * value for name, value in parts.items()})
-    result = Disk().fit(FitTask(told, {"disk": (swept(model, np.linspace(50e3, 8e6, 1601), 2e-4),)}))
+    result = DiskFitter().fit(FitTask(told, {"disk": (swept(model, np.linspace(50e3, 8e6, 1601), 2e-4),)}))
     assert result.converged
     assert result.chi2_per_dof < 1.2
     assert result.evaluations < 110
@@ -81,16 +81,16 @@ def test_held_and_bounded_constants(build, swept):
     sweeps = {"disk": tuple(swept(both_modes(build), band, 2e-4, seed=k) for k, band in enumerate(BANDS))}
     c33D, density = build.layer("disk").values["c33D"], build.layer("disk").values["density"]
     known = amended(build, Amendments(prior=(("disk.density", density.re, 80.0),), hold=("disk.c33D",)))
-    held = Disk().fit(FitTask(known, sweeps)).constants
+    held = DiskFitter().fit(FitTask(known, sweeps)).constants
     assert complex(held["disk.c33D"].re, held["disk.c33D"].im) == pytest.approx(c33D.value)
     assert held["disk.density"].u_re < 8  # fp tells density where stiffness and thickness are known
     low = (("disk.c33D", 0.9 * c33D.re, 1.1 * c33D.re),)
-    assert Disk().fit(FitTask(amended(build, Amendments(bound=low)), sweeps)).constants["disk.c33D"].free
+    assert DiskFitter().fit(FitTask(amended(build, Amendments(bound=low)), sweeps)).constants["disk.c33D"].free
     with pytest.raises(FitError, match=r"cannot bound 'disk\.s11E': `disk` moves it together"):
-        Disk().fit(FitTask(amended(build, Amendments(bound=(("disk.s11E", 1e-11, 2e-11),))), sweeps))
+        DiskFitter().fit(FitTask(amended(build, Amendments(bound=(("disk.s11E", 1e-11, 2e-11),))), sweeps))
 
 
 def test_a_resonance_between_two_points_is_said_as_that(build, swept):
     few = swept(both_modes(build), np.linspace(50e3, 9e6, 60))
     with pytest.raises(FitError, match="the resonance is lost between them: sweep it every"):
-        Disk().fit(FitTask(build, {"disk": (few,)}))
+        DiskFitter().fit(FitTask(build, {"disk": (few,)}))

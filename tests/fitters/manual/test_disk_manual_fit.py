@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pzctl.fitters.disk.disk_fitter import Disk
+from pzctl.fitters.disk.disk_fitter import DiskFitter
 from pzctl.fitters.disk.radial import RadialLeastSquares
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitTask
-from pzctl.fitters.manual.manual_fit import ByHand, Choices, models_for
-from pzctl.fitters.manual.terminal_effects import AtTerminals, outside_effects
+from pzctl.fitters.manual.manual_fit import Choices, ManualFit, models_for
+from pzctl.fitters.manual.terminal_effects import TerminalEffects, outside_effects
 from pzctl.models.build import Build
 from pzctl.models.constants.piezo_constants import Radial
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
@@ -24,7 +24,7 @@ from pzctl.models.sweep import Sweep
 FIRST, THICKNESS = 124.75e3, 4.22e6
 BANDS = (np.arange(80e3, 600e3, 1.3e3), np.linspace(2e6, 9e6, 401))
 STRAY = ("stray-capacitance", "terminals")
-FITTERS = {"radial": RadialLeastSquares(), "disk": Disk()}
+FITTERS = {"radial": RadialLeastSquares(), "disk": DiskFitter()}
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def task(build: Build, device: BothModes, thin: RadialDisk, fitter: str, swept: 
 @pytest.mark.parametrize("fitter", FITTERS)
 def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_the_curve(task: FitTask, fitter: str) -> None:
     result = FITTERS[fitter].fit(task)
-    hand = ByHand.after(task, result)
+    hand = ManualFit.after(task, result)
     look = hand.look()
     assert hand.fitter == fitter
     assert look.chi2_per_dof == pytest.approx(1.0, abs=0.15)
@@ -82,7 +82,7 @@ def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_the_curve(task
 
 @pytest.mark.parametrize("fitter", FITTERS)
 def test_what_is_held_stays_exactly_and_what_is_free_finds_back(task: FitTask, fitter: str) -> None:
-    hand = ByHand.after(task, FITTERS[fitter].fit(task))
+    hand = ManualFit.after(task, FITTERS[fitter].fit(task))
     there = {handle.name: handle.value for handle in hand.look().handles}
     off = {"disk.s11E": 1.01 * there["disk.s11E"], "disk.d31": 0.97 * there["disk.d31"]}
     result, after = hand.fit(Choices(free=tuple(off), values=off))
@@ -97,7 +97,7 @@ def test_what_is_held_stays_exactly_and_what_is_free_finds_back(task: FitTask, f
 @pytest.mark.parametrize("fitter", ["radial"])
 def test_with_all_usual_ones_free_it_is_the_fitters_own_fit(task: FitTask) -> None:
     own = RadialLeastSquares().fit(task)
-    result, _ = ByHand(task, "radial").fit()
+    result, _ = ManualFit(task, "radial").fit()
     for name in ("disk.s11E", "disk.s12E", "disk.d31", "disk.eps33T"):
         mine, theirs = result.constants[name], own.constants[name]
         assert abs(mine.re - theirs.re) < 0.2 * (theirs.u_re or 0.0), name
@@ -112,9 +112,9 @@ def test_an_effect_at_the_terminals_is_found_with_its_size(
 ) -> None:
     model, held = (thin, "disk.eps33T") if fitter == "radial" else (device, "disk.eps33S")
     stray = Added(find_effect(STRAY[0]), STRAY[1], {"capacitance": 3e-11})
-    behind = AtTerminals(model, stack_of(build, build.steps[0]), (stray,))
+    behind = TerminalEffects(model, stack_of(build, build.steps[0]), (stray,))
     sweeps = tuple(swept(behind, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
-    hand = ByHand(FitTask(build, {"disk": sweeps}), fitter)
+    hand = ManualFit(FitTask(build, {"disk": sweeps}), fitter)
     assert "lead-inductance" in hand.places()
     assert "electrode-mass" not in hand.places(), "which needs a stack to act in"
     name = "stray-capacitance@terminals.capacitance"
@@ -132,8 +132,8 @@ def test_derivatives_behind_the_terminals_are_those_of_differences(build: Build,
     f: NDArray[np.float64] = BANDS[0][::37]
     for effect in outside_effects():
         where = effect.places(nominal)[0]
-        values = {knob.name: knob.null + 0.5 * knob.typical for knob in effect.knobs(nominal, where)}
-        seen = AtTerminals(device, nominal, (Added(effect, where, values),))
+        values = {knob.name: knob.null + 0.5 * knob.typical for knob in effect.effect_parameters(nominal, where)}
+        seen = TerminalEffects(device, nominal, (Added(effect, where, values),))
         names = ["disk.s11E.re", "area", *(f"{effect.name}@{where}.{knob}" for knob in values)]
         Z, slopes = seen.jacobian(f, names)
         np.testing.assert_allclose(Z, seen.impedance(f), rtol=1e-12)
@@ -147,7 +147,7 @@ def test_without_its_peaks_it_begins_with_the_library(
     build: Build, device: BothModes, swept: Callable[..., Sweep]
 ) -> None:
     between = np.linspace(150e3, 300e3, 60)
-    hand = ByHand(FitTask(build, {"disk": (swept(device, between),)}), "radial")
+    hand = ManualFit(FitTask(build, {"disk": (swept(device, between),)}), "radial")
     assert hand.look().says == (
         "It begins with the values of the library, since the recording does not show where: no radial resonance in "
         "150-300 kHz: the first is expected near 124 kHz for a diameter of 16 mm.",
@@ -161,7 +161,7 @@ def test_a_model_that_a_step_cannot_have_is_not_offered_and_refused(task: FitTas
     assert models_for(build, "disk") == ("mason", "radial", "disk")
     assert models_for(replace(build, diameter=None), "disk") == ("mason",)
     with pytest.raises(FitError, match="nothing can be taken in hand with 'bvd': there are mason, radial, disk"):
-        ByHand(task, "bvd")
+        ManualFit(task, "bvd")
     above = {"disk": (task.sweeps["disk"][2],)}
     with pytest.raises(FitError, match=r"no band holds 20 points of any sweep: 0 to 0\.569 MHz; wider bands"):
-        ByHand(replace(task, sweeps=above), "radial").look()
+        ManualFit(replace(task, sweeps=above), "radial").look()

@@ -9,7 +9,7 @@ import pytest
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.fitters.layered.mason import Mason
-from pzctl.fitters.manual.manual_fit import ByHand, Choices
+from pzctl.fitters.manual.manual_fit import Choices, ManualFit
 from pzctl.models.build import Build
 from pzctl.models.effects import Device, find_effect
 from pzctl.models.sweep import Sweep
@@ -31,14 +31,14 @@ def task(build: Build, swept: Callable[..., Sweep]) -> FitTask:
 
 
 def test_the_curve_is_the_model_at_the_chosen_values(task: FitTask, build: Build) -> None:
-    hand = ByHand(task)
+    hand = ManualFit(task)
     (curve,) = hand.look(Choices(values={"disk.thickness": 0.52e-3})).curves
     stack = stack_of(build, build.steps[0]).replace({"disk.thickness": 0.52e-3})
     np.testing.assert_allclose(curve.fitted, stack.impedance(FREQUENCY), rtol=1e-6)
 
 
 def test_only_what_is_free_moves_and_it_begins_where_it_was_put(task: FitTask) -> None:
-    hand = ByHand(task)
+    hand = ManualFit(task)
     result, there = hand.fit(Choices(free=("disk.c33D",), values={"disk.h33": 1.9e9, "disk.c33D.loss": 0.02}))
     assert there.values["disk.h33"] == pytest.approx(1.9e9, rel=1e-9)
     assert there.values["disk.c33D.loss"] == pytest.approx(0.02, rel=1e-9)
@@ -48,7 +48,7 @@ def test_only_what_is_free_moves_and_it_begins_where_it_was_put(task: FitTask) -
 
 
 def test_an_effect_chosen_by_hand_is_found_and_told_with_its_size(task: FitTask) -> None:
-    hand = ByHand.after(task, Mason().fit(task))
+    hand = ManualFit.after(task, Mason().fit(task))
     assert hand.look().chi2_per_dof > 5, "without the lead the disk is not described"
     result, there = hand.fit(Choices(effects=(LEAD,)))
     lead = result.constants["lead-inductance@terminals.inductance"]
@@ -60,7 +60,7 @@ def test_an_effect_chosen_by_hand_is_found_and_told_with_its_size(task: FitTask)
 def test_a_band_takes_part_and_the_rest_does_not(task: FitTask) -> None:
     (sweep,) = task.sweeps["disk"]
     spoiled = sweep.impedance * np.where(sweep.frequency > 8e6, 1.5, 1.0)
-    hand = ByHand(replace(task, sweeps={"disk": (replace(sweep, impedance=spoiled),)}))
+    hand = ManualFit(replace(task, sweeps={"disk": (replace(sweep, impedance=spoiled),)}))
     band = Choices(bands={"disk": ((1e6, 8e6),)}, effects=(LEAD,))
     result, _ = hand.fit(band)
     assert result.chi2_per_dof == pytest.approx(1.0, abs=0.25)
@@ -83,4 +83,4 @@ def test_a_band_takes_part_and_the_rest_does_not(task: FitTask) -> None:
 )
 def test_what_cannot_be_is_a_sentence(task: FitTask, choices: Choices, sentence: str) -> None:
     with pytest.raises(FitError, match=sentence.replace("(", r"\(")):
-        ByHand(task).fit(choices)
+        ManualFit(task).fit(choices)

@@ -12,8 +12,8 @@ import pytest
 
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.plugins import PluginError
-from pzctl.fitters.population.batch import BatchError, Job, Outcome, fit_job, fit_on_cores, fit_on_dask
-from pzctl.models.build import Build, LayerSpec, Load, Quantity, Step
+from pzctl.fitters.population.batch import BatchError, BatchJob, Outcome, fit_job, fit_on_cores, fit_on_dask
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.materials import find
 from pzctl.models.stack import HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
@@ -21,7 +21,7 @@ from pzctl.models.sweep import Sweep
 AREA = Quantity(2.0106e-4)
 
 
-def disk(name: str, c33D: complex, seed: int) -> Job:
+def disk(name: str, c33D: complex, seed: int) -> BatchJob:
     """A bare Pz27 disk whose stiffness is its own, with relative noise of 1e-3."""
     pz27 = {key: find("Pz27").values[key] for key in ("density", "c33D", "h33", "eps33S")}
     values = {"thickness": Quantity(5.12e-4, u=1e-6), **pz27}
@@ -30,16 +30,16 @@ def disk(name: str, c33D: complex, seed: int) -> Job:
     z = Stack((layer,), HalfSpace("air", 413.0), HalfSpace("air", 413.0), AREA.re).impedance(f)
     rng = np.random.default_rng(seed)
     noise = 1e-3 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
-    air = Load("air", Quantity(413.0))
+    air = LoadSpec("air", Quantity(413.0))
     build = Build(name, AREA, (LayerSpec("disk", "piezo", values),), air, air, (Step("disk", ("disk",)),))
-    return Job(name, FitTask(build, {"disk": (Sweep(f, z * (1 + noise), id=f"{name}.csv"),)}))
+    return BatchJob(name, FitTask(build, {"disk": (Sweep(f, z * (1 + noise), id=f"{name}.csv"),)}))
 
 
-def flat(name: str) -> Job:
+def flat(name: str) -> BatchJob:
     """A resistor where a disk should be."""
     job = disk(name, 1.5e11 * (1 + 0.01j), 0)
     f = job.task.sweeps["disk"][0].frequency
-    return Job(name, FitTask(job.task.build, {"disk": (Sweep(f, np.full(f.size, 50.0 + 0j)),)}))
+    return BatchJob(name, FitTask(job.task.build, {"disk": (Sweep(f, np.full(f.size, 50.0 + 0j)),)}))
 
 
 JOBS = [disk("S1", 1.50e11 * (1 + 0.010j), 1), flat("broken"), disk("S3", 1.55e11 * (1 + 0.012j), 3)]

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pzctl.models.circuits.fixture import Fixture, open_short_correction, open_short_load_correction
 from pzctl.models.circuits.lumped import Branch, Lumped
-from pzctl.models.circuits.terminals import Line, Scale, Series, Shunt
+from pzctl.models.circuits.terminals import Scale, Series, Shunt, TransmissionLine
 
 F = np.linspace(1e6, 15e6, 57)
 DEVICE = Lumped(1.2e-9, (Branch.from_resonance(4.2e6, 80, 2.2e-10),), tan_delta=0.017)
@@ -16,7 +16,7 @@ paths = st.builds(
         DEVICE,
         Series(1e-7 * L, R, 0.1 * s),
         Shunt(1e-11 * C, 1e-5 * G),
-        Line(x, loss=0.01 * loss),
+        TransmissionLine(x, loss=0.01 * loss),
         Shunt(1e-12 * s, 1e-6 * G),
         Series(1e-9 * C, 0.1 * L),
     ),
@@ -41,7 +41,9 @@ def test_the_cable_is_scikit_rfs_line():
     Z = DEVICE.impedance(F)
     end = skrf.Network(frequency=medium.frequency, s=((Z - 75) / (Z + 75))[:, None, None], z0=75.0)
     expected = (medium.line(1.3, "m") ** end).z[:, 0, 0]
-    assert Fixture(DEVICE, cable=Line(1.3, 75.0, 2e8, 1e-3)).impedance(F) == pytest.approx(expected, rel=1e-11)
+    assert Fixture(DEVICE, cable=TransmissionLine(1.3, 75.0, 2e8, 1e-3)).impedance(F) == pytest.approx(
+        expected, rel=1e-11
+    )
 
 
 def test_residue_is_the_handbooks_first_order_formula():

@@ -17,7 +17,7 @@ from pzctl.models.disk2d.capacitance import capacitance, slopes
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.error_estimate import estimate
 from pzctl.models.disk2d.full import FullDisk, Shape
-from pzctl.models.disk2d.line_elements import Line
+from pzctl.models.disk2d.line_elements import LineElements
 from pzctl.models.disk2d.matrices import CONSTANTS, assemble
 from pzctl.models.disk2d.reduced import ReducedDisk
 from pzctl.models.disk2d.training import DiskError, ensured, sampled, trained
@@ -41,8 +41,8 @@ def disk(reduced, ratio=5.0, thickness=2e-3, tensor=BERGEN, law=CAUSAL):
 
 
 def test_without_motion_in_the_plane_the_disk_is_the_plate_of_one_dimension():
-    line = Line(np.linspace(0, 1, 3), 4)
-    clamped = FullDisk(assemble(line, Line(np.array([0.0, 0.5, 1.0]), 10), move_in_plane=False))
+    line = LineElements(np.linspace(0, 1, 3), 4)
+    clamped = FullDisk(assemble(line, LineElements(np.array([0.0, 0.5, 1.0]), 10), move_in_plane=False))
     plate = BERGEN.thickness
     t, f = 2e-3, np.linspace(0.1e6, 3.5e6, 9)
     stack = Stack((Piezo("p", t, DENSITY, plate.c33D, plate.h33, plate.eps33S),), VACUUM, VACUUM, np.pi * 1e-4)
@@ -77,7 +77,7 @@ def test_towards_a_thin_disk_the_resonance_becomes_that_of_bessel_as_thickness_s
 
 
 def test_a_slender_rod_has_the_length_mode_of_k33():
-    long, t = FullDisk(assemble(Line(np.array([0.0, 1.0]), 6), Line(np.linspace(0, 1, 3), 8))), 20e-3
+    long, t = FullDisk(assemble(LineElements(np.array([0.0, 1.0]), 6), LineElements(np.linspace(0, 1, 3), 8))), 20e-3
     real = Tensor6mm(*C.real)
     s33D, s33E = real.sD[2, 2].real, real.sE[2, 2].real
     k2 = real.d[2, 2].real ** 2 / (s33E * real.epsT[2, 2].real)

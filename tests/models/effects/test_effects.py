@@ -25,7 +25,7 @@ WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:
 F = np.linspace(1e6, 15e6, 120)
 WIDE = np.geomspace(40.0, 110e6, 120)
 WEIGHTS, STEPS = np.array([-1, 9, -45, 45, -9, 1]) / 60, (-3, -2, -1, 1, 2, 3)
-LINEAR = [effect for effect in catalogue() if effect.stage < Stage.RECORD]
+LINEAR = [effect for effect in catalogue() if effect.stage < Stage.ACQUISITION]
 
 
 def around(value: float) -> st.SearchStrategy[float]:
@@ -54,10 +54,10 @@ def stacks(draw: st.DrawFn) -> Stack:
 
 @st.composite
 def sizes(draw: st.DrawFn, device: Device, effect, where: str) -> dict[str, float]:
-    """Physical values of an effect's knobs."""
+    """Physical values of an effect's parameters."""
     return {
         knob.name: min(max(knob.null + draw(st.floats(0.1, 3)) * knob.typical, knob.lower), knob.upper)
-        for knob in effect.knobs(device.bare, where)
+        for knob in effect.effect_parameters(device.bare, where)
     }
 
 
@@ -98,7 +98,7 @@ def test_at_null_the_model_is_the_one_without_the_effect(stack: Stack) -> None:
 def test_every_effect_is_felt_at_null_by_its_first_knob(stack: Stack) -> None:
     for effect in catalogue():
         for where in effect.places(stack):
-            for knob in effect.knobs(stack, where):
+            for knob in effect.effect_parameters(stack, where):
                 assert knob.lower <= knob.null <= knob.upper
                 assert knob.typical > 0
             device = Device(stack).with_effect(effect, where)
@@ -106,7 +106,7 @@ def test_every_effect_is_felt_at_null_by_its_first_knob(stack: Stack) -> None:
             _, J = device.jacobian(F, names)
             assert np.all(np.isfinite(J)), (effect.name, where)
             if names:
-                size = np.sqrt(np.mean(np.abs(J[0]) ** 2)) * effect.knobs(stack, where)[0].typical
+                size = np.sqrt(np.mean(np.abs(J[0]) ** 2)) * effect.effect_parameters(stack, where)[0].typical
                 assert 1e-9 < size < 3, (effect.name, where)
 
 
@@ -154,7 +154,7 @@ def test_no_value_whatever_breaks_a_device(device: Device, extreme: float) -> No
     bounded = {
         one.prefix + knob.name
         for one in device.added
-        for knob in one.effect.knobs(device.bare, one.where)
+        for knob in one.effect.effect_parameters(device.bare, one.where)
         if np.isfinite(knob.upper) or extreme < 0
     }
     wild = device.replace({name: extreme for name in device.parameters() if name in bounded and name not in own})

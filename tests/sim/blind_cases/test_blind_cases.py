@@ -15,22 +15,22 @@ from scipy.special import j0, j1
 from pzctl.sim.blind_cases import layer_families as layered
 from pzctl.sim.blind_cases.case_files import make_case, make_cases
 from pzctl.sim.blind_cases.detectability import imitate, sized
-from pzctl.sim.blind_cases.injected_effect import Hideout, path_plant
+from pzctl.sim.blind_cases.injected_effect import Scenario, path_plant
 from pzctl.sim.blind_cases.node_circuit import Path as Way
 from pzctl.sim.blind_cases.node_circuit import measured_impedance
-from pzctl.sim.blind_cases.recording_process import Take, noisy, record
+from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record
 from pzctl.sim.blind_cases.ritz import finite_disk_admittance
 from pzctl.sim.blind_cases.scenario import NOTHING
 from pzctl.sim.blind_cases.scenario_draw import by_other_names
-from pzctl.sim.blind_cases.test_device import DENSITY, Specimen, random_specimen
-from pzctl.sim.blind_cases.waves import Column, Slice, respond
+from pzctl.sim.blind_cases.test_device import DENSITY, TestDevice, random_specimen
+from pzctl.sim.blind_cases.waves import LayerColumn, Slice, respond
 
 
-def specimen_of(seed: int, steps: int = 1) -> Specimen:
+def specimen_of(seed: int, steps: int = 1) -> TestDevice:
     return random_specimen(np.random.default_rng(seed), "x", steps, backed=False)
 
 
-def grid(specimen: Specimen, top: float = 3.4, points: int = 801) -> np.ndarray:
+def grid(specimen: TestDevice, top: float = 3.4, points: int = 801) -> np.ndarray:
     return np.linspace(0.12, top, points) * specimen.disk.f0
 
 
@@ -42,7 +42,7 @@ def test_free_plate_is_the_textbooks() -> None:
     half = omega * disk.thickness / 2 / np.sqrt(disk.c33D / DENSITY)
     kt2 = disk.h33**2 * disk.eps33S / disk.c33D
     textbook = disk.thickness / (1j * omega * disk.eps33S) * (1 - kt2 * np.tan(half) / half)
-    np.testing.assert_allclose(respond(omega, Column((plate,), 0.0, 0.0)).specific_impedance, textbook, rtol=1e-9)
+    np.testing.assert_allclose(respond(omega, LayerColumn((plate,), 0.0, 0.0)).specific_impedance, textbook, rtol=1e-9)
 
 
 @given(cuts=st.lists(st.floats(0.05, 0.95), min_size=1, max_size=4, unique=True), seed=st.integers(0, 99))
@@ -53,8 +53,8 @@ def test_a_plate_may_be_cut_anywhere(cuts: list[float], seed: int) -> None:
     edges = np.array([0.0, *sorted(cuts), 1.0]) * disk.thickness
     parts = tuple(Slice(float(t), DENSITY, disk.c33D, disk.h33, disk.eps33S) for t in np.diff(edges))
     whole = Slice(disk.thickness, DENSITY, disk.c33D, disk.h33, disk.eps33S)
-    cut = respond(omega, Column(parts, 1e6, 413.0)).specific_impedance
-    np.testing.assert_allclose(cut, respond(omega, Column((whole,), 1e6, 413.0)).specific_impedance, rtol=1e-8)
+    cut = respond(omega, LayerColumn(parts, 1e6, 413.0)).specific_impedance
+    np.testing.assert_allclose(cut, respond(omega, LayerColumn((whole,), 1e6, 413.0)).specific_impedance, rtol=1e-8)
 
 
 def test_ladder_is_a_line() -> None:
@@ -82,7 +82,7 @@ def test_first_radial_resonance_of_the_wide_disk() -> None:
 
 def test_slow_detector_shows_an_earlier_frequency() -> None:
     s = specimen_of(4)
-    take = Take("disk", grid(s, 1.5), seconds=100.0)
+    take = SweepSpec("disk", grid(s, 1.5), seconds=100.0)
     lag_Hz = 0.005 * (take.frequency[-1] - take.frequency[0]) / 100
     late = 1 / record(s, replace(NOTHING, settling=0.005), take)
     earlier = 1 / record(s, NOTHING, replace(take, frequency=take.frequency - lag_Hz))
@@ -96,7 +96,7 @@ def test_drive_bends_the_resonance_downwards_and_in_proportion() -> None:
     s = specimen_of(5)
     f = np.linspace(0.8, 1.0, 2001) * s.disk.f0
     low, mid, high = (
-        f[np.argmin(np.abs(record(s, replace(NOTHING, softening=1e3), Take("disk", f, level_V=level))))]
+        f[np.argmin(np.abs(record(s, replace(NOTHING, softening=1e3), SweepSpec("disk", f, level_V=level))))]
         for level in (1e-6, 0.05, 0.1)
     )
     assert high < mid < low
@@ -105,7 +105,7 @@ def test_drive_bends_the_resonance_downwards_and_in_proportion() -> None:
 
 def test_noise_is_what_the_take_says() -> None:
     s = specimen_of(6)
-    take = Take("disk", grid(s), noise=6e-4)
+    take = SweepSpec("disk", grid(s), noise=6e-4)
     z = record(s, NOTHING, take)
     error = np.log(noisy(z, take, np.random.default_rng(0)) / z)
     assert np.std(error.real) == pytest.approx(6e-4, rel=0.1)
@@ -114,15 +114,15 @@ def test_noise_is_what_the_take_says() -> None:
 
 def test_electrode_mass_hides_in_the_constants_and_an_inductance_does_not() -> None:
     rng, s = np.random.default_rng(7), specimen_of(7)
-    take = Take("disk", grid(s, 1.5))
+    take = SweepSpec("disk", grid(s, 1.5))
     shifted = np.sum(
         np.abs(np.log(record(s, replace(NOTHING, mass=(2e-3, 2e-3)), take) / record(s, NOTHING, take))) ** 2
     )
-    hidden = imitate(Hideout(s, (layered.mass(rng, s).at(2.0),)), 0, (take,))
+    hidden = imitate(Scenario(s, (layered.mass(rng, s).at(2.0),)), 0, (take,))
     assert hidden.gain < 10 < 1e-3 * shifted / take.noise**2
     assert hidden.specimen.disk.c33D.real < 0.9995 * s.disk.c33D.real
     lead = path_plant("lead-inductance", ("disk",), 30.0, inductance=1e-8)
-    _, seen = sized(Hideout(s, (lead,)), 0, (take,), 1000.0)
+    _, seen = sized(Scenario(s, (lead,)), 0, (take,), 1000.0)
     assert 600 < seen.gain < 1600
 
 
@@ -150,8 +150,8 @@ def test_what_hides_in_the_constants_and_moves_them_is_to_be_listed(tmp_path: Pa
 def test_a_cable_too_short_to_have_a_capacitance_is_a_lead_as_well() -> None:
     specimen = specimen_of(1)
     f = grid(specimen, top=1.5, points=101)
-    takes = (Take("disk", f),)
+    takes = (SweepSpec("disk", f),)
     for delay, names in ((1e-10, ("lead-inductance",)), (1e-8, ())):
         cable = path_plant("cable", ("disk",), 12.0, delay=delay)
-        (told,) = by_other_names(Hideout(specimen, (cable,)), takes)
+        (told,) = by_other_names(Scenario(specimen, (cable,)), takes)
         assert told.accept == names
