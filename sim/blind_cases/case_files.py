@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from .detectability import AbsorbedFit
+from .device_under_test import AIR, BondedLayer, DeviceUnderTest
 from .injected_effect import InjectedEffect
 from .recording_process import SweepSpec, noisy, record
 from .scenario_draw import Case, draw_case
-from .test_device import AIR, BondedLayer, TestDevice
 
 TRUTH = "truth.json"
 _CONSTANTS = ("c33D", "h33", "eps33S")
@@ -128,7 +128,7 @@ def _planted(plant: InjectedEffect, gain: float) -> dict[str, Any]:
     }
 
 
-def _constants(specimen: TestDevice) -> dict[str, Any]:
+def _constants(specimen: DeviceUnderTest) -> dict[str, Any]:
     disk = specimen.disk
     of_disk: dict[str, complex] = {name: getattr(disk, name) for name in _CONSTANTS}
     found: dict[str, Any] = {f"disk.{name}": [value.real, value.imag] for name, value in of_disk.items()}

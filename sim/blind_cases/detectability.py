@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .device_under_test import AIR, BondedLayer, DeviceUnderTest
 from .injected_effect import InjectedEffect, Scenario
 from .recording_process import SweepSpec, record
-from .test_device import AIR, BondedLayer, TestDevice
 from .waves import Complexes, Reals
 
 _BACKED = 1e6
@@ -26,7 +26,7 @@ class AbsorbedFit:
 
     gain: float
     """chi2 that stays."""
-    specimen: TestDevice
+    specimen: DeviceUnderTest
     """The biased constants."""
 
 
@@ -76,7 +76,7 @@ def sized(hideout: Scenario, index: int, takes: Sequence[SweepSpec], gain: float
     return best, seen
 
 
-def moved(specimen: TestDevice, x: Reals, coats: Sequence[int]) -> TestDevice:
+def moved(specimen: DeviceUnderTest, x: Reals, coats: Sequence[int]) -> DeviceUnderTest:
     """Return the specimen with its constants changed: relative changes of the disk's, the air's, the free coats'."""
     disk = replace(
         specimen.disk,
@@ -110,7 +110,7 @@ def _row(z: Complexes, wanted: Complexes, take: SweepSpec) -> Reals:
     return np.concatenate([wrapped.real / sigma, wrapped.imag / sigma])
 
 
-def _priors(specimen: TestDevice, coats: Sequence[int]) -> Reals:
+def _priors(specimen: DeviceUnderTest, coats: Sequence[int]) -> Reals:
     """Return how far coats and air are from what is known of them, in its uncertainties, as far as it matters.
 
     A face in a jig feels anything from nothing upwards: air counts as known to its own size.

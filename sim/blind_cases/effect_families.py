@@ -6,45 +6,45 @@ from dataclasses import replace
 import numpy as np
 
 from . import layer_families as layered
+from .device_under_test import DeviceUnderTest
 from .injected_effect import InjectedEffect, path_plant, slot_plant
 from .scenario import Hidden
-from .test_device import TestDevice
 
-Family = Callable[[np.random.Generator, TestDevice], InjectedEffect]
+Family = Callable[[np.random.Generator, DeviceUnderTest], InjectedEffect]
 
 
-def _some_steps(rng: np.random.Generator, specimen: TestDevice) -> tuple[str, ...]:
+def _some_steps(rng: np.random.Generator, specimen: DeviceUnderTest) -> tuple[str, ...]:
     """Return all steps, or sometimes those from a later one on: another clip."""
     first = int(rng.integers(0, len(specimen.steps))) if rng.random() < 0.3 else 0
     return specimen.steps[first:]
 
 
-def _lead(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _lead(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return path_plant("lead-inductance", _some_steps(rng, s), 30.0, inductance=1e-8)
 
 
-def _resistance(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _resistance(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return path_plant("series-resistance", _some_steps(rng, s), 30.0, resistance=0.1)
 
 
-def _stray(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _stray(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return path_plant("stray-capacitance", _some_steps(rng, s), 20.0, capacitance=3e-12)
 
 
-def _leakage(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _leakage(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return path_plant("leakage", _some_steps(rng, s), 100.0, conductance=1e-5)
 
 
-def _cable(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _cable(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return replace(path_plant("cable", _some_steps(rng, s), 12.0, delay=5e-10), least=0.2)
 
 
-def _polarity(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _polarity(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     how = "conjugated" if rng.random() < 0.5 else "inverted"
     return slot_plant("polarity", ("terminals",), s.steps, lambda _: {"recorded": how}, {}, least=1.0, most=1.0)
 
 
-def _resonance(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _resonance(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     f, Q = s.disk.f0 * float(rng.uniform(0.6, 1.3)), float(rng.uniform(30, 150))
     C = s.disk.eps33S.real * s.area / s.disk.thickness * 1e-3
     where = ("layer:disk", *(f"layer:{c.name}" for c in s.coats), *(f"interface:{c.name}|" for c in s.coats))
@@ -55,7 +55,7 @@ def _resonance(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     return InjectedEffect("spurious-resonance", where, s.steps, put, {"f": f, "Q": Q, "strength": 1e-3}, most=10.0)
 
 
-def _drift(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _drift(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     c = -1e-4 * (1 if rng.random() < 0.7 else -1)
     eps = -c * float(rng.uniform(0, 30))
     return slot_plant(
@@ -69,7 +69,7 @@ def _drift(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def _softening(_: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _softening(_: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return slot_plant(
         "drive-nonlinearity",
         ("layer:disk",),
@@ -81,7 +81,7 @@ def _softening(_: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def _settling(_: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def _settling(_: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     return slot_plant(
         "sweep-lag",
         ("sweep",),
@@ -112,7 +112,7 @@ BOND: tuple[Family, ...] = (layered.bond, layered.void)
 """Families that need something glued on."""
 
 
-def outside(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def outside(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Return a flaw that no catalogue has."""
     kinds = (
         *("range step", "range to and fro", "gain ripple", "phase error", "glitch", "coupled"),

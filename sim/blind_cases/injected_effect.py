@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from .device_under_test import DeviceUnderTest
 from .node_circuit import Path
 from .scenario import NOTHING, Hidden
-from .test_device import TestDevice
 
 Needs = Literal["nothing", "up and down", "levels", "the disk alone", "a backing", "a bond", "two bonds"]
 
@@ -40,7 +40,7 @@ class InjectedEffect:
 class Scenario:
     """A specimen with plants."""
 
-    specimen: TestDevice
+    specimen: DeviceUnderTest
     plants: tuple[InjectedEffect, ...] = ()
 
     def hidden(self, step: str) -> Hidden:

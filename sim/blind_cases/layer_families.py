@@ -5,22 +5,22 @@ from typing import Any
 
 import numpy as np
 
+from .device_under_test import AIR, DeviceUnderTest
 from .injected_effect import InjectedEffect, slot_plant
 from .scenario import Hidden, Side
-from .test_device import AIR, TestDevice
 
 
 def _side(rng: np.random.Generator) -> Side:
     return "back" if rng.random() < 0.5 else "front"
 
 
-def _faces(specimen: TestDevice, side: Side, steps: tuple[str, ...]) -> tuple[str, ...]:
+def _faces(specimen: DeviceUnderTest, side: Side, steps: tuple[str, ...]) -> tuple[str, ...]:
     """Return the faces that count as right: a bare disk between equal loads looks the same from both sides."""
     alone = steps == ("disk",) and specimen.back == AIR
     return ("face:back", "face:front") if alone else (f"face:{side}",)
 
 
-def mass(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def mass(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant electrodes of some mass: on one face or on both."""
     both = bool(rng.random() < 0.6)
     m = (1e-3 if both else 0.0, 1e-3)
@@ -30,7 +30,7 @@ def mass(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def dot(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def dot(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a solder dot or a wire on part of a face."""
     side, share = _side(rng), float(rng.uniform(0.005, 0.05))
     steps = s.steps if side == "back" else s.steps[-1:]
@@ -45,7 +45,7 @@ def dot(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def bond(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def bond(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a glue layer that the build file does not have."""
     k = int(rng.integers(0, len(s.coats) // 2))
     glue, behind, before = s.coats[2 * k], "disk" if k == 0 else s.coats[2 * k - 1].name, s.coats[2 * k + 1].name
@@ -60,7 +60,7 @@ def bond(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def void(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def void(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant nothing bonded on part of the area."""
     k = int(rng.integers(0, len(s.coats) // 2))
     glue, behind, before = s.coats[2 * k].name, "disk" if k == 0 else s.coats[2 * k - 1].name, s.coats[2 * k + 1].name
@@ -76,7 +76,7 @@ def void(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def taper(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def taper(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant faces that are not parallel."""
     layer = "ml1" if s.coats and rng.random() < 0.25 else "disk"
     steps = s.steps if layer == "disk" else s.steps[1:]
@@ -92,7 +92,7 @@ def taper(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def surface(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def surface(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant no piezoelectricity under a face, or less."""
     side, kind = _side(rng), "dead" if rng.random() < 0.6 else "graded"
     where = ("layer:disk", "face:back", "face:front")
@@ -106,7 +106,7 @@ def surface(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def modes(_: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def modes(_: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a disk that is as wide as it is."""
     return slot_plant(
         "lateral-modes",
@@ -120,7 +120,7 @@ def modes(_: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def loss(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def loss(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a loss that follows a power of frequency."""
     causal = bool(rng.random() < 0.3)
     layer = "ml1" if s.coats and rng.random() < 0.2 else "disk"
@@ -137,7 +137,7 @@ def loss(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def dielectric(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def dielectric(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a permittivity that falls with frequency."""
     kind = "power" if rng.random() < 0.6 else "relaxation"
     return slot_plant(
@@ -150,7 +150,7 @@ def dielectric(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def face(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def face(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant something soft, springy or wet that a face rests on."""
     side = _side(rng)
     kind, size, most = [("resistive", 1e5, 5.0), ("spring", 1e12, 5.0), ("fluid", 1.5e6, 1.1)][int(rng.integers(0, 3))]
@@ -166,7 +166,7 @@ def face(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
     )
 
 
-def backing(rng: np.random.Generator, s: TestDevice) -> InjectedEffect:
+def backing(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
     """Plant a backing from whose rear echoes come back."""
     waves = float(rng.uniform(3, 15))
 

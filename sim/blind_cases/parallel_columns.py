@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .device_under_test import AIR, DENSITY, BondedLayer, DeviceUnderTest
 from .ritz import finite_disk_admittance
 from .scenario import Hidden
-from .test_device import AIR, DENSITY, BondedLayer, TestDevice
 from .waves import Complexes, InterfaceSheet, LayerColumn, Part, Reals, Slice, admittance, respond
 
 _THICKNESSES = 41
@@ -27,7 +27,9 @@ class Moment:
 STILL = Moment()
 
 
-def device_admittance(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment = STILL) -> Complexes:
+def device_admittance(
+    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment = STILL
+) -> Complexes:
     """Return the admittance of a step's device without what leads to it; S, shape (N,)."""
     if hidden.modes:
         return finite_disk_admittance(f, specimen)
@@ -35,7 +37,7 @@ def device_admittance(f: Reals, specimen: TestDevice, hidden: Hidden, step: str,
     return admittance(2 * np.pi * f, [(part * specimen.area, column) for part, column in columns])
 
 
-def mean_strain(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment) -> Complexes:
+def mean_strain(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment) -> Complexes:
     """Return the disk's mean strain per ampere through the device; 1/A, shape (N,)."""
     omega = 2 * np.pi * f
     _, column = _columns(f, specimen, hidden, step, moment)[0]
@@ -43,7 +45,7 @@ def mean_strain(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, momen
 
 
 def _columns(
-    f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment
+    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment
 ) -> list[tuple[float, LayerColumn]]:
     """Return all columns with their parts of the area: a distribution of thickness, voids, a dot."""
     whole: list[tuple[float, LayerColumn]] = []
@@ -56,7 +58,7 @@ def _columns(
     return [(part * (1 - share), column) for part, column in whole] + loaded
 
 
-def _thicknesses(specimen: TestDevice, hidden: Hidden) -> list[tuple[float, TestDevice]]:
+def _thicknesses(specimen: DeviceUnderTest, hidden: Hidden) -> list[tuple[float, DeviceUnderTest]]:
     if hidden.taper is None:
         return [(1.0, specimen)]
     layer, half, shape = hidden.taper
@@ -71,7 +73,7 @@ def _thicknesses(specimen: TestDevice, hidden: Hidden) -> list[tuple[float, Test
     return [(float(w), _thicker(specimen, layer, 1 + half * float(k))) for w, k in zip(weight, x, strict=True)]
 
 
-def _thicker(specimen: TestDevice, layer: str, factor: float) -> TestDevice:
+def _thicker(specimen: DeviceUnderTest, layer: str, factor: float) -> DeviceUnderTest:
     if layer == "disk":
         return replace(specimen, disk=replace(specimen.disk, thickness=specimen.disk.thickness * factor))
     coats = tuple(replace(c, thickness=c.thickness * factor) if c.name == layer else c for c in specimen.coats)
@@ -79,7 +81,7 @@ def _thicker(specimen: TestDevice, layer: str, factor: float) -> TestDevice:
 
 
 def _bonded(
-    f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment
+    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment
 ) -> list[tuple[float, LayerColumn]]:
     coats = _true_coats(specimen, hidden, step)
     if hidden.void is None:
@@ -93,7 +95,7 @@ def _bonded(
     ]
 
 
-def _true_coats(specimen: TestDevice, hidden: Hidden, step: str) -> tuple[BondedLayer, ...]:
+def _true_coats(specimen: DeviceUnderTest, hidden: Hidden, step: str) -> tuple[BondedLayer, ...]:
     coats = specimen.coats_of(step)
     if hidden.untold is None:
         return coats
@@ -103,7 +105,7 @@ def _true_coats(specimen: TestDevice, hidden: Hidden, step: str) -> tuple[Bonded
 
 
 def _column(
-    f: Reals, specimen: TestDevice, coats: Sequence[BondedLayer], hidden: Hidden, moment: Moment
+    f: Reals, specimen: DeviceUnderTest, coats: Sequence[BondedLayer], hidden: Hidden, moment: Moment
 ) -> LayerColumn:
     omega = 2 * np.pi * f
     parts: list[Part] = [InterfaceSheet(hidden.mass[0])] if hidden.mass[0] else []
@@ -122,14 +124,14 @@ def _column(
     return LayerColumn(tuple(parts), back, front)
 
 
-def _backing(specimen: TestDevice, size: tuple[float, float]) -> Slice:
+def _backing(specimen: DeviceUnderTest, size: tuple[float, float]) -> Slice:
     waves, q = size
     length = waves * _BACKING_SPEED / specimen.disk.f0
     stiffness = specimen.back * _BACKING_SPEED * (1 + 1j / q)
     return Slice(length, specimen.back / _BACKING_SPEED, stiffness)
 
 
-def _ceramic(f: Reals, specimen: TestDevice, hidden: Hidden, moment: Moment) -> list[Part]:
+def _ceramic(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, moment: Moment) -> list[Part]:
     disk = specimen.disk
     c = disk.c33D * moment.stiffness * _loss(f, specimen, hidden, "disk", disk.c33D.real / disk.c33D.imag)
     eps = disk.eps33S * moment.permittivity * _permittivity(f, specimen, hidden)
@@ -149,12 +151,12 @@ def _ceramic(f: Reals, specimen: TestDevice, hidden: Hidden, moment: Moment) -> 
     return [*thin, rest] if side == "back" else [rest, *reversed(thin)]
 
 
-def _coat(f: Reals, specimen: TestDevice, coat: BondedLayer, hidden: Hidden) -> Slice:
+def _coat(f: Reals, specimen: DeviceUnderTest, coat: BondedLayer, hidden: Hidden) -> Slice:
     stiffness = coat.z * coat.c * (1 + 1j / coat.q) * _loss(f, specimen, hidden, coat.name, coat.q)
     return Slice(coat.thickness, coat.z / coat.c, stiffness)
 
 
-def _loss(f: Reals, specimen: TestDevice, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
+def _loss(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
     """Return the factor that makes a loss of constant Q one that follows a power of frequency, equal at f0."""
     if hidden.loss_power is None or hidden.loss_power[0] != layer:
         return 1.0
@@ -164,7 +166,7 @@ def _loss(f: Reals, specimen: TestDevice, hidden: Hidden, layer: str, q: float) 
     return (1 + (1j * grown + real) / q) / (1 + 1j / q)
 
 
-def _permittivity(f: Reals, specimen: TestDevice, hidden: Hidden) -> float | Complexes:
+def _permittivity(f: Reals, specimen: DeviceUnderTest, hidden: Hidden) -> float | Complexes:
     if hidden.dielectric is None:
         return 1.0
     kind, size = hidden.dielectric

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from .device_under_test import DeviceUnderTest
 from .node_circuit import measured_impedance
 from .parallel_columns import STILL, Moment, device_admittance, mean_strain
 from .scenario import Hidden
-from .test_device import TestDevice
 from .waves import Complexes, Reals
 
 _BETWEEN = 16
@@ -33,7 +33,7 @@ class SweepSpec:
     bandwidth: int = 5
 
 
-def record(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
+def record(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Return what the analyzer would show without noise; ohm, shape (N,), in the order of rising frequency."""
     f = take.frequency
     if hidden.settling > 0:
@@ -52,7 +52,7 @@ def noisy(z: Complexes, take: SweepSpec, rng: np.random.Generator) -> Complexes:
     return z + size * (rng.standard_normal(z.size) + 1j * rng.standard_normal(z.size))
 
 
-def _steady(f: Reals, specimen: TestDevice, hidden: Hidden, step: str, moment: Moment) -> Complexes:
+def _steady(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment) -> Complexes:
     return measured_impedance(2 * np.pi * f, device_admittance(f, specimen, hidden, step, moment), hidden.path)
 
 
@@ -71,7 +71,7 @@ def _moment(hidden: Hidden, take: SweepSpec, f: Reals) -> Moment:
     )
 
 
-def _lagging(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
+def _lagging(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Let the detector's output run after the admittance, exponentially, while the frequency moves on."""
     f = take.frequency
     n = f.size
@@ -87,7 +87,7 @@ def _lagging(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes
     return shown[::-1] if take.down else shown
 
 
-def _driven(specimen: TestDevice, hidden: Hidden, take: SweepSpec) -> Complexes:
+def _driven(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
     """Find, at each point, the strain of a disk that the strain softens; the analyzer holds its voltage.
 
     Strain and stiffness follow one another until they agree.

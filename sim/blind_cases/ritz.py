@@ -12,7 +12,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import eig, eigh
 from scipy.special import eval_jacobi
 
-from .test_device import DENSITY, TestDevice
+from .device_under_test import DENSITY, DeviceUnderTest
 from .waves import Complexes, Reals
 
 _EPS0 = 8.8541878128e-12
@@ -30,7 +30,7 @@ class _Line:
     slopes: Reals
 
 
-def finite_disk_admittance(f: Reals, specimen: TestDevice) -> Complexes:
+def finite_disk_admittance(f: Reals, specimen: DeviceUnderTest) -> Complexes:
     """Return the admittance of the bare disk in S, shape (N,); good up to 1.7 times its first thickness resonance."""
     K, M, drive, static = _matrices(specimen)
     top = (2 * np.pi * 1.6 * float(np.max(f))) ** 2
@@ -46,7 +46,7 @@ def finite_disk_admittance(f: Reals, specimen: TestDevice) -> Complexes:
     return np.asarray(1j * omega * (static + motional), np.complex128)
 
 
-def _matrices(specimen: TestDevice) -> tuple[Complexes, Reals, Complexes, complex]:
+def _matrices(specimen: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, complex]:
     """Return stiffness without charge on the inner potential, mass, the voltage's pull, and the clamped capacitance."""
     a, t = specimen.diameter / 2, specimen.disk.thickness
     c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = _tensor(specimen)
@@ -87,7 +87,7 @@ def _matrices(specimen: TestDevice) -> tuple[Complexes, Reals, Complexes, comple
     return K, M, np.vstack([pull_r, pull_z])[:, 0], complex(eps33 * specimen.area / t)
 
 
-def _tensor(specimen: TestDevice) -> tuple[complex, ...]:
+def _tensor(specimen: DeviceUnderTest) -> tuple[complex, ...]:
     """Return c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S; what plane waves do not see, from the data sheet."""
     disk = specimen.disk
     loss = 1 + 1j * disk.c33D.imag / disk.c33D.real

@@ -8,10 +8,10 @@ import numpy as np
 from . import effect_families as families
 from . import layer_families as layered
 from .detectability import AbsorbedFit, imitate, sized
+from .device_under_test import DeviceUnderTest, random_specimen
 from .injected_effect import InjectedEffect, Scenario, path_plant
 from .node_circuit import OHM_OF_CABLE
 from .recording_process import SweepSpec
-from .test_device import TestDevice, random_specimen
 
 KINDS = {"none": 0.25, "one": 0.45, "two": 0.15, "outside": 0.10, "absorbed": 0.05}
 _UNSEEN = 6.0
@@ -85,7 +85,7 @@ def _wanted(rng: np.random.Generator, kind: str) -> float:
     return float(10 ** rng.uniform(2.2 if kind == "two" else 1.3, 7.0))
 
 
-def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[InjectedEffect, ...], TestDevice]:
+def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[InjectedEffect, ...], DeviceUnderTest]:
     """Return plants and a specimen that has the places for them."""
     steps = int(rng.choice([1, 2, 3], p=[0.6, 0.28, 0.12]))
     backed = bool(rng.random() < 0.08)
@@ -106,7 +106,7 @@ def _plants(rng: np.random.Generator, kind: str, name: str) -> tuple[tuple[Injec
 
 
 def _drawn(
-    rng: np.random.Generator, chosen: Sequence[families.Family], specimen: TestDevice
+    rng: np.random.Generator, chosen: Sequence[families.Family], specimen: DeviceUnderTest
 ) -> tuple[InjectedEffect, ...] | None:
     """Return the plants, or None where the specimen has no place for one of them."""
     plants: list[InjectedEffect] = []
@@ -134,7 +134,7 @@ def _as_one(pair: set[str]) -> tuple[str, ...]:
     return ()
 
 
-def _absorbed(rng: np.random.Generator, specimen: TestDevice) -> tuple[InjectedEffect, ...]:
+def _absorbed(rng: np.random.Generator, specimen: DeviceUnderTest) -> tuple[InjectedEffect, ...]:
     """Return a plant to be kept below what can be seen, or none where the build file is to be wrong."""
     u = rng.random()
     if u < 0.5:
@@ -143,7 +143,7 @@ def _absorbed(rng: np.random.Generator, specimen: TestDevice) -> tuple[InjectedE
     return (face,) if u < 0.7 and face.least < _SMALL else ()
 
 
-def _mistold(rng: np.random.Generator, specimen: TestDevice) -> tuple[float, TestDevice]:
+def _mistold(rng: np.random.Generator, specimen: DeviceUnderTest) -> tuple[float, DeviceUnderTest]:
     """Return the diameter that the build file says and the specimen: one size is wrong by some parts in 1000."""
     wrong = 1 + float(rng.uniform(1e-3, 4e-3)) * (1 if rng.random() < 0.5 else -1)
     if rng.random() < 0.5:
@@ -152,7 +152,7 @@ def _mistold(rng: np.random.Generator, specimen: TestDevice) -> tuple[float, Tes
 
 
 def plan(
-    rng: np.random.Generator, specimen: TestDevice, plants: Sequence[InjectedEffect], kind: str
+    rng: np.random.Generator, specimen: DeviceUnderTest, plants: Sequence[InjectedEffect], kind: str
 ) -> tuple[SweepSpec, ...]:
     """Return the sweeps of a session: every step, with a repeat downwards or at another level where that decides."""
     f0 = specimen.disk.f0

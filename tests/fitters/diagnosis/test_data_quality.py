@@ -10,9 +10,9 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.diagnosis.data_quality.data_findings import of_the_data, verdict_with
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.models.sweep import Sweep
+from pzctl.sim.blind_cases.device_under_test import random_specimen
 from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record
 from pzctl.sim.blind_cases.scenario import NOTHING
-from pzctl.sim.blind_cases.test_device import random_specimen
 
 
 def sound(seed: int, steps: int = 1, top: float = 3.4, **settings: object) -> Sweep:

@@ -15,6 +15,7 @@ from scipy.special import j0, j1
 from pzctl.sim.blind_cases import layer_families as layered
 from pzctl.sim.blind_cases.case_files import make_case, make_cases
 from pzctl.sim.blind_cases.detectability import imitate, sized
+from pzctl.sim.blind_cases.device_under_test import DENSITY, DeviceUnderTest, random_specimen
 from pzctl.sim.blind_cases.injected_effect import Scenario, path_plant
 from pzctl.sim.blind_cases.node_circuit import Path as Way
 from pzctl.sim.blind_cases.node_circuit import measured_impedance
@@ -22,15 +23,14 @@ from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record
 from pzctl.sim.blind_cases.ritz import finite_disk_admittance
 from pzctl.sim.blind_cases.scenario import NOTHING
 from pzctl.sim.blind_cases.scenario_draw import by_other_names
-from pzctl.sim.blind_cases.test_device import DENSITY, TestDevice, random_specimen
 from pzctl.sim.blind_cases.waves import LayerColumn, Slice, respond
 
 
-def specimen_of(seed: int, steps: int = 1) -> TestDevice:
+def specimen_of(seed: int, steps: int = 1) -> DeviceUnderTest:
     return random_specimen(np.random.default_rng(seed), "x", steps, backed=False)
 
 
-def grid(specimen: TestDevice, top: float = 3.4, points: int = 801) -> np.ndarray:
+def grid(specimen: DeviceUnderTest, top: float = 3.4, points: int = 801) -> np.ndarray:
     return np.linspace(0.12, top, points) * specimen.disk.f0
 
 

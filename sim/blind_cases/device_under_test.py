@@ -44,7 +44,7 @@ class BondedLayer:
 
 
 @dataclass(frozen=True)
-class TestDevice:
+class DeviceUnderTest:
     """One transducer; its steps are `disk`, `ml1`, `ml2`, as many as there are."""
 
     name: str
@@ -79,7 +79,7 @@ def random_disk(rng: np.random.Generator, thickness: float) -> DiskShape:
     )
 
 
-def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool) -> TestDevice:
+def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool) -> DeviceUnderTest:
     """Return a specimen with `steps` gluing steps, with or without a backing behind the disk."""
     thickness = round(float(rng.uniform(0.4, 1.1)), 6) * 1e-3
     diameter = round(float(rng.uniform(10, 20)), 6) * 1e-3
@@ -96,4 +96,4 @@ def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: boo
         coats.append(BondedLayer(f"ml{k}", t, float(true[0]), float(true[1]), true[2], False, *told))
     back = float(rng.uniform(3e6, 7e6)) if backed else AIR
     names = ("disk", "ml1", "ml2")[:steps]
-    return TestDevice(name, diameter, disk, tuple(coats), back, steps=names, told_thickness=thickness)
+    return DeviceUnderTest(name, diameter, disk, tuple(coats), back, steps=names, told_thickness=thickness)
