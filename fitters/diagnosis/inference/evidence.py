@@ -80,7 +80,7 @@ def _possible(value: float, sigma: float, knob: EffectParameter, size: bool) -> 
 
 
 def _sigmas(found: Refit) -> dict[str, float]:
-    """Return the uncertainty of each parameter, with the constants and all parameters before it free, those after held."""
+    """Return the uncertainty of each parameter; the constants and earlier parameters are free, later ones held."""
     coordinates = found.objective.coordinates
     names = [name for effect in found.effects for name in effect.parameters]
     if not names:
