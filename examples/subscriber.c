@@ -1,6 +1,8 @@
 /* Hears one sweep of a running pzctl daemon and prints its numbers, one line each: frequency R X, exactly.
  *
- * cc -o subscriber subscriber.c -lzmq -lcjson && ./subscriber tcp://127.0.0.1:5470
+ * cc -o subscriber subscriber.c -lzmq -lcjson && ./subscriber DAEMON.JSON
+ *
+ * DAEMON.JSON is the file that `pzctl daemon` writes into its data folder: address and key, for its owner alone.
  *
  * For little-endian machines; the raw frames are little-endian doubles. */
 #include <cjson/cJSON.h>
@@ -60,16 +62,38 @@ static int print_sweep(zmq_msg_t *frames, int count)
     return good ? 0 : 1;
 }
 
+/* Connects to the daemon that the file names, with the key in it; returns 0, or -1 where that fails. */
+static int connect_to(void *events, const char *path)
+{
+    char text[65536];
+    FILE *file = fopen(path, "rb");
+    size_t size = file ? fread(text, 1, sizeof text, file) : 0;
+    if (file)
+        fclose(file);
+    cJSON *where = cJSON_ParseWithLength(text, size), *key = cJSON_GetObjectItem(where, "key");
+    const char *endpoint = cJSON_GetStringValue(cJSON_GetObjectItem(where, "events"));
+    const char *server = cJSON_GetStringValue(cJSON_GetObjectItem(key, "server"));
+    const char *public_key = cJSON_GetStringValue(cJSON_GetObjectItem(key, "public"));
+    const char *secret = cJSON_GetStringValue(cJSON_GetObjectItem(key, "secret"));
+    int good = endpoint && server && public_key && secret &&
+               zmq_setsockopt(events, ZMQ_CURVE_SERVERKEY, server, strlen(server) + 1) == 0 &&
+               zmq_setsockopt(events, ZMQ_CURVE_PUBLICKEY, public_key, strlen(public_key) + 1) == 0 &&
+               zmq_setsockopt(events, ZMQ_CURVE_SECRETKEY, secret, strlen(secret) + 1) == 0 &&
+               zmq_connect(events, endpoint) == 0;
+    cJSON_Delete(where);
+    return good ? 0 : -1;
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 2) {
-        fprintf(stderr, "usage: subscriber ENDPOINT\n");
+        fprintf(stderr, "usage: subscriber DAEMON.JSON\n");
         return 2;
     }
     void *context = zmq_ctx_new(), *events = zmq_socket(context, ZMQ_SUB);
     zmq_setsockopt(events, ZMQ_SUBSCRIBE, "", 0);
-    if (zmq_connect(events, argv[1]) != 0) {
-        fprintf(stderr, "%s: %s\n", argv[1], zmq_strerror(zmq_errno()));
+    if (connect_to(events, argv[1]) != 0) {
+        fprintf(stderr, "%s: no daemon is named there that lets us in\n", argv[1]);
         return 1;
     }
     int status = 1, heard = 0;

@@ -1,11 +1,16 @@
 // Hears one sweep of a running pzctl daemon and prints its numbers, one line each: frequency R X, exactly.
 //
-// npm install zeromq && node subscriber.js tcp://127.0.0.1:5470
+// npm install zeromq && node subscriber.js DAEMON.JSON, the file that `pzctl daemon` writes into its data folder
 "use strict";
+const fs = require("fs");
 const zmq = require("zeromq");
 
-async function main(endpoint) {
+async function main(path) {
+  const { events: endpoint, key } = JSON.parse(fs.readFileSync(path, "utf8"));
   const events = new zmq.Subscriber();
+  events.curveServerKey = key.server;
+  events.curvePublicKey = key.public;
+  events.curveSecretKey = key.secret;
   events.subscribe();
   events.connect(endpoint);
   for await (const [topic, head, ...raw] of events) {

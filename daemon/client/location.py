@@ -27,7 +27,7 @@ class Location(msgspec.Struct, frozen=True):
     station: str = ""
     """What it is called in that journal."""
     key: ClientKey | None = None
-    """What lets those in who can read this file, where the daemon asks for keys."""
+    """CURVE key of this account's programs."""
 
 
 def same_resource(one: str, other: str) -> bool:
@@ -80,7 +80,7 @@ def address(events: str | None, requests: str | None, key: str | Path | None) ->
     if events is not None and requests is not None:
         own = read_client_key(Path(key)) if key is not None else None
         place = find(home()) if own is None else None
-        if place is not None and (place.events, place.requests) == (events, requests):
+        if place is not None and (place.events == events or place.requests == requests):
             own = place.key
         return events, requests, own
     own = read_client_key(Path(key)) if key is not None else None

@@ -73,7 +73,7 @@ def served_beside(build: Path, port: int) -> Generator[str]:
     port = free_port(_LOOPBACK, port, "--page-port takes another")
     process = start_child(
         "pzctl.daemon.page.page_process",
-        [str(build), str(port)],
+        [str(build.resolve()), str(port)],
         sys.stderr.buffer,
         stdout=sys.stderr.buffer,
         environment={},

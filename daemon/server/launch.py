@@ -59,7 +59,7 @@ def start(options: DaemonOptions | None = None) -> Location:
     log = log_file(writable_home(), "daemon")
     with log.open("ab") as output:
         process = subprocess.Popen(
-            [sys.executable, "-m", "pzctl.daemon.server.launch"],
+            [sys.executable, "-P", "-m", "pzctl.daemon.server.launch"],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=output,

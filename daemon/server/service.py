@@ -87,8 +87,7 @@ async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[
         context = zmq.asyncio.Context()
         stack.callback(context.term)
         gate = gate_for((options.events, options.requests), keys_folder(folder))
-        if gate is not None:
-            stack.callback(gate.start(context).stop)
+        stack.callback(gate.start(context).stop)
         allow_many_files()
         plain: zmq.Context[zmq.Socket[bytes]] = zmq.Context(shadow=context)
         events, heard_at = bind_events(plain, options.events, gate)
@@ -119,7 +118,7 @@ async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[
             log=str(log_file(folder, "daemon")),
             journal=options.journal,
             station=options.station,
-            key=gate.local if gate else None,
+            key=gate.local,
         )
         announce(folder, where)
         log.info("%s at %s; requests %s, events %s; data %s", instrument.idn, resource, asked_at, heard_at, folder)
@@ -141,7 +140,7 @@ class Daemon:
         options: DaemonOptions,
         folder: Path,
         endpoints: tuple[str, str],
-        gate: AccessControl | None,
+        gate: AccessControl,
     ) -> None:
         self._journal = journal
         self._voice = voice
@@ -152,7 +151,7 @@ class Daemon:
         self._folder = folder
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
-        around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local if gate else None)
+        around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local)
         self._metrics = metrics
         self._publisher = DurablePublisher(journal, Spool(unsaved_folder(folder)), self._metrics, voice.say, self._said)
         self.publish = self._publisher.publish
@@ -247,7 +246,7 @@ class Daemon:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
             self._voice.say(encode(beat))
-            if self._gate is not None and self._gate.somebody_was_barred():
+            if self._gate.somebody_was_barred():
                 # libzmq asks for a key at the handshake alone: all must come in again, and miss nothing by it
                 self._intake.cut(self._heard_at, "a key was revoked, and whose this is cannot be told")
             await asyncio.sleep(BEAT)

@@ -1,4 +1,4 @@
-"""The daemon's two sockets, and who may reach them: from outside this machine only those with a key."""
+"""The daemon's two sockets, and who may reach them: only those with a key, from this machine too."""
 
 import ipaddress
 import socket
@@ -52,20 +52,21 @@ def is_loopback(endpoint: str) -> bool:
         return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
 
 
-def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl | None:
-    """Return what guards these endpoints; None where they can be reached from this machine only.
+def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
+    """Return what guards these endpoints.
 
-    Raises EndpointError for what is no endpoint, and where a guard is needed and there are no keys.
+    Raises EndpointError for what is no endpoint, where the keys cannot be used, and where other machines can reach an
+    endpoint and there are no keys for them.
     """
     for endpoint in endpoints:
         if not endpoint.startswith(("tcp://", "ipc://", "inproc://")):
             raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for a port that is free")
     outside = [endpoint for endpoint in endpoints if not is_loopback(endpoint)]
-    if not outside:
-        return None
     try:
-        return AccessControl(keys)
+        return AccessControl(keys, outside=bool(outside))
     except KeyFileError as error:
+        if not outside:
+            raise EndpointError(f"endpoint {endpoints[0]!r} cannot be guarded: {error}") from None
         raise EndpointError(
             f"endpoint {outside[0]!r} can be reached from other machines; that needs keys (`pzctl keys server`, then "
             f"`pzctl keys client NAME`): {error}"
@@ -78,7 +79,7 @@ def from_here(endpoint: str) -> str:
 
 
 def bind_events(
-    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: AccessControl | None
+    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: AccessControl
 ) -> tuple["zmq.Socket[bytes]", str]:
     """Bind the socket that publishes; return it and the address it got. Raises EndpointError."""
     events = context.socket(zmq.PUB)
@@ -86,9 +87,7 @@ def bind_events(
     return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
 
 
-def bind_requests(
-    context: zmq.asyncio.Context, endpoint: str, gate: AccessControl | None
-) -> tuple[zmq.asyncio.Socket, str]:
+def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: AccessControl) -> tuple[zmq.asyncio.Socket, str]:
     """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
     plain: zmq.Socket[bytes] = zmq.Socket(shadow=requests)
@@ -122,32 +121,26 @@ def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
 def _bind(
     any_socket: "zmq.Socket[bytes]",
     endpoint: str,
-    gate: AccessControl | None,
+    gate: AccessControl,
     *,
     kept: int = HIGH_WATER,
     waiting: int = HIGH_WATER,
     longest: int = LARGEST_FRAME,
 ) -> str:
-    """Bind, to a loopback address where there is no gate, or close the socket and say why not."""
+    """Bind, or close the socket and say why not."""
     limit(any_socket)
     any_socket.set(zmq.SNDHWM, kept)
     any_socket.set(zmq.RCVHWM, waiting)
     any_socket.set(zmq.MAXMSGSIZE, longest)
     any_socket.set(zmq.RCVBUF, RECEIVE_BUFFER)
-    if gate is not None:
-        any_socket.set(zmq.CURVE_SERVER, 1)
-        any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())
-        any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())
-        any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)
+    any_socket.set(zmq.CURVE_SERVER, 1)
+    any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())
+    any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())
+    any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)  # also turns away the unversioned ZMTP that an HTTP request can imitate
     any_socket.set(zmq.LINGER, 500)  # the last words of a daemon that ends are still sent
     try:
-        if gate is None and not is_loopback(endpoint):
-            raise EndpointError(f"endpoint {endpoint!r} can be reached from other machines; that needs keys")
         any_socket.bind(endpoint)
     except zmq.ZMQError as error:
         any_socket.close()
         raise EndpointError(f"endpoint {endpoint!r} cannot be bound: {error.strerror}") from None
-    except EndpointError:
-        any_socket.close()
-        raise
     return str(any_socket.getsockopt_string(zmq.LAST_ENDPOINT)).rstrip("\0")

@@ -1,7 +1,9 @@
-"""Keys of the daemon and of those who may reach it from other machines (CURVE), as files their owner alone can read.
+"""Keys of the daemon and of its clients (CURVE), as files that their owner alone can read.
 
-`keys/server.json` is the daemon's pair; `keys/clients/NAME.json` says which public key may do what; the file that
-`make_client` returns the content of is what the client itself keeps.
+`keys/local.json` has the pair of this account's own programs, and the daemon's pair for as long as it serves this
+machine alone; the daemon makes it at its first start. `keys/server.json` is the daemon's pair where other machines may
+reach it; `keys/clients/NAME.json` says which public key may do what; the file that `make_client` returns the content of
+is what the client itself keeps.
 """
 
 import os
@@ -30,8 +32,8 @@ class KeyFileError(PzctlError):
     """A key that is not there, that others may read, or that is no key."""
 
 
-class ServerKey(msgspec.Struct, frozen=True):
-    """The daemon's pair, in Z85."""
+class KeyPair(msgspec.Struct, frozen=True):
+    """A public key and its secret, in Z85."""
 
     public: str
     secret: str
@@ -53,15 +55,35 @@ class ClientKey(msgspec.Struct, frozen=True):
     secret: str
 
 
-def make_server(folder: Path) -> ServerKey:
-    """Make the daemon's pair. Raises KeyFileError where there is one: every client would have to be told anew."""
+class LocalKeys(msgspec.Struct, frozen=True):
+    """The pairs of a daemon that serves this machine alone, and of this account's programs, in Z85."""
+
+    server: KeyPair
+    client: KeyPair
+
+
+def local_keys(folder: Path) -> LocalKeys:
+    """Return the pairs for this machine, made where there are none yet. Raises KeyFileError."""
+    path = folder / "local.json"
+    if not path.exists():
+        write_secret(path, to_json(LocalKeys(new_pair(), new_pair())))
+    return _parsed(path, _local)
+
+
+def new_pair() -> KeyPair:
+    """Return a new pair."""
     public, secret = zmq.curve_keypair()
-    made = ServerKey(public.decode(), secret.decode())
-    write_secret(folder / "server.json", to_json(made))
-    return made
+    return KeyPair(public.decode(), secret.decode())
 
 
-def server_key(folder: Path) -> ServerKey:
+def make_server(folder: Path) -> KeyPair:
+    """Make the daemon's pair. Raises KeyFileError where there is one: every client would have to be told anew."""
+    pair = new_pair()
+    write_secret(folder / "server.json", to_json(pair))
+    return pair
+
+
+def server_key(folder: Path) -> KeyPair:
     """Return the daemon's pair. Raises KeyFileError."""
     return _parsed(folder / "server.json", _server)
 
@@ -71,14 +93,24 @@ def make_client(folder: Path, name: str, right: Right) -> ClientKey:
     if not NAME.fullmatch(name):
         raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
     server = server_key(folder)
-    public, secret = zmq.curve_keypair()
-    write_secret(_file(folder, name), to_json(AllowedClient(name, public.decode(), right)))
-    return ClientKey(server.public, public.decode(), secret.decode())
+    pair = new_pair()
+    write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right)))
+    return ClientKey(server.public, pair.public, pair.secret)
 
 
 def clients(folder: Path) -> tuple[AllowedClient, ...]:
     """Return who may come in, by name. Raises KeyFileError."""
-    return tuple(_parsed(path, _client) for path in sorted((folder / "clients").glob("*.json")))
+    return tuple(read_client(path) for path in client_files(folder))
+
+
+def client_files(folder: Path) -> list[Path]:
+    """Return the files that say who may come in, by name."""
+    return sorted((folder / "clients").glob("*.json"))
+
+
+def read_client(path: Path) -> AllowedClient:
+    """Return one of those who may come in. Raises KeyFileError."""
+    return _parsed(path, _client)
 
 
 def revoke(folder: Path, name: str) -> None:
@@ -130,6 +162,7 @@ def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
         raise KeyFileError(f"{path} is no key: {error}") from None
 
 
-_server = msgspec.json.Decoder(ServerKey)
+_server = msgspec.json.Decoder(KeyPair)
+_local = msgspec.json.Decoder(LocalKeys)
 _client = msgspec.json.Decoder(AllowedClient)
 _own = msgspec.json.Decoder(ClientKey)

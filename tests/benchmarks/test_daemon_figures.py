@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zmq
+from keyed import unlocked
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
@@ -113,7 +114,7 @@ def test_soak(begin: Callable[..., Location]) -> None:
     sleeper = context.socket(zmq.SUB)
     sleeper.setsockopt(zmq.RCVHWM, 1)
     sleeper.subscribe(b"")
-    sleeper.connect(where.events)
+    unlocked(sleeper).connect(where.events)
     with connect() as lab:
         events = lab.listen(patience=10)
         seqs: list[int] = []

@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
+from keyed import unlocked
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
@@ -136,7 +137,7 @@ def test_soak(home: Path) -> None:
     sleeper = context.socket(zmq.SUB)
     sleeper.setsockopt(zmq.RCVHWM, 1)
     sleeper.subscribe(b"")
-    sleeper.connect(where.events)
+    unlocked(sleeper).connect(where.events)
     sleeper.recv()
     readers = [Reader(restarts=False), Reader(restarts=True)]
     for reader in readers:
@@ -319,7 +320,7 @@ def listening(context: "zmq.Context[zmq.Socket[bytes]]", where: Location) -> "zm
     ear.setsockopt(zmq.LINGER, 0)
     ear.setsockopt(zmq.RCVTIMEO, 10_000)
     ear.subscribe(b"")
-    ear.connect(where.events)
+    unlocked(ear).connect(where.events)
     ear.recv()
     return ear
 

@@ -13,11 +13,17 @@ def greeted(endpoint: str, kind: bytes) -> socket.socket:
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     link = socket.create_connection((host, int(port)), timeout=60)
     body = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
-    link.sendall(GREETING + b"\x04" + bytes([len(body)]) + body)
-    answer = b""
-    while b"READY" not in answer:
-        answer += (said := link.recv(4096))
-        assert said, f"a {kind.decode()} is not let in"
+    try:
+        link.sendall(GREETING + b"\x04" + bytes([len(body)]) + body)
+        answer = b""
+        while b"READY" not in answer:
+            received = link.recv(4096)
+            if not received:
+                raise ConnectionResetError
+            answer += received
+    except (ConnectionResetError, BrokenPipeError):
+        link.close()
+        raise AssertionError(f"a {kind.decode()} is not let in") from None
     return link
 
 

@@ -1,7 +1,7 @@
-"""Who may do what: every client by its key, where the daemon can be reached from other machines."""
+"""Who may do what: every client by its key, from this machine as from others."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import zmq
@@ -9,7 +9,18 @@ import zmq.asyncio
 from zmq.auth.asyncio import AsyncioAuthenticator
 
 from ...wire import requests as ask
-from ...wire.curve_keys import RIGHTS, AllowedClient, ClientKey, KeyFileError, Right, ServerKey, clients, server_key
+from ...wire.curve_keys import (
+    RIGHTS,
+    AllowedClient,
+    ClientKey,
+    KeyFileError,
+    KeyPair,
+    Right,
+    client_files,
+    local_keys,
+    read_client,
+    server_key,
+)
 from ..requests.request_errors import RequestError
 
 log = logging.getLogger(__name__)
@@ -32,20 +43,25 @@ NEEDED: Mapping[type[ask.Request], Right] = {
 
 
 class AccessControl:
-    """Lets in those whose keys are in the folder; a key that is taken away, or made, counts at once."""
+    """Lets in those whose keys are in the folder; a key that is taken away, changed or made counts at once.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / "clients"
+    Programs of this account on this machine come in with the key of `daemon.json`. With `outside`, the daemon can be
+    reached from other machines: that needs a server key made on purpose, and clients.
+    """
+
+    def __init__(self, folder: Path, *, outside: bool) -> None:
         self._root = folder
-        self.server: ServerKey = server_key(folder)
-        public, secret = zmq.curve_keypair()
-        self.local = ClientKey(self.server.public, public.decode(), secret.decode())
+        own = local_keys(folder)
+        self.server: KeyPair = server_key(folder) if outside or (folder / "server.json").exists() else own.server
+        self.local = ClientKey(self.server.public, own.client.public, own.client.secret)
         """For those who can read this user's files: the commands and fitters on this machine."""
         self._known: dict[str, AllowedClient] = {}
-        self._read_at = -1
+        self._seen: dict[Path, tuple[int, int]] = {}
         self._barred = False
-        if not self._clients():
-            raise KeyFileError(f"{self._folder}: nobody may come in yet; make a key with `pzctl keys client NAME`")
+        if outside and not self._clients():
+            raise KeyFileError(
+                f"{folder / 'clients'}: nobody may come in yet; make a key with `pzctl keys client NAME`"
+            )
 
     def start(self, context: zmq.asyncio.Context) -> AsyncioAuthenticator:
         """Begin to check keys; to be stopped before the context ends."""
@@ -91,15 +107,21 @@ class AccessControl:
         return self._clients().get(key)
 
     def _clients(self) -> dict[str, AllowedClient]:
-        """Return the clients by public key, read anew when the folder has changed."""
-        changed = self._folder.stat().st_mtime_ns if self._folder.is_dir() else 0
-        if changed != self._read_at:
-            self._read_at = changed
+        """Return the clients by public key, read anew when a file has changed."""
+        stats = {path: path.stat() for path in client_files(self._root)}
+        seen = {path: (stat.st_mtime_ns, stat.st_ctime_ns) for path, stat in stats.items()}
+        if seen != self._seen:
+            self._seen = seen
             before = {*self._known}
-            try:
-                self._known = {one.public: one for one in clients(self._root)}
-            except KeyFileError:  # one bad file must not let anybody in who was barred
-                log.exception("keys")
-                self._known = {}
+            self._known = {client.public: client for client in self._readable(seen)}
             self._barred |= bool(before - {*self._known})
         return self._known
+
+    @staticmethod
+    def _readable(paths: Iterable[Path]) -> Iterator[AllowedClient]:
+        """Yield the clients of the files that can be used; one bad file bars nobody else."""
+        for path in paths:
+            try:
+                yield read_client(path)
+            except KeyFileError as error:
+                log.warning("this client is not let in: %s", error)

@@ -62,6 +62,13 @@ class RequestHandlers:
     def _(self, request: ask.HelloRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
             known = self.supervisor.states
+            if ":" in request.fitter and request.fitter not in self.settings["fitters"]:
+                raise RequestError(
+                    "bad-name",
+                    f"fitter {request.fitter!r}: a name with ':' is a module's, which only the daemon's own "
+                    "configuration may give",
+                    "give the fitter a name as an entry point of pzctl.fitters",
+                )
             if request.fitter not in known and len(known) >= MOST_FITTERS:
                 raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
             self.supervisor.ready(request.fitter, request.version or "")
@@ -195,8 +202,9 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.FitRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
-        installed = sorted({*_installed(), *self.supervisor.states})
-        if request.fitter not in installed:  # a name from a message is never imported as it is
+        # Only what is installed or configured is ever loaded: a name that somebody said hello with is neither.
+        installed = sorted({*_installed(), *self.settings["fitters"]})
+        if request.fitter not in installed:
             raise RequestError(
                 "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
             )

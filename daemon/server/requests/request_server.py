@@ -61,7 +61,7 @@ class RequestServer:
     """
 
     def __init__(
-        self, socket: zmq.asyncio.Socket, desk: RequestHandlers, gate: AccessControl | None, intake: ConnectionGuard
+        self, socket: zmq.asyncio.Socket, desk: RequestHandlers, gate: AccessControl, intake: ConnectionGuard
     ) -> None:
         self._coming = socket
         self._socket: zmq.Socket[bytes] = zmq.Socket(shadow=socket)
@@ -91,7 +91,7 @@ class RequestServer:
         if received is None:
             return False
         began, last = time.monotonic(), received[-1]
-        handle, key = _property(last, "__fd"), _property(last, "User-Id") if self._gate else None
+        handle, key = _property(last, "__fd"), _property(last, "User-Id")
         if handle:
             self._intake.heard(int(handle))
         sender, *frames = [frame.bytes for frame in received]
@@ -132,8 +132,7 @@ class RequestServer:
         """Return the answer: whatever came, somebody who asked hears why not."""
         try:
             request = _read(frames)
-            if self._gate:
-                self._gate.check(key, request)
+            self._gate.check(key, request)
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
         if request.id in self._done:

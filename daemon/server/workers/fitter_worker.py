@@ -111,15 +111,16 @@ def _completes(event: SweepEvent) -> bool:
 def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Callable[[str], None]) -> None:
     """Run a fitter for a daemon that did not start it, on another machine say, for ever; come back after the daemon.
 
-    `told` is given a sentence when it comes and when the daemon has gone. Raises FitterError, and DaemonError where
+    The daemon knows a `module:Class` by its class: it takes no module names from others. `told` is given a sentence
+    when it comes and when the daemon has gone. Raises FitterError, and DaemonError where
     the key has no right to hand in fits.
     """
-    fitter = load_fitter(name)
+    fitter, known_as = load_fitter(name), name.rpartition(":")[2]
     while True:
         try:
             with Client(events, requests, key) as client:
-                told(f"fitter {name!r} waits for sweeps of the daemon at {requests}")
-                FitterWorker(name, fitter, client).serve()
+                told(f"fitter {known_as!r} waits for sweeps of the daemon at {requests}")
+                FitterWorker(known_as, fitter, client).serve()
         except DaemonError as error:
             if error.code != "unreachable":
                 raise

@@ -119,5 +119,5 @@ class JobRunner:
 
 
 def _effects() -> frozenset[str]:
-    printed = subprocess.run([sys.executable, "-c", NAMES], capture_output=True, text=True, check=True)  # noqa: S603
+    printed = subprocess.run([sys.executable, "-P", "-c", NAMES], capture_output=True, text=True, check=True)  # noqa: S603
     return frozenset(printed.stdout.split())

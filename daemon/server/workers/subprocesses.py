@@ -16,15 +16,18 @@ def start_child(
     """Run a module of this package in a process of its own, its errors into `log`.
 
     Its standard input is a pipe that ends when this process does; the child watches it (`end_with_parent`).
-    In a session of its own, so that Ctrl-C reaches the parent alone, who ends the child in good order.
+    In a session of its own, so that Ctrl-C reaches the parent alone, who ends the child in good order. Nothing is
+    imported from the working directory (`-P`), which is the root of the file system: files that happen to lie beside
+    the daemon are no part of it.
     """
     return subprocess.Popen(  # noqa: S603
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.PIPE,
         stdout=stdout,
         stderr=log,
         env={**os.environ, **environment},
         start_new_session=True,
+        cwd=Path(sys.executable).anchor,
     )
 
 

@@ -17,6 +17,7 @@ from pzctl.daemon.cli.bench.adaptive_measure import adapted_plan
 from pzctl.daemon.cli.records import export
 from pzctl.daemon.cli.records import report_command as report
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, parse_build, read_build
+from pzctl.daemon.files.paths import home, keys_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import copy_journal
@@ -25,6 +26,7 @@ from pzctl.daemon.page.page_process import serve, served_beside
 from pzctl.daemon.report.fit_widget import sliders
 from pzctl.daemon.report.pictures.picture_file import save_picture
 from pzctl.daemon.samples.sample_selection import journal_samples
+from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.publishing.spool import Spool
 from pzctl.daemon.server.simulated_analyzer import simulated_instrument
 from pzctl.daemon.server.sockets import _bind, gate_for
@@ -192,7 +194,7 @@ def beat_as_sweep() -> object:
 def bound(endpoint: str) -> object:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
-        return _bind(context.socket(zmq.ROUTER), endpoint, None)
+        return _bind(context.socket(zmq.ROUTER), endpoint, AccessControl(keys_folder(home()), outside=False))
     finally:
         context.term()
 
@@ -253,7 +255,7 @@ def simulator_that_does_not_start() -> object:
             "endpoint 'foo': tcp://HOST:PORT is needed, with * for a port that is free",
         ),
         (
-            lambda: bound("tcp://0.0.0.0:*"),
+            lambda: gate_for(["tcp://0.0.0.0:*"], keys_folder(home())),
             "endpoint 'tcp://0.0.0.0:*' can be reached from other machines; that needs keys",
         ),
         (simulator_that_does_not_start, "simulated 4294A: it did not start: "),

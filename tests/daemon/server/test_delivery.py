@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import zmq
+from keyed import served, unlocked
 
 from pzctl.daemon.client.client import Client, connect
 from pzctl.daemon.client.location import Location
@@ -23,6 +24,7 @@ def lossy() -> Iterator[Callable[[str], str]]:
     def between(events: str) -> str:
         front = context.socket(zmq.XPUB)
         front.setsockopt(zmq.XPUB_WELCOME_MSG, b"welcome.")
+        served(front)
         port = front.bind_to_random_port("tcp://127.0.0.1")
         ends.append(threading.Thread(target=carry, args=(events, front)))
         ends[-1].start()
@@ -31,7 +33,7 @@ def lossy() -> Iterator[Callable[[str], str]]:
     def carry(events: str, front: "zmq.Socket[bytes]") -> None:
         with context.socket(zmq.SUB) as back, front:
             back.subscribe(b"")
-            back.connect(events)
+            unlocked(back).connect(events)
             heard = 0
             while not stop.is_set():
                 if front.poll(5):
@@ -88,7 +90,7 @@ def test_a_reader_that_never_reads_holds_nobody_up(start_daemon, build: Build) -
     with context.socket(zmq.SUB) as sleeper:
         sleeper.setsockopt(zmq.RCVHWM, 1)
         sleeper.subscribe(b"")
-        sleeper.connect(where.events)
+        unlocked(sleeper).connect(where.events)
         sleeper.recv()
         with connect() as lab:
             for _ in range(10):

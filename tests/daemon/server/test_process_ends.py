@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import zmq
+from keyed import unlocked
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.connection import DaemonError
@@ -36,7 +37,7 @@ def overhear(endpoint: str, heard: list[list[bytes]], stop: threading.Event) -> 
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.SUB) as link:
         link.subscribe(b"")
-        link.connect(endpoint)
+        unlocked(link).connect(endpoint)
         while not stop.is_set():
             if link.poll(50):
                 heard.append(link.recv_multipart())
@@ -48,7 +49,7 @@ def ask_for_measurements(endpoint: str, build: Build, go_on: Callable[[], bool])
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.DEALER) as link:
         link.setsockopt(zmq.LINGER, 0)
-        link.connect(endpoint)
+        unlocked(link).connect(endpoint)
         while go_on():
             link.send(to_json(MeasureRequest(id=uuid7(), build=build, step="disk")))
             time.sleep(0.02)

@@ -54,15 +54,15 @@ def test_it_comes_fits_and_comes_back(start_daemon, end, build: Build, tmp_path:
 
     guest = visitor(where, "measure")
     with connect() as lab:
-        wait_until(lambda: [one.name for one in lab.hello().fitters] == [ECHO])
+        wait_until(lambda: [one.name for one in lab.hello().fitters] == ["Echo"])
         measurement = lab.measure(build, "disk").id
-        assert lab.wait_fit(ECHO, measurement).steps == ("disk",)
+        assert lab.wait_fit("Echo", measurement).steps == ("disk",)
     end(where.pid, signal.SIGKILL)
     start_daemon(**ports)
     with connect() as lab:
-        wait_until(lambda: [one.name for one in lab.hello().fitters] == [ECHO])
-        assert lab.wait_fit(ECHO, lab.measure(build, "disk").id).steps == ("disk",)
+        wait_until(lambda: [one.name for one in lab.hello().fitters] == ["Echo"])
+        assert lab.wait_fit("Echo", lab.measure(build, "disk").id).steps == ("disk",)
         revoke(keys_folder(tmp_path), "measure")
         with pytest.raises(DaemonError, match="no answer within 1 s"):
-            lab.wait_fit(ECHO, lab.measure(build, "disk").id, patience=1.0)
+            lab.wait_fit("Echo", lab.measure(build, "disk").id, patience=1.0)
     assert guest.poll() is None or "revoked" in guest.stderr.read()

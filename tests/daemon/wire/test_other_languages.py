@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from pzctl import connect
+from pzctl.daemon.files.paths import daemon_file, home
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
@@ -63,9 +64,13 @@ def _has_zeromq(node: str, folder: Path) -> bool:
 @pytest.mark.parametrize("language", ["c_subscriber", "node_subscriber"])
 def test_the_same_numbers(start_daemon, build: Build, language: str, request: pytest.FixtureRequest) -> None:
     words: list[str] = request.getfixturevalue(language)
-    where = start_daemon()
+    start_daemon()
     program = subprocess.Popen(
-        [*words, where.events], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ)
+        [*words, str(daemon_file(home()))],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=dict(os.environ),
     )
     stop = threading.Timer(60, program.kill)
     stop.start()

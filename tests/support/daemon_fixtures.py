@@ -1,0 +1,81 @@
+"""A daemon in a process of its own, on a data folder of its own, with a simulated 4294A that answers at once."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.daemon_options import DaemonOptions
+from pzctl.daemon.server.launch import start
+from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
+from pzctl.models.sweep_plan import Segment, SweepPlan
+
+
+@pytest.fixture
+def build() -> Build:
+    air = LoadSpec("air", Quantity(413.0))
+    return Build(
+        name="S4.a",
+        area=Quantity(2.01e-4),
+        layers=(LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}), LayerSpec("ml1", "elastic", {})),
+        back=air,
+        front=air,
+        steps=(Step("disk", ("disk",)), Step("ml1", ("disk", "ml1"))),
+        plan=SweepPlan((Segment(1e6, 6e6, 51), Segment(5e5, 15.5e6, 41))),
+    )
+
+
+@pytest.fixture
+def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
+    """Return a function that starts a daemon on this test's data folder; what it started is ended after the test."""
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    pids: list[int] = []
+
+    def begin(
+        *fitters: str,
+        names: tuple[str, ...] = (),
+        time_scale: float = 0.0,
+        simulator: Mapping[str, object] | None = None,
+        **options: object,
+    ) -> Location:
+        named = (*(f"guest_examples:{name}" for name in fitters), *names)
+        simulated = {"time_scale": time_scale, **(simulator or {})}
+        where = start(DaemonOptions(fitters=named, simulator=simulated, **options))  # type: ignore[arg-type]
+        pids.append(where.pid)
+        return where
+
+    yield begin
+    for pid in pids:
+        _end(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def end() -> Callable[[int, signal.Signals], None]:
+    """Return a function that sends a signal to a daemon this test started and waits until it has gone."""
+    return _end
+
+
+@pytest.fixture
+def wait_until() -> Callable[[Callable[[], object]], None]:
+    """Return a function that waits until something is true, and fails after a time long enough for any machine."""
+
+    def wait(true: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 120
+        while not true():
+            assert time.monotonic() < deadline, "it did not become true"
+            time.sleep(0.02)
+
+    return wait
+
+
+def _end(pid: int, how: signal.Signals) -> None:
+    try:
+        os.kill(pid, how)
+        os.waitpid(pid, 0)
+    except (ProcessLookupError, ChildProcessError):
+        return

@@ -1,0 +1,24 @@
+"""Plain ZeroMQ sockets with the key of this account, as a program that is no client of ours would set it."""
+
+import zmq
+
+from pzctl.daemon.client.location import Location, find
+from pzctl.daemon.files.paths import home, keys_folder
+from pzctl.daemon.server.sockets import unlock
+from pzctl.daemon.wire.curve_keys import local_keys
+
+
+def unlocked(link: "zmq.Socket[bytes]", where: Location | None = None) -> "zmq.Socket[bytes]":
+    """Return the socket with the key of the daemon at `where`; without, of the one on this test's data folder."""
+    there = where or find(home())
+    assert there is not None
+    unlock(link, there.key)
+    return link
+
+
+def served(link: "zmq.Socket[bytes]") -> "zmq.Socket[bytes]":
+    """Return a socket that takes the place of the daemon's: it has its pair."""
+    pair = local_keys(keys_folder(home())).server
+    link.set(zmq.CURVE_SERVER, 1)
+    link.set(zmq.CURVE_SECRETKEY, pair.secret.encode())
+    return link
