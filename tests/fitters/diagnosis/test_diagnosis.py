@@ -54,7 +54,20 @@ def test_an_open_case(cases: Path, name: str) -> None:
     assert set(found) == {(planted["effect"], planted["step"]) for planted in truth["findings"]}
     for planted in truth["findings"]:
         assert found[planted["effect"], planted["step"]] in planted["where"]
-    assert set(truth["not_decidable"]) <= {entry.effect for entry in diagnosis.not_decidable}
+    listed = {entry.effect for entry in diagnosis.not_decidable}
+    assert set(truth["not_decidable"]) <= listed
+    assert not listed & {planted["effect"] for planted in truth["findings"]}, "named and said to be undecidable"
+    for entry in diagnosis.not_decidable:
+        assert entry.shifts, f"{entry.effect} is listed, but no constant would change"
+        assert any(size.value > 0 for size in entry.upper_limit.values())
+
+
+def test_an_undecidable_effect_is_listed_with_limits_that_include_the_bias_it_causes(cases: Path) -> None:
+    diagnosis, truth = diagnosed(cases, "hidden-mass")
+    (mass,) = (entry for entry in diagnosis.not_decidable if entry.effect == "electrode-mass")
+    fitted = diagnosis.final.constants["disk.c33D"]
+    bias = 1 - fitted.re / truth["constants"]["disk.c33D"][0]
+    assert 0.005 < bias < mass.shifts["disk.c33D"]
 
 
 def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
