@@ -21,6 +21,20 @@ ROOT = Path(__file__).resolve().parents[1]
 
 SUPPORT = ROOT / "tests" / "support"
 
+STARTS_PROCESSES = frozenset({"start_daemon", "on_cores", "cluster", "odd_fitter"})
+"""Fixtures that start processes."""
+PROCESS_MODULES = frozenset({"subprocess", "multiprocessing", "postgres", "Browser", "start"})
+"""Names that a test module imports to start processes itself: the last two a browser and a daemon."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as `system` the tests that start processes: by a fixture, or in a module that imports what starts them."""
+    for item in items:
+        imported = vars(item.module) if isinstance(item, pytest.Function) else {}
+        fixtures = getattr(item, "fixturenames", ())
+        if STARTS_PROCESSES.intersection(fixtures) or PROCESS_MODULES.intersection(imported):
+            item.add_marker(pytest.mark.system)
+
 
 def _folder(variable: str, default: Path) -> Path:
     """Return the folder that an environment variable names, or the default; skip the test if it does not exist."""

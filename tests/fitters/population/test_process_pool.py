@@ -9,7 +9,6 @@ import pytest
 from pzctl.fitters.population.process_pool import started
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("end", [KeyboardInterrupt, ValueError])
 def test_an_interrupted_pool_leaves_no_process_and_no_thread(end: type[BaseException]) -> None:
     """A thread that outlives the pool writes "Bad file descriptor" when the interpreter ends."""
@@ -22,7 +21,6 @@ def test_an_interrupted_pool_leaves_no_process_and_no_thread(end: type[BaseExcep
     assert set(threading.enumerate()) <= threads
 
 
-@pytest.mark.system
 def test_a_pool_that_ends_normally_gives_every_answer() -> None:
     with started(abs, [-1, -2, -3], workers=2) as futures:
         assert {item: future.result() for future, item in futures.items()} == {-1: 1, -2: 2, -3: 3}
