@@ -1,4 +1,4 @@
-"""The simulator as a process: the instrument's raw socket, the bench's port, and their life."""
+"""The simulator as a process: the raw socket of the instrument, the port of the bench, and their start and stop."""
 
 import asyncio
 import contextlib
@@ -30,17 +30,17 @@ class SimOptions:
     port: int = 5025
     """Instrument's raw socket; 0 takes any free port."""
     bench_port: int = 5026
-    """The bench's own port; 0 takes any free port."""
+    """The port of the bench; 0 takes any free port."""
     prologix_port: int | None = None
-    """GPIB adapter in the manner of Prologix (1234 is its usual port, 0 any free one); None has no adapter."""
+    """Port of a Prologix-like GPIB adapter (usually 1234; 0 takes any free port); None: no adapter."""
     ftp_port: int | None = None
-    """FTP server of the instrument's files (21 is its usual port, 0 any free one); None has none."""
+    """Port of the FTP server for the instrument's files (usually 21; 0 takes any free port); None: no server."""
     time_scale: float = 1.0
     """How long a sweep lasts compared with the real instrument; 0 answers at once."""
     seed: int = 0
-    """Which sample lies on the bench, and which noise."""
+    """Seed of the sample on the bench and of the noise."""
     jig: str = "compensated"
-    """One of sim.jig.JIGS."""
+    """One of sim.bench.jig.JIGS."""
     noise: bool = True
     """Random noise by bandwidth, averaging and level."""
     radial: bool = False
@@ -48,9 +48,9 @@ class SimOptions:
     off: bool = False
     """The instrument's systematic error, within its accuracy."""
     hidden: Mapping[str, float] = field(default_factory=dict[str, float])
-    """What is hidden on the bench from the beginning: sizes (SI) by the names of sim.hidden.KINDS."""
+    """Hidden effects on the bench at the start: sizes (SI) by the names of sim.bench.hidden_effects.KINDS."""
     host: str = "127.0.0.1"
-    """Address to listen on: the loopback unless told otherwise."""
+    """Address to listen on."""
 
     def __post_init__(self) -> None:
         ports = {
@@ -93,15 +93,15 @@ class Simulator:
         return f"TCPIP0::{self.options.host}::{self.port}::SOCKET"
 
     async def start(self) -> None:
-        """Listen on all ports. Raises SimError where one is taken."""
+        """Listen on all ports. Raises SimError if one is taken."""
         o = self.options
         bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
         hide(bench, o.hidden)
         self.instrument = Instrument(bench, o.time_scale)
         faults = Faults()
-        midway = InFlight(self.instrument, self._power_cycle)
-        exchange = Exchange(self.instrument, faults, midway)
-        bench_port = BenchPort(self.instrument, faults, midway, self._power_cycle)
+        in_flight = InFlight(self.instrument, self._power_cycle)
+        exchange = Exchange(self.instrument, faults, in_flight)
+        bench_port = BenchPort(self.instrument, faults, in_flight, self._power_cycle)
         self.port = self._listen(o.port, lambda r, w: self._powered(serve_socket(exchange, r, w)))
         self.bench_port = self._listen(o.bench_port, bench_port.serve)
         if o.prologix_port is not None:
@@ -123,7 +123,7 @@ class Simulator:
             await service
 
     def _power_cycle(self, seconds: float) -> None:
-        """Mains fails: everybody is cut off, RAM is gone; connections are refused for this time."""
+        """Fail the mains: disconnect all clients, lose the RAM and refuse connections for this time."""
         self._off_until = asyncio.get_running_loop().time() + seconds
         self._listeners[0].drop_clients()
         if self._gpib is not None:
@@ -151,9 +151,9 @@ async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: 
 
 
 def run(options: SimOptions) -> None:
-    """Run the simulator until SIGTERM or SIGINT. Raises SimError where a port is taken.
+    """Run the simulator until SIGTERM or SIGINT. Raises SimError if a port is taken.
 
-    When it is ready, one line for people goes to standard error and one JSON object to standard output.
+    When it is ready, it prints a line for people to standard error and a JSON object to standard output.
     """
 
     def ready(simulator: Simulator) -> None:
@@ -181,9 +181,9 @@ def run(options: SimOptions) -> None:
 
 @contextlib.contextmanager
 def running(options: SimOptions | None = None) -> Generator[Simulator]:
-    """Run a simulator in a thread for the length of a `with` block; without options on free ports, answering at once.
+    """Run a simulator in a thread for a `with` block; by default on free ports and without waiting.
 
-    Raises SimError where a port is taken.
+    Raises SimError if a port is taken.
     """
     chosen = options or SimOptions(port=0, bench_port=0, time_scale=0.0)
     handover: Queue[tuple[Simulator, Callable[[], None]] | BaseException] = Queue()
@@ -195,7 +195,7 @@ def running(options: SimOptions | None = None) -> Generator[Simulator]:
     def thread_main() -> None:
         try:
             asyncio.run(main())
-        except BaseException as error:  # whatever it is, the caller waits for it
+        except BaseException as error:  # the caller waits for it and raises it
             handover.put(error)
 
     thread = threading.Thread(target=thread_main, name="simulated 4294A", daemon=True)

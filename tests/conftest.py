@@ -1,7 +1,12 @@
-"""Where the recordings of others lie; tests that need them skip with a reason where they are absent."""
+"""Signals as a terminal has them, the open cases, and real recordings: tests skip with a reason without the last."""
 
 import os
+import signal
 import sys
+
+# `nohup` and `&` in a script let pytest ignore Ctrl-C. Children inherit that, and tests could not interrupt them.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tests share two cores
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
@@ -14,20 +19,44 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def _folder(variable: str, default: str) -> Path:
-    folder = Path(os.environ.get(variable, ROOT / ".." / "shared" / default)).resolve()
+SUPPORT = ROOT / "tests" / "support"
+
+STARTS_PROCESSES = frozenset({"start_daemon", "on_cores", "cluster", "odd_fitter"})
+"""Fixtures that start processes."""
+PROCESS_MODULES = frozenset({"subprocess", "multiprocessing", "postgres", "Browser", "start"})
+"""Names that a test module imports to start processes itself: the last two a browser and a daemon."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as `system` the tests that start processes: by a fixture, or in a module that imports what starts them."""
+    for item in items:
+        imported = vars(item.module) if isinstance(item, pytest.Function) else {}
+        fixtures = getattr(item, "fixturenames", ())
+        if STARTS_PROCESSES.intersection(fixtures) or PROCESS_MODULES.intersection(imported):
+            item.add_marker(pytest.mark.system)
+
+
+def _folder(variable: str, default: Path) -> Path:
+    """Return the folder that an environment variable names, or the default; skip the test if it does not exist."""
+    folder = Path(os.environ.get(variable, default)).resolve()
     if not folder.is_dir():
-        pytest.skip(f"{folder} is absent; set {variable} to the folder of {default}")
+        pytest.skip(f"{folder} is absent; set {variable} to the folder of {default.name}")
     return folder
 
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
-    """The folder of real recordings by others."""
-    return _folder("PZCTL_RECORDINGS", "recordings")
+    """The folder of real recordings by others, which are not part of the repository."""
+    return _folder("PZCTL_RECORDINGS", ROOT.parent / "shared" / "recordings")
 
 
 @pytest.fixture(scope="session")
 def cases() -> Path:
-    """The folder of open cases: devices of an independent world, with their truth."""
-    return _folder("PZCTL_CASES", "cases")
+    """The folder of the ten open cases: devices of an independent world, with their truth."""
+    return _folder("PZCTL_CASES", SUPPORT / "cases")
+
+
+@pytest.fixture(scope="session")
+def lab_cases() -> Path:
+    """The folder of the nine open cases that are recorded as a laboratory records them, with their truth."""
+    return _folder("PZCTL_CASES_LAB", SUPPORT / "cases-lab")

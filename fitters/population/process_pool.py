@@ -29,12 +29,13 @@ def started(
             futures = {pool.submit(call, item): item for item in items}
         yield futures
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
         for child in set(multiprocessing.active_children()) - set(before):
             child.terminate()
+        # Wait in the first call: shutdown(wait=False) forgets the pool's thread, and a second call cannot wait for it.
+        # That thread would close its pipes while the ending interpreter writes to them: "Bad file descriptor".
+        pool.shutdown(wait=True, cancel_futures=True)
         raise
-    finally:
-        pool.shutdown(wait=True)
+    pool.shutdown(wait=True)
 
 
 def _leave_ctrl_c_to_the_parent() -> None:

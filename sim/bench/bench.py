@@ -1,7 +1,7 @@
-"""The virtual bench: what is in the fixture, and what the analyzer's bridge sees of it.
+"""The virtual bench: the content of the fixture, and what the bridge of the analyzer measures of it.
 
-The instrument asks `measure` for one sweep; the bench's own commands change what is measured. The two never mix:
-no word of the instrument's dialect glues a layer.
+The instrument calls `measure` for a sweep; the commands of the bench change what is measured. The two never mix:
+no command of the instrument glues a layer.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from .sample import STEPS, BenchSample, sample
 from .sweep_effects import Effects, device_impedance
 
 CONTENTS = ("device", "open", "short", "load")
-"""What a person can put into the fixture."""
+"""The possible contents of the fixture."""
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Bench:
     noise: bool = True
     """Random noise of section 8.3."""
     radial: bool = False
-    """Whether the disk has its radial modes: a 1-D thickness model does not know them."""
+    """Whether the disk has radial modes, which a 1-D thickness model does not have."""
     off: bool = False
     """Systematic error of section 8.2, the same for every sweep of this instrument."""
     jig: Jig = field(default_factory=lambda: JIGS["compensated"])
@@ -37,7 +37,7 @@ class Bench:
     step: str = field(init=False, default=STEPS[0])
     content: str = field(init=False, default=CONTENTS[0])
     seconds: float = field(init=False, default=0.0)
-    """Bench time: the unscaled seconds that all sweeps so far took."""
+    """Bench time: the unscaled duration of all sweeps so far."""
     inverted: bool = False
     """Fault: polarity reversed, the impedance comes with the opposite sign."""
     sample: BenchSample = field(init=False)
@@ -53,7 +53,7 @@ class Bench:
         self._random, self._idle_random = (np.random.default_rng([seed, stream]) for stream in (0, 1))
 
     def glue(self, step: str) -> None:
-        """Bring the device to a gluing step. Raises BenchError for one that does not exist or lies behind."""
+        """Glue the device up to a step. Raises BenchError for a step that does not exist or that is already passed."""
         self.sample.names(step)
         if STEPS.index(step) < STEPS.index(self.step):
             raise BenchError(
@@ -76,11 +76,11 @@ class Bench:
         self.content = content
 
     def measure(self, axis: Axis, point_seconds: Reals, reverse: bool, idle: bool = False) -> Impedances:
-        """Return one sweep as the bridge sees it, shape (N,), points in the axis's order; bench time goes on.
+        """Return one sweep as the bridge measures it, shape (N,), points in the order of the axis; bench time goes on.
 
         `point_seconds`, shape (N,), is how long each point takes; `reverse` sweeps from the last point to the first.
-        An `idle` sweep is one of CONT: how many there were depends on when people came, so they take no bench
-        time and have a noise of their own, and what is measured after them is the same on every run.
+        An `idle` sweep is one of CONT. Their number depends on when clients connect, so they take no bench time and
+        have a separate noise stream: the sweeps after them are the same on every run.
         """
         order = np.arange(axis.values.size, dtype=np.intp)[:: -1 if reverse else 1]
         when = np.empty_like(point_seconds)
@@ -106,14 +106,14 @@ class Bench:
     def _as_read(self, z: Impedances, axis: Axis, random: np.random.Generator) -> Impedances:
         level = np.where(axis.level > 0, axis.level, 1e-3)
         if self.off:
-            z = systematic(z, terms(axis.frequency, axis.bandwidth, level), self._own_error())
+            z = systematic(z, terms(axis.frequency, axis.bandwidth, level), self._instrument_error())
         if self.noise:
             sigma = noise_sigma(z, axis.frequency, axis.bandwidth, level, axis.point_average)
             z = noisy(z, sigma, random)
         return -z if self.inverted else z
 
-    def _own_error(self) -> Complexes:
-        """Return how this instrument uses up its accuracy: fixed by the seed, each of size at most 1."""
+    def _instrument_error(self) -> Complexes:
+        """Return the error of this instrument in parts of its accuracy, shape (3,): fixed by the seed, at most 1."""
         random = np.random.default_rng([self.seed, 82])
         angle = 2 * np.pi * random.uniform(0, 1, 3)
         return random.uniform(0.2, 0.9, 3) * (np.cos(angle) + 1j * np.sin(angle))

@@ -8,10 +8,10 @@ from .bench_errors import BenchError
 
 
 def bench_command(host: str, port: int, *, timeout: float = 10.0, **command: Any) -> dict[str, Any]:
-    """Send one command to the bench's port and return its answer.
+    """Send a command to the port of the bench and return its answer.
 
     `bench_command("127.0.0.1", 5026, command="step", name="ml1")` glues the first matching layer.
-    Raises BenchError where nobody answers within `timeout` seconds, and where the bench refuses.
+    Raises BenchError if nobody answers within `timeout` seconds or the bench refuses the command.
     """
     where = f"bench at {host}:{port}"
     try:

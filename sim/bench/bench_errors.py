@@ -1,4 +1,4 @@
-"""What the virtual bench says no with; apart from the physics, so that who only asks the bench need not load it."""
+"""The error of the virtual bench, in a module of its own so that clients of the bench need not import the physics."""
 
 from ...models.base.errors import PzctlError
 

@@ -1,4 +1,4 @@
-"""The bench's own port: one JSON object per line in, one out. Here layers are glued, never by the instrument."""
+"""The port of the bench: one JSON object per line in, one out. Layers are glued here, never by the instrument."""
 
 import asyncio
 import contextlib
@@ -21,10 +21,10 @@ class BenchPort:
     """Answers the bench's commands."""
 
     def __init__(
-        self, instrument: Instrument, faults: Faults, midway: InFlight, power_cycle: Callable[[float], None]
+        self, instrument: Instrument, faults: Faults, in_flight: InFlight, power_cycle: Callable[[float], None]
     ) -> None:
         self._instrument, self._bench, self._faults = instrument, instrument.bench, faults
-        self._midway, self._power_cycle = midway, power_cycle
+        self._in_flight, self._power_cycle = in_flight, power_cycle
         self._commands: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "status": lambda _: {},
             "step": lambda c: self._done(self._bench.glue(_text(c, "name"))),
@@ -51,7 +51,7 @@ class BenchPort:
     async def _line(self, reader: asyncio.StreamReader) -> bytes:
         try:
             return await reader.readline()
-        except ValueError:  # longer than the limit: what is left of it makes no sense either
+        except ValueError:  # the line is longer than the limit; the rest of it is no command
             return b""
 
     def answer(self, line: bytes) -> dict[str, Any]:

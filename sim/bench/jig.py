@@ -8,7 +8,7 @@ import numpy as np
 from ...models.base.arrays import Complexes, Frequencies, Impedances
 
 OPEN = 1e-15
-"""Admittance of nothing at all, S: what keeps 1/Y finite."""
+"""Admittance of an empty fixture, S; it keeps 1/Y finite."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Jig:
     """Parallel, S."""
 
     def through(self, frequency: Frequencies, admittance: Complexes) -> Impedances:
-        """Return the impedance seen, shape (N,), where the contacts hold a device of this admittance (S)."""
+        """Return the impedance seen through the fixture, shape (N,), for a device of this admittance (S)."""
         w = 2 * np.pi * frequency
         shunt = self.conductance + 1j * w * self.capacitance + admittance
         inner = 1 / np.where(np.abs(shunt) < OPEN, OPEN, shunt)
@@ -53,7 +53,7 @@ CLIPS = Jig(resistance=60e-3, inductance=150e-9, capacitance=3e-12)
 """Clip leads of 15 cm, not compensated."""
 
 COMPENSATED = COAX.scaled(5e-5)
-"""What is left of the coax after open/short with perfect standards: the noise of those two measurements."""
+"""The residual of the coax after open/short compensation with perfect standards: the noise of the two measurements."""
 
 JIGS = {"compensated": COMPENSATED, "coax": COAX, "clips": CLIPS, "ideal": Jig()}
 """The jigs of the bench by name."""

@@ -1,7 +1,7 @@
 """The transducer on the bench: a stack whose true constants are known here and nowhere else.
 
 The numbers are those of the thesis (Tjelde, NTNU 2012, tables 4.1 to 4.7): a Pz27 disk whose fitted constants
-differ from the data sheet's, as real ones do, and two glued matching layers. Every seed is another sample.
+differ from the data sheet's, as real ones do, and two glued matching layers. Every seed gives another sample.
 """
 
 from collections.abc import Callable

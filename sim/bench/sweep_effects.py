@@ -1,6 +1,6 @@
-"""What the device does while it is measured: it drifts, it bends with the level, it answers late.
+"""Effects during a sweep: the device drifts, softens with the level and responds late.
 
-All of it is computed point by point in the order of the sweep, on the model's own parameters.
+They are computed point by point in the order of the sweep, on the parameters of the model.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -15,7 +15,7 @@ from ..instrument.axis import Axis
 from .bench_errors import BenchError
 
 SOURCE_OHM = 25.0
-"""Source resistance of the analyzer: what of the level reaches the device."""
+"""Source resistance of the analyzer, which reduces the level at the device."""
 
 STIFFNESS_PER_KELVIN, PERMITTIVITY_PER_KELVIN = -1.4e-4, 4e-3
 """Relative change of c33D and eps33S of a soft PZT per kelvin (frequency falls by 0.7e-4/K)."""
@@ -26,14 +26,14 @@ RAYLEIGH = 4 / (3 * np.pi)
 
 @dataclass(frozen=True)
 class Effects:
-    """Hidden physics of the device, each off where it is 0."""
+    """Hidden effects of the device; 0 switches one off."""
 
     drift_K_per_s: float = 0.0
     """The device warms at this rate in bench time."""
     start_K: float = 0.0
     """Temperature above the reference at bench time 0, K."""
     lag_s: float = 0.0
-    """The reading is that of this many seconds ago: Y(f - rate * lag)."""
+    """The reading lags by this many seconds: Y(f - rate * lag)."""
     strain_softening: float = 0.0
     """a in c33D (1 - a |S|), |S| the mean strain's amplitude; the loss grows by 4/(3 pi) a |S| (Rayleigh's law)."""
 
@@ -51,7 +51,7 @@ class Effects:
 def device_impedance(
     device: Model, effects: Effects, axis: Axis, when: Reals, point_seconds: Reals, order: NDArray[np.intp]
 ) -> Impedances:
-    """Return Z of the device, shape (N,): point k is measured at `when[k]` s, the points being swept in `order`."""
+    """Return Z of the device, shape (N,); point k is measured at `when[k]` s, the points are swept in `order`."""
     frequency = lagging(axis.frequency, point_seconds, order, effects.lag_s)
     temperature = effects.start_K + effects.drift_K_per_s * when
     if not effects.strain_softening and not np.any(temperature):
@@ -65,7 +65,7 @@ def device_impedance(
 
 
 def lagging(frequency: Frequencies, point_seconds: Reals, order: NDArray[np.intp], lag_s: float) -> Frequencies:
-    """Return the frequency whose response is read at each point: behind by the rate of the sweep times the lag."""
+    """Return the frequency whose response is read at each point: it lags by the sweep rate times the lag."""
     if not lag_s or np.ptp(frequency) == 0:
         return frequency
     rate = np.empty_like(frequency)
@@ -74,7 +74,7 @@ def lagging(frequency: Frequencies, point_seconds: Reals, order: NDArray[np.intp
 
 
 def warmed(device: Model, kelvin: float) -> Model:
-    """Return the device with its disk this much above the reference temperature."""
+    """Return the device with its disk this many kelvins above the reference temperature."""
     if kelvin == 0:
         return device
     return _scaled(device, 1 + STIFFNESS_PER_KELVIN * kelvin, 1 + PERMITTIVITY_PER_KELVIN * kelvin)
@@ -97,9 +97,9 @@ def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
 def _softened(
     device: Model, frequency: Frequencies, level: float, softening: float, strain: float
 ) -> tuple[complex, float]:
-    """Return Z at one frequency with the strain that belongs to it, found from the strain of the point before.
+    """Return Z at one frequency and the strain there, by iteration from the strain of the point before.
 
-    Starting there is what makes the jump depend on the sweep's direction.
+    This start makes the jump depend on the direction of the sweep.
     """
     z = complex(device.impedance(frequency)[0])
     if not softening:

@@ -1,4 +1,4 @@
-"""`python -m pzctl.sim.blind_cases FOLDER SEED COUNT [JOBS]`: write cases, seal their truth, print its hash."""
+"""`python -m pzctl.sim.blind_cases FOLDER SEED COUNT [JOBS]`: write cases, seal their truth and print its hash."""
 
 import signal
 import sys
@@ -10,7 +10,7 @@ from .case_files import make_case, seal
 
 
 def main(folder: Path, seed: int, count: int, jobs: int) -> str:
-    """Write the cases in several processes, which end with this one; return the hash of the truth."""
+    """Write the cases with several processes, which end with this one; return the hash of the truth."""
     with Pool(jobs, _leave_signals_to_the_parent) as pool:
         truths = pool.map(partial(make_case, folder / "cases", seed), range(count), chunksize=1)
     return seal(folder, truths)
@@ -22,16 +22,16 @@ def _leave_signals_to_the_parent() -> None:
 
 
 def _end(*_: object) -> None:
-    """Answer the first signal only: a second one would disturb what the first one ends."""
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, signal.SIG_IGN)
+    """Answer only the first signal: a second one would disturb the clean-up."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 if __name__ == "__main__":
     target, *numbers = sys.argv[1:]
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, _end)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     try:
         print(main(Path(target), int(numbers[0]), int(numbers[1]), int(numbers[2]) if len(numbers) > 2 else 2))
     except KeyboardInterrupt:

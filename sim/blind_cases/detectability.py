@@ -1,7 +1,7 @@
-"""How visible a plant is: the chi2 that stays when all free constants have done what they can to imitate it.
+"""How detectable an effect is: the chi2 that remains after all free constants have been fitted without it.
 
-The constants that a fitter frees are moved here on noise-free recordings of this world's own, by Gauss and Newton's
-steps with derivatives from finite differences. What stays is the gain in chi2 that naming the plant can bring.
+The constants that a fitter frees are fitted here to noise-free recordings of this world, by Gauss-Newton steps with
+derivatives from finite differences. The remaining chi2 is the gain that naming the effect can bring.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,101 +22,103 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class AbsorbedFit:
-    """The best that the free constants can do without a plant."""
+    """The best fit of the free constants without an effect."""
 
     gain: float
-    """chi2 that stays."""
-    specimen: DeviceUnderTest
-    """The biased constants."""
+    """Remaining chi2."""
+    device: DeviceUnderTest
+    """The device with the biased constants."""
 
 
-def imitate(hideout: Scenario, index: int, takes: Sequence[SweepSpec]) -> AbsorbedFit:
-    """Return the fit without plant number `index`, the sizes of all other plants free."""
-    without = hideout.without(index)
-    target = [np.log(record(hideout.specimen, hideout.hidden(take.step), take)) for take in takes]
-    others = [k for k, plant in enumerate(hideout.plants) if k != index and plant.least < plant.most]
-    coats = [k for k, coat in enumerate(hideout.specimen.coats) if coat.name not in hideout.untold]
-    size = 8 + sum(1 if hideout.specimen.coats[k].glue else 3 for k in coats) + len(others)
+def fit_without(scenario: Scenario, index: int, sweeps: Sequence[SweepSpec]) -> AbsorbedFit:
+    """Return the best fit without effect number `index`; the sizes of all other effects are free."""
+    without = scenario.without(index)
+    target = [np.log(record(scenario.device, scenario.hidden(sweep.step), sweep)) for sweep in sweeps]
+    others = [k for k, effect in enumerate(scenario.effects) if k != index and effect.min_scale < effect.max_scale]
+    layers = [k for k, layer in enumerate(scenario.device.layers) if layer.name not in scenario.omitted]
+    size = 8 + sum(1 if scenario.device.layers[k].glue else 3 for k in layers) + len(others)
 
     def world(x: Reals) -> Scenario:
-        specimen = moved(hideout.specimen, x[: size - len(others)], coats)
-        plants: list[InjectedEffect] = list(without.plants)
+        device = changed(scenario.device, x[: size - len(others)], layers)
+        effects: list[InjectedEffect] = list(without.effects)
         for k, change in zip(others, x[size - len(others) :], strict=True):
-            plants[k] = replace(plants[k], scale=plants[k].scale * (1 + change))
-        return Scenario(specimen, tuple(plants))
+            effects[k] = replace(effects[k], scale=effects[k].scale * (1 + change))
+        return Scenario(device, tuple(effects))
 
     def residual(x: Reals) -> Reals:
         here = world(x)
         rows = [
-            _row(record(here.specimen, here.hidden(take.step), take), wanted, take)
-            for take, wanted in zip(takes, target, strict=True)
+            _row(record(here.device, here.hidden(sweep.step), sweep), wanted, sweep)
+            for sweep, wanted in zip(sweeps, target, strict=True)
         ]
-        return np.concatenate([*rows, _priors(here.specimen, coats)])
+        return np.concatenate([*rows, _priors(here.device, layers)])
 
     x, chi2 = _descend(residual, np.zeros(size))
-    return AbsorbedFit(chi2, world(x).specimen)
+    return AbsorbedFit(chi2, world(x).device)
 
 
-def sized(hideout: Scenario, index: int, takes: Sequence[SweepSpec], gain: float) -> tuple[Scenario, AbsorbedFit]:
-    """Return the hideout with plant `index` as large as it takes to be visible with `gain`, within physical limits."""
-    best, seen, power = hideout, imitate(hideout, index, takes), 2.0
+def scaled_to_gain(
+    scenario: Scenario, index: int, sweeps: Sequence[SweepSpec], gain: float
+) -> tuple[Scenario, AbsorbedFit]:
+    """Return the scenario with effect `index` scaled to be detectable with `gain`, within physical limits."""
+    best, fit, power = scenario, fit_without(scenario, index, sweeps), 2.0
     for _ in range(5):
-        plant = best.plants[index]
-        if plant.least >= plant.most or 0.7 < seen.gain / gain < 1.4:
+        effect = best.effects[index]
+        if effect.min_scale >= effect.max_scale or 0.7 < fit.gain / gain < 1.4:
             break
-        factor = float(np.clip((gain / max(seen.gain, 1e-6)) ** (1 / power), 0.02, 50.0))
-        scaled = plant.at(plant.scale * factor)
-        if scaled.scale == plant.scale:
+        factor = float(np.clip((gain / max(fit.gain, 1e-6)) ** (1 / power), 0.02, 50.0))
+        scaled = effect.at(effect.scale * factor)
+        if scaled.scale == effect.scale:
             break
-        best = replace(best, plants=tuple(scaled if k == index else one for k, one in enumerate(best.plants)))
-        before, seen = seen, imitate(best, index, takes)
-        # most effects are felt in proportion, some (a spread of thickness) by their square: chi2 tells which
-        felt = np.log(max(seen.gain, 1e-9) / max(before.gain, 1e-9)) / np.log(scaled.scale / plant.scale)
-        power = float(np.clip(felt, 1.0, 5.0))
-    return best, seen
+        best = replace(best, effects=tuple(scaled if k == index else other for k, other in enumerate(best.effects)))
+        before, fit = fit, fit_without(best, index, sweeps)
+        # the residual of most effects is proportional to their size, of some (a spread of thickness) to its square
+        exponent = np.log(max(fit.gain, 1e-9) / max(before.gain, 1e-9)) / np.log(scaled.scale / effect.scale)
+        power = float(np.clip(exponent, 1.0, 5.0))
+    return best, fit
 
 
-def moved(specimen: DeviceUnderTest, x: Reals, coats: Sequence[int]) -> DeviceUnderTest:
-    """Return the specimen with its constants changed: relative changes of the disk's, the air's, the free coats'."""
+def changed(device: DeviceUnderTest, x: Reals, layers: Sequence[int]) -> DeviceUnderTest:
+    """Return the device with relative changes of the constants of its disk, of the air and of the free layers."""
     disk = replace(
-        specimen.disk,
-        c33D=specimen.disk.c33D * (1 + complex(x[0], x[1])),
-        h33=specimen.disk.h33 * (1 + complex(x[2], x[3])),
-        eps33S=specimen.disk.eps33S * (1 + complex(x[4], x[5])),
+        device.disk,
+        c33D=device.disk.c33D * (1 + complex(x[0], x[1])),
+        h33=device.disk.h33 * (1 + complex(x[2], x[3])),
+        eps33S=device.disk.eps33S * (1 + complex(x[4], x[5])),
     )
     air = [AIR * max(1 + float(change), 0.0) for change in x[6:8]]
-    all_coats, at = list(specimen.coats), 8
-    for k in coats:
-        coat = all_coats[k]
-        if coat.glue:
-            all_coats[k] = replace(coat, thickness=coat.thickness * float(np.exp(np.clip(x[at], -3, 3))))
+    all_layers, at = list(device.layers), 8
+    for k in layers:
+        layer = all_layers[k]
+        if layer.glue:
+            all_layers[k] = replace(layer, thickness=layer.thickness * float(np.exp(np.clip(x[at], -3, 3))))
             at += 1
         else:
-            all_coats[k] = _moved_coat(coat, x[at : at + 3])
+            all_layers[k] = _changed_layer(layer, x[at : at + 3])
             at += 3
-    back = air[0] if specimen.back == AIR else specimen.back
-    return replace(specimen, disk=disk, coats=tuple(all_coats), back=back, front=air[1])
+    back = air[0] if device.back == AIR else device.back
+    return replace(device, disk=disk, layers=tuple(all_layers), back=back, front=air[1])
 
 
-def _moved_coat(coat: BondedLayer, x: Reals) -> BondedLayer:
-    z, c, q = coat.z * (1 + float(x[0])), coat.c * (1 + float(x[1])), coat.q * float(np.exp(np.clip(x[2], -3, 3)))
-    return replace(coat, z=z, c=c, q=q)
+def _changed_layer(layer: BondedLayer, x: Reals) -> BondedLayer:
+    z, c, q = layer.z * (1 + float(x[0])), layer.c * (1 + float(x[1])), layer.q * float(np.exp(np.clip(x[2], -3, 3)))
+    return replace(layer, z=z, c=c, q=q)
 
 
-def _row(z: Complexes, wanted: Complexes, take: SweepSpec) -> Reals:
+def _row(z: Complexes, wanted: Complexes, sweep: SweepSpec) -> Reals:
     difference = np.log(z) - wanted
     wrapped = difference.real + 1j * ((difference.imag + np.pi) % (2 * np.pi) - np.pi)
-    sigma = take.noise + 5e-6 / np.abs(z)
+    sigma = sweep.noise + 5e-6 / np.abs(z)
     return np.concatenate([wrapped.real / sigma, wrapped.imag / sigma])
 
 
-def _priors(specimen: DeviceUnderTest, coats: Sequence[int]) -> Reals:
-    """Return how far coats and air are from what is known of them, in its uncertainties, as far as it matters.
+def _priors(device: DeviceUnderTest, layers: Sequence[int]) -> Reals:
+    """Return the deviations of layers and air from what is known, in units of its uncertainty.
 
-    A face in a jig feels anything from nothing upwards: air counts as known to its own size.
+    The load on a face in a jig can be anything from zero upwards: the uncertainty of air is as large as its value.
     """
-    air = [load / AIR - 1 for load in (specimen.back, specimen.front) if load < _BACKED]
-    return np.array([*((specimen.coats[k].q - specimen.coats[k].told_q) / 1e3 for k in coats), *air], np.float64)
+    air = [load / AIR - 1 for load in (device.back, device.front) if load < _BACKED]
+    return np.array([*((device.layers[k].q - device.layers[k].stated_q) / 1e3 for k in layers), *air], np.float64)
 
 
 def _descend(residual: Callable[[Reals], Reals], x: Reals) -> tuple[Reals, float]:

@@ -1,4 +1,4 @@
-"""A piece of physics planted in a specimen: what it is called, where it sits, and how large it is."""
+"""An effect that is injected into a device: its name, its place and its size."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,18 +13,18 @@ Needs = Literal["nothing", "up and down", "levels", "the disk alone", "a backing
 
 @dataclass(frozen=True)
 class InjectedEffect:
-    """One effect. `put(hidden, scale)` hides it at `scale` times its base size; at 0 it is not there."""
+    """One effect. `apply(hidden, scale)` adds it with `scale` times its base size; at 0 it is absent."""
 
-    effect: str
+    name: str
     where: tuple[str, ...]
-    """All places that count as right, because this recording cannot know better."""
+    """All places that count as right, because this recording cannot distinguish them."""
     steps: tuple[str, ...]
-    """The steps whose recordings have it, in gluing order."""
-    put: Callable[[Hidden, float], Hidden]
+    """The steps whose recordings contain it, in gluing order."""
+    apply: Callable[[Hidden, float], Hidden]
     sizes: Mapping[str, float] = field(default_factory=dict[str, float])
     """Base sizes in SI units, for the truth file."""
-    least: float = 1e-4
-    most: float = 1e3
+    min_scale: float = 1e-4
+    max_scale: float = 1e3
     """Range of scales that are physical."""
     scale: float = 1.0
     needs: Needs = "nothing"
@@ -32,57 +32,57 @@ class InjectedEffect:
     """Other names that are right as well."""
 
     def at(self, scale: float) -> "InjectedEffect":
-        """Return the plant at another size, kept within what is physical."""
-        return replace(self, scale=min(max(scale, self.least), self.most))
+        """Return the effect with another scale, limited to the physical range."""
+        return replace(self, scale=min(max(scale, self.min_scale), self.max_scale))
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A specimen with plants."""
+    """A device and the effects in it."""
 
-    specimen: DeviceUnderTest
-    plants: tuple[InjectedEffect, ...] = ()
+    device: DeviceUnderTest
+    effects: tuple[InjectedEffect, ...] = ()
 
     def hidden(self, step: str) -> Hidden:
-        """Return everything hidden while `step` is measured."""
+        """Return all hidden sizes while `step` is measured."""
         hidden = NOTHING
-        for plant in self.plants:
-            hidden = plant.put(hidden, plant.scale if step in plant.steps else 0.0)
+        for effect in self.effects:
+            hidden = effect.apply(hidden, effect.scale if step in effect.steps else 0.0)
         return hidden
 
     @property
-    def untold(self) -> tuple[str, ...]:
-        """Names of the layers that the build file does not have."""
-        found = (self.hidden(step).untold for step in self.specimen.steps)
-        return tuple({one[0] for one in found if one is not None})
+    def omitted(self) -> tuple[str, ...]:
+        """Names of the layers that the build file omits."""
+        omitted = (self.hidden(step).omitted for step in self.device.steps)
+        return tuple({layer[0] for layer in omitted if layer is not None})
 
     def without(self, index: int) -> "Scenario":
-        """Return the same with one plant gone."""
-        plants = tuple(replace(p, scale=0.0) if k == index else p for k, p in enumerate(self.plants))
-        return replace(self, plants=plants)
+        """Return the same scenario with one effect removed."""
+        effects = tuple(replace(p, scale=0.0) if k == index else p for k, p in enumerate(self.effects))
+        return replace(self, effects=effects)
 
 
-def path_plant(effect: str, steps: tuple[str, ...], most: float, **sizes: Any) -> InjectedEffect:
-    """Return a plant on the way to the device; the sizes are those of `Path`."""
+def path_effect(name: str, steps: tuple[str, ...], max_scale: float, **sizes: Any) -> InjectedEffect:
+    """Return an effect in the leads; the sizes are those of `Path`."""
 
-    def put(hidden: Hidden, scale: float) -> Hidden:
-        path: Path = replace(hidden.path, **{name: scale * size for name, size in sizes.items()})
+    def apply(hidden: Hidden, scale: float) -> Hidden:
+        path: Path = replace(hidden.path, **{key: scale * size for key, size in sizes.items()})
         return replace(hidden, path=path)
 
-    return InjectedEffect(effect, ("terminals",), steps, put, sizes, most=most)
+    return InjectedEffect(name, ("terminals",), steps, apply, sizes, max_scale=max_scale)
 
 
-def slot_plant(
-    effect: str,
+def field_effect(
+    name: str,
     where: tuple[str, ...],
     steps: tuple[str, ...],
-    slot: Callable[[float], dict[str, Any]],
+    fields: Callable[[float], dict[str, Any]],
     sizes: dict[str, float],
     **more: Any,
 ) -> InjectedEffect:
-    """Return a plant that fills fields of `Hidden`; at scale 0 they are left as they are."""
+    """Return an effect that sets the fields of `Hidden` that `fields` returns for a scale; at scale 0 it sets none."""
 
-    def put(hidden: Hidden, scale: float) -> Hidden:
-        return replace(hidden, **slot(scale)) if scale else hidden
+    def apply(hidden: Hidden, scale: float) -> Hidden:
+        return replace(hidden, **fields(scale)) if scale else hidden
 
-    return InjectedEffect(effect, where, steps, put, sizes, **more)
+    return InjectedEffect(name, where, steps, apply, sizes, **more)

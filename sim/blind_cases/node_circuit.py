@@ -1,4 +1,4 @@
-"""What lies between the analyzer and the device: a circuit solved for its node voltages."""
+"""The leads between the analyzer and the device: a circuit that is solved for its node voltages."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ OHM_OF_CABLE = 50.0
 """Characteristic impedance of the cable."""
 _SECTIONS = 24
 _WIRE = 1e-4
-"""ohm: a wire that has no impedance has no admittance; what it adds is taken off again."""
+"""ohm, of each wire, because a wire without impedance has no finite admittance; it is subtracted from the result."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """What is on the way, and not told. Everything zero: nothing is."""
+    """The circuit elements in the leads that the build file omits; zero means absent."""
 
     inductance: float = 0.0
     """H, in series."""
@@ -28,13 +28,13 @@ class Path:
     delay: float = 0.0
     """s, one way through a cable."""
     branch: tuple[float, float, float] | None = None
-    """One resonance more: Hz, Q, and its static capacitance in F."""
+    """A further resonance: Hz, Q, and its static capacitance in F."""
     coupled: tuple[float, float, float] | None = None
-    """A loop beside the lead, coupled to it: its Hz, Q, and the mutual inductance over its own in H."""
+    """A loop that is coupled to the lead: its Hz, its Q, and M^2/L in H."""
 
 
 def measured_impedance(omega: Reals, device: Complexes, path: Path) -> Complexes:
-    """Return the impedance in ohm at the analyzer of a device with this admittance (S); shape (N,)."""
+    """Return the impedance (ohm) that the analyzer sees for a device with this admittance (S); shape (N,)."""
     nodes = 2 + (_SECTIONS if path.delay > 0 else 0)
     Y = np.zeros((omega.size, nodes, nodes), np.complex128)
     last = nodes - 1
@@ -49,7 +49,7 @@ def measured_impedance(omega: Reals, device: Complexes, path: Path) -> Complexes
 
 
 def _ladder(Y: Complexes, omega: Reals, delay: float) -> None:
-    """Add a line as many small sections, half of each capacitance at either end."""
+    """Add a transmission line as many small sections, with half of each capacitance at either end."""
     L, C = OHM_OF_CABLE * delay / _SECTIONS, delay / OHM_OF_CABLE / _SECTIONS
     for k in range(1, _SECTIONS + 1):
         _branch(Y, k, k + 1, 1 / (1j * omega * L))
@@ -74,7 +74,7 @@ def _resonator(omega: Reals, path: Path) -> Complexes:
 
 
 def _induced(omega: Reals, path: Path) -> Complexes:
-    """Return what a loop beside the lead adds to it: (w M)^2 over the loop's own impedance, M^2/L as one number."""
+    """Return the series impedance that a coupled loop adds to the lead: (w M)^2 over the impedance of the loop."""
     if path.coupled is None:
         return np.zeros_like(omega, np.complex128)
     f, Q, M2_L = path.coupled

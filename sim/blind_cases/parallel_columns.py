@@ -1,4 +1,4 @@
-"""A specimen with what is hidden in it, as columns side by side."""
+"""A device and its hidden effects as columns in parallel."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,50 +17,50 @@ _BACKING_SPEED = 2500.0
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """By how much stiffness and permittivity differ while each point is taken; one factor or shape (N,)."""
+class DriftFactors:
+    """Factors of stiffness and permittivity while each point is measured; one number or shape (N,)."""
 
     stiffness: float | Complexes = 1.0
     permittivity: float | Complexes = 1.0
 
 
-STILL = Moment()
+NO_DRIFT = DriftFactors()
 
 
 def device_admittance(
-    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment = STILL
+    f: Reals, device: DeviceUnderTest, hidden: Hidden, step: str, drift: DriftFactors = NO_DRIFT
 ) -> Complexes:
-    """Return the admittance of a step's device without what leads to it; S, shape (N,)."""
+    """Return the admittance of the device after a step, without the leads; S, shape (N,)."""
     if hidden.modes:
-        return finite_disk_admittance(f, specimen)
-    columns = _columns(f, specimen, hidden, step, moment)
-    return admittance(2 * np.pi * f, [(part * specimen.area, column) for part, column in columns])
+        return finite_disk_admittance(f, device)
+    columns = _columns(f, device, hidden, step, drift)
+    return admittance(2 * np.pi * f, [(part * device.area, column) for part, column in columns])
 
 
-def mean_strain(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment) -> Complexes:
+def mean_strain(f: Reals, device: DeviceUnderTest, hidden: Hidden, step: str, drift: DriftFactors) -> Complexes:
     """Return the disk's mean strain per ampere through the device; 1/A, shape (N,)."""
     omega = 2 * np.pi * f
-    _, column = _columns(f, specimen, hidden, step, moment)[0]
-    return respond(omega, column).strain / (1j * omega * specimen.area)
+    _, column = _columns(f, device, hidden, step, drift)[0]
+    return respond(omega, column).strain / (1j * omega * device.area)
 
 
 def _columns(
-    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment
+    f: Reals, device: DeviceUnderTest, hidden: Hidden, step: str, drift: DriftFactors
 ) -> list[tuple[float, LayerColumn]]:
-    """Return all columns with their parts of the area: a distribution of thickness, voids, a dot."""
-    whole: list[tuple[float, LayerColumn]] = []
-    for part, of_thickness in _thicknesses(specimen, hidden):
-        whole += [(part * share, column) for share, column in _bonded(f, of_thickness, hidden, step, moment)]
+    """Return all columns with their parts of the area, for a distribution of thickness, a void and a dot."""
+    columns: list[tuple[float, LayerColumn]] = []
+    for part, of_this_thickness in _thicknesses(device, hidden):
+        columns += [(part * share, column) for share, column in _bonded(f, of_this_thickness, hidden, step, drift)]
     if hidden.dot is None:
-        return whole
+        return columns
     share, mass, side = hidden.dot
-    loaded = [(part * share, _with_sheet(column, mass, side)) for part, column in whole]
-    return [(part * (1 - share), column) for part, column in whole] + loaded
+    loaded = [(part * share, _with_sheet(column, mass, side)) for part, column in columns]
+    return [(part * (1 - share), column) for part, column in columns] + loaded
 
 
-def _thicknesses(specimen: DeviceUnderTest, hidden: Hidden) -> list[tuple[float, DeviceUnderTest]]:
+def _thicknesses(device: DeviceUnderTest, hidden: Hidden) -> list[tuple[float, DeviceUnderTest]]:
     if hidden.taper is None:
-        return [(1.0, specimen)]
+        return [(1.0, device)]
     layer, half, shape = hidden.taper
     x = (np.arange(_THICKNESSES) + 0.5) / _THICKNESSES * 2 - 1
     weight = {
@@ -70,53 +70,53 @@ def _thicknesses(specimen: DeviceUnderTest, hidden: Hidden) -> list[tuple[float,
         "rough": np.exp(-((2.5 * x) ** 2) / 2),
     }[shape]
     weight = weight / np.sum(weight)
-    return [(float(w), _thicker(specimen, layer, 1 + half * float(k))) for w, k in zip(weight, x, strict=True)]
+    return [(float(w), _thicker(device, layer, 1 + half * float(k))) for w, k in zip(weight, x, strict=True)]
 
 
-def _thicker(specimen: DeviceUnderTest, layer: str, factor: float) -> DeviceUnderTest:
+def _thicker(device: DeviceUnderTest, layer: str, factor: float) -> DeviceUnderTest:
     if layer == "disk":
-        return replace(specimen, disk=replace(specimen.disk, thickness=specimen.disk.thickness * factor))
-    coats = tuple(replace(c, thickness=c.thickness * factor) if c.name == layer else c for c in specimen.coats)
-    return replace(specimen, coats=coats)
+        return replace(device, disk=replace(device.disk, thickness=device.disk.thickness * factor))
+    layers = tuple(replace(c, thickness=c.thickness * factor) if c.name == layer else c for c in device.layers)
+    return replace(device, layers=layers)
 
 
 def _bonded(
-    f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment
+    f: Reals, device: DeviceUnderTest, hidden: Hidden, step: str, drift: DriftFactors
 ) -> list[tuple[float, LayerColumn]]:
-    coats = _true_coats(specimen, hidden, step)
+    layers = _true_layers(device, hidden, step)
     if hidden.void is None:
-        return [(1.0, _column(f, specimen, coats, hidden, moment))]
+        return [(1.0, _column(f, device, layers, hidden, drift))]
     behind, share = hidden.void
-    names = ["disk", *(coat.name for coat in coats)]
-    bare = coats[: names.index(behind)] if behind in names else coats
+    names = ["disk", *(layer.name for layer in layers)]
+    bare = layers[: names.index(behind)] if behind in names else layers
     return [
-        (1 - share, _column(f, specimen, coats, hidden, moment)),
-        (share, _column(f, specimen, bare, hidden, moment)),
+        (1 - share, _column(f, device, layers, hidden, drift)),
+        (share, _column(f, device, bare, hidden, drift)),
     ]
 
 
-def _true_coats(specimen: DeviceUnderTest, hidden: Hidden, step: str) -> tuple[BondedLayer, ...]:
-    coats = specimen.coats_of(step)
-    if hidden.untold is None:
-        return coats
-    name, thickness = hidden.untold
-    there = (replace(coat, thickness=thickness) if coat.name == name else coat for coat in coats)
-    return tuple(coat for coat in there if coat.thickness > 0)
+def _true_layers(device: DeviceUnderTest, hidden: Hidden, step: str) -> tuple[BondedLayer, ...]:
+    layers = device.layers_of(step)
+    if hidden.omitted is None:
+        return layers
+    name, thickness = hidden.omitted
+    true_layers = (replace(layer, thickness=thickness) if layer.name == name else layer for layer in layers)
+    return tuple(layer for layer in true_layers if layer.thickness > 0)
 
 
 def _column(
-    f: Reals, specimen: DeviceUnderTest, coats: Sequence[BondedLayer], hidden: Hidden, moment: Moment
+    f: Reals, device: DeviceUnderTest, layers: Sequence[BondedLayer], hidden: Hidden, drift: DriftFactors
 ) -> LayerColumn:
     omega = 2 * np.pi * f
     parts: list[Part] = [InterfaceSheet(hidden.mass[0])] if hidden.mass[0] else []
-    parts += _ceramic(f, specimen, hidden, moment)
+    parts += _ceramic(f, device, hidden, drift)
     parts += [InterfaceSheet(hidden.mass[1])] if hidden.mass[1] else []
-    parts += [_coat(f, specimen, coat, hidden) for coat in coats]
-    back: complex | Complexes = specimen.back
+    parts += [_slice_of(f, device, layer, hidden) for layer in layers]
+    back: complex | Complexes = device.back
     if hidden.backing is not None:
-        parts.insert(0, _backing(specimen, hidden.backing))
+        parts.insert(0, _backing(device, hidden.backing))
         back = AIR
-    front: complex | Complexes = specimen.front
+    front: complex | Complexes = device.front
     if hidden.face is not None:
         side, kind, size = hidden.face
         resting = size * (1 + 0.05j) / (1j * omega) if kind == "spring" else size
@@ -124,17 +124,17 @@ def _column(
     return LayerColumn(tuple(parts), back, front)
 
 
-def _backing(specimen: DeviceUnderTest, size: tuple[float, float]) -> Slice:
+def _backing(device: DeviceUnderTest, size: tuple[float, float]) -> Slice:
     waves, q = size
-    length = waves * _BACKING_SPEED / specimen.disk.f0
-    stiffness = specimen.back * _BACKING_SPEED * (1 + 1j / q)
-    return Slice(length, specimen.back / _BACKING_SPEED, stiffness)
+    length = waves * _BACKING_SPEED / device.disk.f0
+    stiffness = device.back * _BACKING_SPEED * (1 + 1j / q)
+    return Slice(length, device.back / _BACKING_SPEED, stiffness)
 
 
-def _ceramic(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, moment: Moment) -> list[Part]:
-    disk = specimen.disk
-    c = disk.c33D * moment.stiffness * _loss(f, specimen, hidden, "disk", disk.c33D.real / disk.c33D.imag)
-    eps = disk.eps33S * moment.permittivity * _permittivity(f, specimen, hidden)
+def _ceramic(f: Reals, device: DeviceUnderTest, hidden: Hidden, drift: DriftFactors) -> list[Part]:
+    disk = device.disk
+    c = disk.c33D * drift.stiffness * _loss(f, device, hidden, "disk", disk.c33D.real / disk.c33D.imag)
+    eps = disk.eps33S * drift.permittivity * _permittivity(f, device, hidden)
     if hidden.surface is None:
         return [Slice(disk.thickness, DENSITY, c, disk.h33, eps)]
     depth, side, kind = hidden.surface
@@ -151,26 +151,26 @@ def _ceramic(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, moment: Moment
     return [*thin, rest] if side == "back" else [rest, *reversed(thin)]
 
 
-def _coat(f: Reals, specimen: DeviceUnderTest, coat: BondedLayer, hidden: Hidden) -> Slice:
-    stiffness = coat.z * coat.c * (1 + 1j / coat.q) * _loss(f, specimen, hidden, coat.name, coat.q)
-    return Slice(coat.thickness, coat.z / coat.c, stiffness)
+def _slice_of(f: Reals, device: DeviceUnderTest, layer: BondedLayer, hidden: Hidden) -> Slice:
+    stiffness = layer.z * layer.c * (1 + 1j / layer.q) * _loss(f, device, hidden, layer.name, layer.q)
+    return Slice(layer.thickness, layer.z / layer.c, stiffness)
 
 
-def _loss(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
+def _loss(f: Reals, device: DeviceUnderTest, hidden: Hidden, layer: str, q: float) -> complex | Complexes:
     """Return the factor that makes a loss of constant Q one that follows a power of frequency, equal at f0."""
     if hidden.loss_power is None or hidden.loss_power[0] != layer:
         return 1.0
     _, power, causal = hidden.loss_power
-    grown = (f / specimen.disk.f0) ** power
+    grown = (f / device.disk.f0) ** power
     real = (grown - 1) / np.tan(power * np.pi / 2) if causal else 0.0
     return (1 + (1j * grown + real) / q) / (1 + 1j / q)
 
 
-def _permittivity(f: Reals, specimen: DeviceUnderTest, hidden: Hidden) -> float | Complexes:
+def _permittivity(f: Reals, device: DeviceUnderTest, hidden: Hidden) -> float | Complexes:
     if hidden.dielectric is None:
         return 1.0
     kind, size = hidden.dielectric
-    x = f / specimen.disk.f0
+    x = f / device.disk.f0
     if kind == "power":
         return np.asarray(x**-size, np.complex128)
     return 1 + size * (1 / (1 + 1j * x / 0.3) - 1 / (1 + 1j / 0.3))

@@ -1,4 +1,4 @@
-"""How a recording comes about: point after point in time, with a detector that settles, on a specimen that changes."""
+"""How a recording is made: point by point in time, with a detector that settles, of a device that drifts."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ from scipy.signal import lfilter
 
 from .device_under_test import DeviceUnderTest
 from .node_circuit import measured_impedance
-from .parallel_columns import STILL, Moment, device_admittance, mean_strain
+from .parallel_columns import NO_DRIFT, DriftFactors, device_admittance, mean_strain
 from .scenario import Hidden
 from .waves import Complexes, Reals
 
 _BETWEEN = 16
-"""Steps of time from one point to the next where the detector lags."""
+"""Time steps from one point to the next for a detector that lags."""
 _ROUNDS = 25
 
 
 @dataclass(frozen=True, eq=False)
 class SweepSpec:
-    """One sweep: which step, where, how."""
+    """One sweep: the step, the frequencies and the settings."""
 
     step: str
     frequency: Reals
@@ -27,85 +27,85 @@ class SweepSpec:
     seconds: float = 0.0
     level_V: float = 0.5
     order: int = 0
-    """How many sweeps of this step came before it."""
+    """Number of earlier sweeps of this step."""
     noise: float = 2e-4
     """Relative, of real and imaginary part each."""
     bandwidth: int = 5
 
 
-def record(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
-    """Return what the analyzer would show without noise; ohm, shape (N,), in the order of rising frequency."""
-    f = take.frequency
+def record(device: DeviceUnderTest, hidden: Hidden, sweep: SweepSpec) -> Complexes:
+    """Return the reading of the analyzer without noise; ohm, shape (N,), in the order of rising frequency."""
+    f = sweep.frequency
     if hidden.settling > 0:
-        z = _lagging(specimen, hidden, take)
+        z = _lagging(device, hidden, sweep)
     elif hidden.softening > 0:
-        z = _driven(specimen, hidden, take)
+        z = _driven(device, hidden, sweep)
     else:
-        z = _steady(f, specimen, hidden, take.step, _moment(hidden, take, f))
+        z = _steady(f, device, hidden, sweep.step, _drift(hidden, sweep, f))
     z = {"as it is": z, "conjugated": np.conj(z), "inverted": -z}[hidden.recorded]
-    return z if hidden.outside is None else _flawed(z, take, *hidden.outside)
+    return z if hidden.outside is None else _with_artefact(z, sweep, *hidden.outside)
 
 
-def noisy(z: Complexes, take: SweepSpec, rng: np.random.Generator) -> Complexes:
-    """Return a recording with the analyzer's noise: relative to |Z|, and some microohms where it is small."""
-    size = take.noise * np.abs(z) + 5e-6
+def noisy(z: Complexes, sweep: SweepSpec, rng: np.random.Generator) -> Complexes:
+    """Return a recording with the noise of the analyzer: relative to |Z|, plus 5 microohms."""
+    size = sweep.noise * np.abs(z) + 5e-6
     return z + size * (rng.standard_normal(z.size) + 1j * rng.standard_normal(z.size))
 
 
-def _steady(f: Reals, specimen: DeviceUnderTest, hidden: Hidden, step: str, moment: Moment) -> Complexes:
-    return measured_impedance(2 * np.pi * f, device_admittance(f, specimen, hidden, step, moment), hidden.path)
+def _steady(f: Reals, device: DeviceUnderTest, hidden: Hidden, step: str, drift: DriftFactors) -> Complexes:
+    return measured_impedance(2 * np.pi * f, device_admittance(f, device, hidden, step, drift), hidden.path)
 
 
-def _progress(take: SweepSpec, f: Reals) -> Reals:
-    """Return when each point is taken, in sweeps since the first one of its step began; shape (N,)."""
-    part = (f - take.frequency[0]) / (take.frequency[-1] - take.frequency[0])
-    return take.order + ((1 - part) if take.down else part)
+def _progress(sweep: SweepSpec, f: Reals) -> Reals:
+    """Return the time of each point, in sweeps since the first sweep of its step began; shape (N,)."""
+    part = (f - sweep.frequency[0]) / (sweep.frequency[-1] - sweep.frequency[0])
+    return sweep.order + ((1 - part) if sweep.down else part)
 
 
-def _moment(hidden: Hidden, take: SweepSpec, f: Reals) -> Moment:
+def _drift(hidden: Hidden, sweep: SweepSpec, f: Reals) -> DriftFactors:
     if hidden.drift is None:
-        return STILL
-    t = _progress(take, f)
-    return Moment(
+        return NO_DRIFT
+    t = _progress(sweep, f)
+    return DriftFactors(
         np.asarray(1 + hidden.drift[0] * t, np.complex128), np.asarray(1 + hidden.drift[1] * t, np.complex128)
     )
 
 
-def _lagging(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
-    """Let the detector's output run after the admittance, exponentially, while the frequency moves on."""
-    f = take.frequency
+def _lagging(device: DeviceUnderTest, hidden: Hidden, sweep: SweepSpec) -> Complexes:
+    """Return the sweep of a detector whose output follows the admittance exponentially."""
+    f = sweep.frequency
     n = f.size
     fine = np.interp(np.arange((n - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(n), f)
-    y = 1 / _steady(fine, specimen, hidden, take.step, _moment(hidden, take, fine))
-    y = y[::-1] if take.down else y
-    dt = take.seconds / (fine.size - 1)
+    y = 1 / _steady(fine, device, hidden, sweep.step, _drift(hidden, sweep, fine))
+    y = y[::-1] if sweep.down else y
+    dt = sweep.seconds / (fine.size - 1)
     keep = np.exp(-dt / hidden.settling)
-    # between two instants the admittance is a straight line: the filter's exact answer to a ramp
+    # the exact response of the filter to an admittance that is linear between two time steps
     ramp = hidden.settling / dt * (1 - keep)
     out = np.asarray(lfilter([1 - ramp, ramp - keep], [1, -keep], y, zi=[y[0] * ramp])[0], np.complex128)
     shown = 1 / out[::_BETWEEN]
-    return shown[::-1] if take.down else shown
+    return shown[::-1] if sweep.down else shown
 
 
-def _driven(specimen: DeviceUnderTest, hidden: Hidden, take: SweepSpec) -> Complexes:
-    """Find, at each point, the strain of a disk that the strain softens; the analyzer holds its voltage.
+def _driven(device: DeviceUnderTest, hidden: Hidden, sweep: SweepSpec) -> Complexes:
+    """Return the sweep of a disk that softens with its strain, at a constant voltage of the analyzer.
 
-    Strain and stiffness follow one another until they agree.
+    Strain and stiffness are iterated at each point until they agree.
     """
-    f = take.frequency
+    f = sweep.frequency
     soft = np.zeros_like(f)
-    z = _steady(f, specimen, hidden, take.step, STILL)
+    z = _steady(f, device, hidden, sweep.step, NO_DRIFT)
     for _ in range(_ROUNDS):
-        moment = Moment(1 - soft + 0.5j * soft)
-        z = _steady(f, specimen, hidden, take.step, moment)
-        strain = np.abs(mean_strain(f, specimen, hidden, take.step, moment)) * take.level_V / np.abs(z)
+        drift = DriftFactors(1 - soft + 0.5j * soft)
+        z = _steady(f, device, hidden, sweep.step, drift)
+        strain = np.abs(mean_strain(f, device, hidden, sweep.step, drift)) * sweep.level_V / np.abs(z)
         soft = 0.5 * soft + 0.5 * np.minimum(hidden.softening * strain, 0.2)
     return z
 
 
-def _flawed(z: Complexes, take: SweepSpec, kind: str, size: float, where: float) -> Complexes:
-    """Return the recording with a flaw of the instrument."""
-    f = take.frequency
+def _with_artefact(z: Complexes, sweep: SweepSpec, kind: str, size: float, where: float) -> Complexes:
+    """Return the recording with an instrument artefact."""
+    f = sweep.frequency
     x = (f - f[0]) / (f[-1] - f[0])
     if kind == "range step":
         return z * np.where(x > where, 1 + size, 1.0)
@@ -119,13 +119,13 @@ def _flawed(z: Complexes, take: SweepSpec, kind: str, size: float, where: float)
         return z * np.where((k >= at) & (k < at + 6), 1 + size * (1 + 1j), 1.0)
     if kind == "range to and fro":
         return z * np.where((k // int(25 + 100 * where)) % 2 == 1, 1 + size * (1 - 0.6j), 1.0)
-    if kind == "loose contact":  # some ohms more, for three stretches of the sweep
+    if kind == "loose contact":  # some ohms more, in three parts of the sweep
         ohms = size * float(np.median(np.abs(z)))
         return z + ohms * ((x > where) & (x < where + 0.02) | (x > 0.3 * where) & (x < 0.4 * where) | (x > 0.93))
     if kind == "mains hum":  # the beat of a mains harmonic with the detector's pace
         return z * (1 + size * np.sin(2 * np.pi * k / (7 + 20 * where)))
-    if kind == "mixing":  # a harmonic of the drive falls on a resonance: a dip in size without the phase that belongs
+    if kind == "mixing":  # a harmonic of the drive falls on a resonance: a dip of |Z| without its phase
         return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))
-    if kind == "flicker conductance":  # falls as 1/f, with nothing stored
+    if kind == "flicker conductance":  # falls as 1/f, without a stored energy
         return z / (1 + z * size * (f[0] / f) / np.abs(z[0]))
     return z

@@ -1,4 +1,4 @@
-"""A disk as wide as it is: both dimensions, by Ritz's method on polynomials, and all its modes up to some frequency.
+"""A disk of finite diameter: both dimensions, by Ritz's method on polynomials, and all its modes up to some frequency.
 
 Free of stress all around, electrodes all over both faces. Being symmetric, it moves symmetrically: u_r is even and u_z
 odd over the thickness, the potential is the voltage's straight line and odd functions that vanish at the electrodes.
@@ -30,9 +30,9 @@ class _Line:
     slopes: Reals
 
 
-def finite_disk_admittance(f: Reals, specimen: DeviceUnderTest) -> Complexes:
+def finite_disk_admittance(f: Reals, device: DeviceUnderTest) -> Complexes:
     """Return the admittance of the bare disk in S, shape (N,); good up to 1.7 times its first thickness resonance."""
-    K, M, drive, static = _matrices(specimen)
+    K, M, drive, static = _matrices(device)
     top = (2 * np.pi * 1.6 * float(np.max(f))) ** 2
     modes = np.asarray(eigh(K.real, M, subset_by_value=(-np.inf, top))[1], np.float64)
     rest = np.linalg.solve(K.real, drive.real)
@@ -46,11 +46,11 @@ def finite_disk_admittance(f: Reals, specimen: DeviceUnderTest) -> Complexes:
     return np.asarray(1j * omega * (static + motional), np.complex128)
 
 
-def _matrices(specimen: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, complex]:
+def _matrices(device: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, complex]:
     """Return stiffness without charge on the inner potential, mass, the voltage's pull, and the clamped capacitance."""
-    a, t = specimen.diameter / 2, specimen.disk.thickness
-    c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = _tensor(specimen)
-    count = int(_RADIAL_PER_ASPECT * specimen.diameter / t) + 8
+    a, t = device.diameter / 2, device.disk.thickness
+    c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = _tensor(device)
+    count = int(_RADIAL_PER_ASPECT * device.diameter / t) + 8
     r, w = _quadrature(count, a)
     across, along, potential = _radial(count, r, a)
     even, odd, bubble, v = _through(t)
@@ -84,12 +84,12 @@ def _matrices(specimen: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, c
     mass_r = DENSITY * np.kron(R(across.values, across.values), Z(even.values, even.values))
     mass_z = DENSITY * np.kron(R(along.values, along.values), Z(odd.values, odd.values))
     M = np.block([[mass_r, np.zeros((len(mass_r), len(mass_z)))], [np.zeros((len(mass_z), len(mass_r))), mass_z]])
-    return K, M, np.vstack([pull_r, pull_z])[:, 0], complex(eps33 * specimen.area / t)
+    return K, M, np.vstack([pull_r, pull_z])[:, 0], complex(eps33 * device.area / t)
 
 
-def _tensor(specimen: DeviceUnderTest) -> tuple[complex, ...]:
+def _tensor(device: DeviceUnderTest) -> tuple[complex, ...]:
     """Return c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S; what plane waves do not see, from the data sheet."""
-    disk = specimen.disk
+    disk = device.disk
     loss = 1 + 1j * disk.c33D.imag / disk.c33D.real
     lossy = 1 + 1j * disk.eps33S.imag / disk.eps33S.real
     c33E = disk.c33D - disk.h33**2 * disk.eps33S

@@ -1,4 +1,4 @@
-"""What is hidden in a specimen: everything that its build file does not say."""
+"""The hidden sizes of a device: everything that its build file omits."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,7 +10,7 @@ Side = Literal["back", "front"]
 
 @dataclass(frozen=True)
 class Hidden:
-    """All hidden sizes at once, SI units; as it stands, nothing is hidden."""
+    """All hidden sizes, SI units; the defaults hide nothing."""
 
     path: Path = field(default_factory=Path)
     mass: tuple[float, float] = (0.0, 0.0)
@@ -18,7 +18,7 @@ class Hidden:
     dot: tuple[float, float, Side] | None = None
     """A solder dot: part of the area, kg/m2, face of the step's stack."""
     void: tuple[str, float] | None = None
-    """In front of what nothing is bonded (`disk`, `ml1`), and on which part of the area."""
+    """The layer (`disk`, `ml1`) in front of which the bond is missing, and on which part of the area."""
     taper: tuple[str, float, str] | None = None
     """Layer, relative half range of its thickness, `wedge`, `round wedge`, `dome` or `rough`."""
     surface: tuple[float, Side, str] | None = None
@@ -28,11 +28,11 @@ class Hidden:
     backing: tuple[float, float] | None = None
     """Length over the wavelength at the disk's resonance, and Q, of a backing that ends in air."""
     loss_power: tuple[str, float, bool] | None = None
-    """Layer, exponent of 1/Q over frequency, whether the stiffness follows as causality wants."""
+    """Layer, exponent of 1/Q over frequency, and whether the stiffness follows from causality."""
     dielectric: tuple[str, float] | None = None
     """`power` and the exponent of eps, or `relaxation` and its strength."""
-    untold: tuple[str, float] | None = None
-    """A layer that the build file does not have, and its thickness in m; zero where it is not there indeed."""
+    omitted: tuple[str, float] | None = None
+    """A layer that the build file omits, and its thickness in m; zero if the device does not have it either."""
     drift: tuple[float, float] | None = None
     """Relative drift of c33D and of eps33S over one sweep."""
     softening: float = 0.0
@@ -40,10 +40,10 @@ class Hidden:
     settling: float = 0.0
     """s, time constant of the detector."""
     modes: bool = False
-    """The disk is as wide as it is, and vibrates in both dimensions."""
+    """Whether the disk has its finite diameter and vibrates in both dimensions."""
     recorded: Literal["as it is", "conjugated", "inverted"] = "as it is"
     outside: tuple[str, float, float] | None = None
-    """A flaw of the instrument that no catalogue has: its kind, its size, where in the sweep (0 to 1)."""
+    """An instrument artefact outside the catalogue: its kind, its size, and where in the sweep it is (0 to 1)."""
 
 
 NOTHING = Hidden()

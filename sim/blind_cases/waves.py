@@ -1,4 +1,4 @@
-"""One column of a transducer: plane waves through slices, solved as an initial-value problem from its back face.
+"""One column of a transducer: plane waves in slices, solved as an initial-value problem from the back face.
 
 In a slice the displacement u and the stress T obey du/dz = (T + h D)/c, dT/dz = -w^2 rho u, and the potential falls by
 D l/eps - h du. The propagator of a slice is the power series of its matrix exponential, doubled until it spans the

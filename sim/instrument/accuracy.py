@@ -34,7 +34,7 @@ class Terms:
     parallel: Reals
     """Yo', S."""
     level_factor: Reals
-    """Kzosc: how much the level worsens small impedances (and the noise); 1 at 0.5 V."""
+    """Kzosc: factor by which the level increases the error of small impedances and the noise; 1 at 0.5 V."""
 
     def percent(self, z: Impedances) -> Reals:
         """Return E in percent at impedances of shape (N,)."""
@@ -87,9 +87,9 @@ def noisy(z: Impedances, sigma: Reals, random: np.random.Generator) -> Impedance
 
 
 def systematic(z: Impedances, t: Terms, direction: Complexes) -> Impedances:
-    """Return impedances as this one instrument reads them: off by up to E, always the same way.
+    """Return impedances with the error of this instrument: up to E, always the same.
 
-    `direction`, shape (3,), is the instrument's own: how much of each term it uses up, each of size at most 1.
+    `direction`, shape (3,), is the part of each term that this instrument has as its error, each of size at most 1.
     """
     size = np.maximum(np.abs(z), 1e-12)
     error = direction[0] * t.proportional / 100 + direction[1] * t.series / size + direction[2] * t.parallel * size

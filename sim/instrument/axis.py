@@ -1,4 +1,4 @@
-"""The sweep axis: which values the instrument sweeps over, and at which frequency and level it measures them.
+"""The sweep axis: the values that the instrument sweeps, and the frequency and level at each of them.
 
 Frequencies lie on the instrument's grid of 1 mHz; the first and the last point are exactly START and STOP.
 """
@@ -29,10 +29,10 @@ class ListSegment:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """What each point of a sweep is, in order of the axis. Every array has the shape (N,)."""
+    """The points of a sweep in the order of the axis. Every array has the shape (N,)."""
 
     values: Reals
-    """What OUTPSWPRM? answers: Hz, V or A."""
+    """The answer to OUTPSWPRM?: Hz, V or A."""
     frequency: Reals
     """Hz."""
     level: Reals

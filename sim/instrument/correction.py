@@ -1,7 +1,7 @@
-"""User calibration and fixture compensation: open, short and load that are measured, kept, and taken out again.
+"""User calibration and fixture compensation: open, short and load standards are measured, stored and corrected for.
 
-Compensation (COMA, COMB, COMC) and calibration (CALA, CALB, CALC) are the same arithmetic at two places of the
-data's way (PM p.63, p.81-83): calibration first, compensation on what calibration gives.
+Compensation (COMA, COMB, COMC) and calibration (CALA, CALB, CALC) are the same arithmetic at two stages of the
+data processing (PM p.63, p.81-83): first calibration, then compensation of its result.
 """
 
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class Correction:
     def apply(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
         """Return the impedance of the device, shape (N,), from what was seen through the fixture.
 
-        Standards that make no sense (nothing keeps one from measuring a short as the open) give HUGE.
+        Standards that make no sense (such as a short measured as the open) give HUGE.
         """
         if not self.on:
             return z

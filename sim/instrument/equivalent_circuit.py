@@ -27,7 +27,7 @@ def impedance(frequency: Frequencies, values: Reals) -> Impedances:
 
 
 def fitted(frequency: Frequencies, z: Impedances) -> Reals:
-    """Return R1, L1, C1 and C0 of the circuit nearest to z (in ln Z), from the strongest resonance on.
+    """Return R1, L1, C1 and C0 of the circuit nearest to z (in ln Z), starting from the strongest resonance.
 
     Raises CommandError where there is none.
     """

@@ -1,4 +1,4 @@
-"""The instrument: its parts put together, and its time. What a program message does to it stands in `dialect`."""
+"""The instrument: its parts and its time. `dialect` carries out program messages on it."""
 
 import asyncio
 import math
@@ -19,7 +19,7 @@ from .sweep_run import Sweeper
 SERIAL, FIRMWARE = "MY43202956", "REV1.11"
 
 AXIS_SETTINGS = frozenset({"SWPP", "SWPT", "POIN", "STAR", "STOP", "CENT", "SPAN"})
-"""A change of one of these leaves no data that fits the axis."""
+"""Settings that change the axis, so that the data no longer fit."""
 
 
 @dataclass(eq=False)
@@ -43,13 +43,13 @@ class Instrument:
         self.bias_overload = False
         """Fault: DCO ON answers with error 137."""
         self.no_list = False
-        """Fault: nobody knows the commands that edit the list-sweep table."""
+        """Fault: the commands that edit the list-sweep table are unknown."""
         self.disk = FileSystem()
         self._changed = asyncio.Event()
         self.power_on()
 
     def power_on(self) -> None:
-        """Come up as from the mains switch: RAM is empty, the power-on bit is set, and it sweeps as after PRES."""
+        """Start as after switching on: RAM empty, power-on bit set, sweeping as after PRES."""
         self.state, self.status = State(), Status(standard=POWER_ON)
         self.calibration, self.compensation = Correction(), Correction()
         self.disk.power_off()
@@ -71,15 +71,15 @@ class Instrument:
             self.sweeper.start(-1)
 
     def corrected(self, axis: Axis, z: Impedances) -> Impedances:
-        """Return what calibration and compensation make of what the bridge sees."""
+        """Return the impedance after calibration and compensation of what the bridge measures."""
         z = self.calibration.apply(axis.frequency, z, self.state)
         return self.compensation.apply(axis.frequency, z, self.state)
 
     def set(self, mnemonic: str, argument: bytes) -> None:
-        """Set one setting with all that hangs on it. Raises CommandError."""
-        of_segment, before = self.state.table.edits(mnemonic), self._shape()
+        """Set one setting and everything that depends on it. Raises CommandError."""
+        belongs_to_segment, before = self.state.table.edits(mnemonic), self._shape()
         self.state.set(mnemonic, argument)
-        if not of_segment:
+        if not belongs_to_segment:
             self._after_change(mnemonic, before)
 
     def _shape(self) -> tuple[Value | tuple[float, float], ...]:
@@ -107,7 +107,7 @@ class Instrument:
             self.status.raise_standard(OPC)
 
     def wake(self) -> None:
-        """Tell those who wait that something may have changed."""
+        """Wake the waiting tasks, because something may have changed."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 

@@ -1,4 +1,4 @@
-"""The list-sweep table, and what is being written into it: that counts from EDITDONE on.
+"""The list-sweep table and its editor; changes take effect at EDITDONE.
 
 A segment has at most 201 points and all together 801 (reference 2.3); the most segments there may be, and that they may
 not overlap, is our assumption.
@@ -21,7 +21,7 @@ FIELDS: Mapping[str, str] = {
     "DCV": "bias",
     "PAVERFACT": "point_average",
 }
-"""Settings that a segment has for itself."""
+"""Settings that each segment has of its own."""
 
 SEGMENT_POINTS = 201
 LIST_POINTS = 801
@@ -29,18 +29,18 @@ SEGMENTS = 18
 
 
 def edge(mnemonic: str, start: float, stop: float) -> float:
-    """Return what STAR, STOP, CENT or SPAN is of a range."""
+    """Return STAR, STOP, CENT or SPAN of a range."""
     return {"STAR": start, "STOP": stop, "CENT": (start + stop) / 2, "SPAN": stop - start}[mnemonic]
 
 
 @dataclass
 class ListTable:
-    """The table, and the editor at work on it."""
+    """The table and its editor."""
 
     segments: list[ListSegment] = field(default_factory=list[ListSegment])
-    """What is swept."""
+    """The segments that are swept."""
     _written: list[ListSegment] | None = None
-    """What the table will be; None while nobody edits it."""
+    """The edited table; None while nobody edits it."""
     _draft: ListSegment | None = None
     """The segment that is being edited."""
     _draft_at: int = 0
@@ -50,9 +50,9 @@ class ListTable:
         self._written, self._draft = self.segments.copy(), None
 
     def done(self, in_use: bool) -> None:
-        """EDITDONE: what was written counts, a segment that is still open does not.
+        """EDITDONE: apply the edited table without a segment that is still open.
 
-        Raises CommandError where nothing is left of a table that is `in_use`; it stays what it was.
+        Raises CommandError if a table that is `in_use` would become empty; it then stays as it was.
         """
         written, self._written, self._draft = self._written, None, None
         if in_use and not written:
@@ -76,22 +76,22 @@ class ListTable:
         self._open().clear()
 
     def edits(self, mnemonic: str) -> bool:
-        """Return whether this setting is that of a segment now."""
+        """Return whether this setting now belongs to the edited segment."""
         return self._draft is not None and mnemonic in FIELDS
 
     def set(self, mnemonic: str, argument: bytes, level: Number) -> None:
-        """Set a value of the edited segment; `level` is what an oscillator level may be. Raises CommandError."""
+        """Set a value of the edited segment; `level` is the range of the oscillator level. Raises CommandError."""
         draft = self._edited()
-        have = vars(draft).copy()
+        fields = vars(draft).copy()
         if mnemonic in EDGES:
             kind = limits("STAR", "FREQ", "LIN")
-            have["start"], have["stop"] = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
+            fields["start"], fields["stop"] = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
         elif mnemonic == "POIN":
-            have["points"] = round(min(max(number(argument), 2), SEGMENT_POINTS))
+            fields["points"] = round(min(max(number(argument), 2), SEGMENT_POINTS))
         else:
             kind = level if mnemonic == "POWE" else TABLE[mnemonic]
-            have[FIELDS[mnemonic]] = kind.parse(argument)
-        self._draft = ListSegment(**have)
+            fields[FIELDS[mnemonic]] = kind.parse(argument)
+        self._draft = ListSegment(**fields)
 
     def query(self, mnemonic: str, level: Number) -> str:
         """Return the reply to a query of the segment that is edited. Raises CommandError."""
@@ -102,7 +102,7 @@ class ListTable:
         return kind.answer(vars(draft)[FIELDS[mnemonic]])
 
     def finish(self) -> None:
-        """Put the edited segment into the table. Raises CommandError where the table would not be a sweep."""
+        """Put the edited segment into the table. Raises CommandError if the table would not be a valid sweep."""
         segments = self._open().copy()
         segments[self._draft_at : self._draft_at + 1] = [self._edited()]
         self._draft = None

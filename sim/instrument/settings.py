@@ -1,6 +1,6 @@
-"""The instrument's settings: a table of mnemonics with range, default and way of answering (reference 2.1-2.5).
+"""The instrument's settings: a table of mnemonics with range, default and format of the answer (reference 2.1-2.5).
 
-Numbers out of range are clamped without a word, as the instrument does; a token that is not of the list is refused.
+Numbers out of range are clamped silently, as in the instrument; unknown tokens are refused.
 """
 
 import math
@@ -74,7 +74,7 @@ class Integer:
         return round(min(max(number(argument), self.low), self.high))
 
     def answer(self, value: Value) -> str:
-        """Return the reply: a bare integer, which everybody's `int()` reads."""
+        """Return the reply: a bare integer."""
         return f"{value:d}" if isinstance(value, int) else str(value)
 
 
@@ -187,10 +187,10 @@ TABLE: Mapping[str, Setting] = {
     "STOD": Choice(("MEMO", "FLASH", "DISK"), "MEMO"),
     "PRIC": Choice(("VARI", "FIXE"), "VARI"),
 }
-"""Settings with one range whatever the state; `sweepsettings` has those whose range depends on it."""
+"""Settings whose range does not depend on the state; `state` has the others."""
 
 PER_TRACE = frozenset({"TITL", "FMT", "TOPV", "BOTV"})
-"""Settings that each trace has for itself: the active trace is meant."""
+"""Settings that each trace has of its own; commands set those of the active trace."""
 
 RESTARTS_SWEEP = frozenset(
     {"SWPP", "SWPT", "SWED", "POIN", "CWFREQ", "SDELT", "PDELT", "POWMOD", "DCMOD", "DCV", "DCI", "BWFACT", "PAVER"}

@@ -1,4 +1,4 @@
-"""The settings as they stand: values by mnemonic, those whose range depends on others, and the list-sweep table."""
+"""The present settings: values by mnemonic, those whose range depends on others, and the list-sweep table."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from .settings import PER_TRACE, TABLE, Number, Setting, Value
 
 @dataclass
 class State:
-    """Every setting that `*RST` brings back."""
+    """Every setting that `*RST` resets."""
 
     values: dict[str, Value] = field(default_factory=dict[str, Value])
     edges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
@@ -27,7 +27,7 @@ class State:
         self.reset()
 
     def reset(self) -> None:
-        """Bring every setting to its default."""
+        """Set every setting to its default."""
         self.values = {name: setting.default for name, setting in TABLE.items() if name not in PER_TRACE}
         self.values |= {f"{name}:{trace}": TABLE[name].default for name in PER_TRACE for trace in "AB"}
         self.edges = {
@@ -83,7 +83,7 @@ class State:
             raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")
 
     def query(self, mnemonic: str) -> str:
-        """Return the reply to a setting's query; while a segment is edited, what that has."""
+        """Return the reply to the query of a setting; while a segment is edited, the value of that segment."""
         if self.table.edits(mnemonic):
             return self.table.query(mnemonic, self._level_kind())
         if mnemonic in EDGES:

@@ -1,6 +1,6 @@
-"""Sweeps as they run: overlapped, in scaled time, with triggers and averaging; the data array appears at the end.
+"""Running sweeps: overlapped, in scaled time, with triggers and averaging; the data array appears at the end.
 
-Nothing here waits. Whoever asks calls `advance` first, which brings the sweeps up to the clock.
+Nothing here waits. Callers first call `advance`, which brings the sweeps up to the clock.
 """
 
 import math
@@ -17,7 +17,7 @@ from .status import CORRECTION_DONE, SWEEP_DONE, TRIGGER_WAITING, Status
 from .sweep_timing import point_seconds
 
 FOREVER = -1
-"""Sweeps that CONT has before it."""
+"""Number of sweeps in CONT."""
 
 
 @dataclass(eq=False)
@@ -34,13 +34,13 @@ class Running:
     left: int
     """Sweeps to do, this one included; FOREVER in CONT."""
     done: Callable[[Axis, Impedances], None] | None = None
-    """What a finished correction standard is given to; None for an ordinary sweep."""
+    """Receives a finished correction standard; None for an ordinary sweep."""
     then_continue: bool = False
     """Whether CONT goes on afterwards: a standard was measured in between."""
 
 
 class Sweeper:
-    """Runs sweeps of the bench; holds what the last finished one measured."""
+    """Runs sweeps of the bench and holds the data of the last finished one."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class Sweeper:
         return self.running is not None and self.running.left == FOREVER
 
     def forget(self) -> None:
-        """Drop the data, because the axis is another one."""
+        """Drop the data, because the axis has changed."""
         self.axis = self.state.axis()
         self.data = np.zeros(self.axis.values.size, dtype=np.complex128)
         self.averaged = 0
@@ -86,7 +86,7 @@ class Sweeper:
             self.status.raise_instrument(TRIGGER_WAITING)
 
     def restart(self) -> None:
-        """Begin the running sweep anew, because a setting changed under it."""
+        """Begin the running sweep anew, because a setting has changed."""
         self.averaged = 0
         if self.running is not None and self.running.done is None:
             self.start(self.running.left)
@@ -120,7 +120,7 @@ class Sweeper:
         return min(1.0, (self.clock() - self.running.began) / max(self.running.seconds, 1e-12))
 
     def advance(self) -> None:
-        """Finish every sweep whose time is over; in CONT only the newest, as nobody saw the others."""
+        """Finish every sweep whose time is over; in CONT only the newest, because no client saw the others."""
         now = self.clock()
         while (running := self.running) is not None and running.began is not None:
             if now < running.began + running.seconds:

@@ -28,7 +28,7 @@ def _compensation(instrument: Instrument) -> Correction:
 
 
 def _standard_axis(instrument: Instrument) -> Axis:
-    """Return where a standard is measured: the sweep's points (CALP USER), or the fixed ones."""
+    """Return the axis for measuring a standard: the points of the sweep (CALP USER) or the fixed ones."""
     axis = instrument.state.axis()
     if instrument.state["CALP"] == "USER" and np.all(np.diff(axis.frequency) > 0):
         return axis
@@ -52,7 +52,7 @@ def _measure(bank: Bank, standard: str) -> Act:
 
 
 def _set_up_adapter(instrument: Instrument, _: Unit) -> None:
-    """ECALP, ECALA ...: measure for the adapter's set-up. There is no cable on the bench, so nothing is to correct."""
+    """ECALP, ECALA ...: measure for the adapter's set-up. The bench has no cable, so nothing needs correction."""
     _need_adapter(instrument, _)
     instrument.sweeper.start(1, lambda axis, z: None, _standard_axis(instrument))
 

@@ -1,7 +1,7 @@
-"""The way of a program message through the instrument.
+"""Execution of program messages.
 
-Commands that take time are overlapped: `execute` never waits. What waits (`*OPC?`, `*WAI`) is awaited in `perform`,
-so it holds up the client that sent it and nobody else.
+Commands that take time are overlapped: `execute` never waits. `perform` waits for `*OPC?` and `*WAI`, so they hold up
+only the client that sent them.
 """
 
 from collections.abc import AsyncIterator, Callable
@@ -17,20 +17,20 @@ _WRITE_SETTING = Entry(lambda i, u: i.set(u.mnemonic, u.arguments[0]), 1, 1)
 
 
 def entry(instrument: Instrument, unit: Unit) -> Entry:
-    """Return what carries a unit out. Raises CommandError for a mnemonic that does not exist."""
-    found = (QUERIES if unit.query else COMMANDS).get(unit.mnemonic)
-    if found is None and instrument.state.knows(unit.mnemonic):
-        found = _READ_SETTING if unit.query else _WRITE_SETTING
-    if found is None or (instrument.no_list and unit.mnemonic in LIST_EDITOR):
+    """Return the table entry of a unit. Raises CommandError for an unknown mnemonic."""
+    table_entry = (QUERIES if unit.query else COMMANDS).get(unit.mnemonic)
+    if table_entry is None and instrument.state.knows(unit.mnemonic):
+        table_entry = _READ_SETTING if unit.query else _WRITE_SETTING
+    if table_entry is None or (instrument.no_list and unit.mnemonic in LIST_EDITOR):
         raise CommandError(-113, "UNDEFINED HEADER")
-    return found
+    return table_entry
 
 
 def execute(instrument: Instrument, unit: Unit, message_available: bool = False) -> bytes | None:
-    """Carry out one unit and return its answer, None for a command. What is refused goes to the error queue."""
+    """Carry out one unit and return its answer, None for a command. Errors go to the error queue."""
     instrument.advance()
     try:
-        if unit.header == "*STB?":  # the one query whose answer depends on who asks: has this client an answer unread?
+        if unit.header == "*STB?":  # the only query whose answer depends on the client: has it an unread answer?
             return str(instrument.status.byte(message_available)).encode("ascii")
         return entry(instrument, unit)(instrument, unit)
     except CommandError as error:
@@ -57,7 +57,7 @@ async def perform(
 
 
 def panel(instrument: Instrument, message: bytes) -> None:
-    """Do what somebody at the front panel does: the commands of a message, and the user-request bit."""
+    """Carry out the commands of a message as a person at the front panel does, and set the user-request bit."""
     instrument.status.raise_standard(USER_REQUEST)
     try:
         for unit in parse(message):

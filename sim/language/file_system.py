@@ -16,12 +16,12 @@ class FileSystem:
 
     files: dict[str, dict[str, bytes]] = field(default_factory=lambda: {"MEMO": {}, "FLASH": {}, "DISK": {}})
     reading: tuple[bytes, int] | None = None
-    """What is being read, and how far."""
+    """The content that is being read, and the position in it."""
     writing: tuple[str, str, bytes] | None = None
-    """Device, name and what came so far."""
+    """Device, name and the content so far."""
 
     def power_off(self) -> None:
-        """Lose what is not in flash."""
+        """Lose all files outside the flash memory."""
         self.close()
         self.files = {"MEMO": {}, "FLASH": self.files["FLASH"], "DISK": {}}
 

@@ -1,7 +1,7 @@
-"""Faults on demand: what goes wrong on the way between instrument and computer, at a chosen exchange.
+"""Faults on demand between instrument and computer, at a chosen exchange.
 
 An exchange is one program message that reaches the instrument. A fault is armed with `at`: 1 is the next exchange.
-A fault of an answer strikes at the first answer that it fits from that exchange on.
+A fault of an answer strikes the first suitable answer from that exchange on.
 """
 
 import asyncio
@@ -66,19 +66,19 @@ class Faults:
 
     def arm(self, kind: str, at: int = 1, options: Mapping[str, float | str] | None = None) -> None:
         """Arm a fault at the `at`-th exchange from now. Raises BenchError for an unknown kind or number."""
-        known = {**AT_MESSAGE, **AT_ANSWER}
-        if kind not in known:
-            raise BenchError(f"fault: no kind {kind!r}; there are {', '.join([*known, *LASTING, 'none'])}")
+        kinds = {**AT_MESSAGE, **AT_ANSWER}
+        if kind not in kinds:
+            raise BenchError(f"fault: no kind {kind!r}; there are {', '.join([*kinds, *LASTING, 'none'])}")
         if at < 1:
             raise BenchError(f"fault: at is {at}; exchanges are counted from 1, the next one")
-        given = dict(options or {})
+        chosen = dict(options or {})
         self.armed.append(
             Fault(
                 kind,
                 self.exchanges + at,
-                float(given.get("seconds", 3600.0 if kind == "hang" else 0.2)),
-                str(given.get("message", "POIN 77")),
-                int(given.get("bytes", -8)),
+                float(chosen.get("seconds", 3600.0 if kind == "hang" else 0.2)),
+                str(chosen.get("message", "POIN 77")),
+                int(chosen.get("bytes", -8)),
             )
         )
 
@@ -98,7 +98,7 @@ class Faults:
         return due
 
     def spoiled(self, answer: bytes) -> tuple[bytes, Literal["cut", ""]]:
-        """Return what of an answer (with its newline) goes out, and whether nothing may follow."""
+        """Return the bytes to send for an answer (with its newline), and `cut` if nothing may follow."""
         cut: Literal["cut", ""] = ""
         for fault in [f for f in self.armed if f.kind in AT_ANSWER and f.at <= self.exchanges]:
             is_block = answer[:2] == b"#6"
@@ -115,12 +115,12 @@ class Faults:
         return answer, cut
 
     def hang(self, seconds: float) -> None:
-        """Stop everything for this time."""
+        """Stop every answer for this time."""
         self._awake.clear()
         if self._end_of_hang is not None:
             self._end_of_hang.cancel()
         self._end_of_hang = asyncio.get_running_loop().call_later(seconds, self._awake.set)
 
     async def while_hanging(self) -> None:
-        """Return when nothing hangs."""
+        """Wait until no hang is in force."""
         await self._awake.wait()

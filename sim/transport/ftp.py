@@ -1,4 +1,4 @@
-"""The instrument's FTP server: anonymous, and files that are made when somebody fetches them (reference 1).
+"""The instrument's FTP server: anonymous, with files that are generated when they are fetched (reference 1).
 
 `/data/screen.tif` is the screen, `/data/data_dt.dat` the data trace as binary arrays; `/memo` and `/flash` hold what
 was saved. Which other folders a real one has is not known. Nothing can be written here.
@@ -20,16 +20,16 @@ Content = Callable[[], bytes]
 
 
 def tree(instrument: Instrument) -> Mapping[str, Mapping[str, Content]]:
-    """Return what a client sees: what each file holds, by folder and name."""
+    """Return the files that a client sees: their content by folder and name."""
 
-    def made(kind: str) -> Content:
+    def generated(kind: str) -> Content:
         return lambda: WRITERS[kind](instrument)
 
     def stored(device: str, name: str) -> Content:
         return lambda: instrument.disk.content(device, name)
 
     saved = {d.lower(): {name: stored(d, name) for name in instrument.disk.names(d)} for d in ("MEMO", "FLASH")}
-    return {"data": {"screen.tif": made(".TIF"), "data_dt.dat": made(".DAT")}} | saved
+    return {"data": {"screen.tif": generated(".TIF"), "data_dt.dat": generated(".DAT")}} | saved
 
 
 class FtpServer:
@@ -43,7 +43,7 @@ class FtpServer:
             raise SimError("simulator: the FTP server needs aioftp; pip install 'pzctl[ftp]'") from None
 
         class Files(MemoryPathIO):
-            """The instrument's files; all that aioftp does with a file begins with its node."""
+            """The files of the instrument; aioftp gets every file by its node."""
 
             def get_node(self, path: PurePath) -> Node | None:
                 instrument.advance()
@@ -69,7 +69,7 @@ class FtpServer:
 
 
 def _node(files: Mapping[str, Mapping[str, Content]], parts: tuple[str, ...], make: Any) -> Any:
-    """Return what aioftp knows a file or folder by, made with `make`; None where there is none."""
+    """Return the node of a file or folder for aioftp, created by `make`; None if there is none."""
     if not parts:
         return make("dir", "/", content=[make("dir", folder, content=[]) for folder in files])
     folder, names = files.get(parts[0], {}), parts[1:]
@@ -80,5 +80,5 @@ def _node(files: Mapping[str, Mapping[str, Content]], parts: tuple[str, ...], ma
         return None
     try:
         return make("file", name, content=io.BytesIO(folder[name]()))
-    except CommandError:  # as at the front panel: of these data there is no such file
+    except CommandError:  # as at the front panel: these data cannot be saved in this format
         return None

@@ -12,10 +12,10 @@ ADDRESS = 17
 """The factory's GPIB address."""
 
 INPUT_LIMIT = 64
-"""Messages that wait behind one that blocks; the bus would hold the controller up instead."""
+"""Messages that may wait behind a blocking one; a real bus would hold up the controller instead."""
 
 GONE_SECONDS = 0.05
-"""How soon it is noticed that a controller is gone, which had asked for an answer."""
+"""Interval at which a read checks whether its controller is gone."""
 
 
 class GpibDevice:
@@ -42,9 +42,9 @@ class GpibDevice:
         await self._input.put(message)
 
     async def read(self, seconds: float, gone: Callable[[], bool]) -> bytes:
-        """Return the next answer with its newline, empty after this time, or where who asked for it is `gone`.
+        """Return the next answer with its newline; empty after this time, or if its controller is `gone`.
 
-        Where no query was asked, that is an error of the controller: query unterminated.
+        A read without a query is an error of the controller: query unterminated.
         """
         if not self._output and not self._busy:
             self._exchange.instrument.status.error(CommandError(-420, "QUERY UNTERMINATED"))
@@ -67,7 +67,7 @@ class GpibDevice:
         return self._exchange.instrument.status.requested
 
     def clear(self) -> None:
-        """Device clear: what waits on either side is dropped, what blocks is ended. Sweeps go on."""
+        """Device clear: drop both queues and end the command that blocks. Sweeps go on."""
         self._worker.cancel()
         self._output.clear()
         self._input, self._busy = asyncio.Queue(INPUT_LIMIT), False
@@ -79,10 +79,10 @@ class GpibDevice:
         await asyncio.gather(self._worker, return_exceptions=True)
 
     async def _work(self) -> None:
-        """Carry the messages out in order, each when the one before is done."""
+        """Carry out the messages in order, each after the one before."""
         while True:
             message = await self._input.get()
-            with contextlib.suppress(ConnectionDropped):  # there is no connection on a bus that could drop
+            with contextlib.suppress(ConnectionDropped):  # a bus has no connection that a fault could drop
                 await self._exchange.message(message, self._answer, self.available)
             self._busy = not self._input.empty()
 

@@ -1,4 +1,4 @@
-"""A listening socket and its clients, all of which are closed when it stops.
+"""A listening socket and its clients; stopping it closes all of them.
 
 `asyncio.start_server` loses a connection that comes while it closes (its socket is never closed); this one does not.
 """
@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from ...models.base.errors import PzctlError
 
 Handler: TypeAlias = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
-"""Serves one client until it goes."""
+"""Serves one client until it disconnects."""
 
 LINE_LIMIT = 65_536
 """Bytes that `StreamReader.readline` takes."""
@@ -58,7 +58,7 @@ class Listener:
         self._accepting = asyncio.get_running_loop().create_task(self._accept())
 
     def drop_clients(self) -> None:
-        """Cut every client off."""
+        """Disconnect every client."""
         for task in self._clients:
             task.cancel()
 

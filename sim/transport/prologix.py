@@ -1,8 +1,8 @@
-"""A GPIB-Ethernet adapter in the manner of Prologix (and AR488) before the instrument: `++` commands and data lines.
+"""A GPIB-Ethernet adapter like those of Prologix (and AR488) in front of the instrument: `++` commands and data lines.
 
 A line that starts with `++` is for the adapter, any other goes to the device that is addressed. Escape (27) before
-`+`, newline, return or escape makes it data. `++read` gives up after `++read_tmo_ms`, as the adapter does: whoever
-asks `*OPC?` of a long sweep has to poll.
+`+`, newline, return or escape makes it data. `++read` gives up after `++read_tmo_ms`, as the real adapter does: a
+client that sends `*OPC?` in a long sweep has to poll.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ CONFIGURATION: Mapping[str, tuple[int, int, int]] = {
     "lon": (0, 1, 0),
     "status": (0, 255, 0),
 }
-"""Settings of the adapter: least, most, and value at the start."""
+"""Settings of the adapter: minimum, maximum and initial value."""
 
 
 class LineCutter:
@@ -121,7 +121,7 @@ class Adapter:
             self._device.clear()
 
     async def _nothing(self, _: list[str]) -> None:
-        """Do nothing: lines of the bus that the instrument does not hear of."""
+        """Do nothing: the instrument does not react to these bus lines."""
 
     async def _say(self, text: str) -> None:
         await self._send(text.encode("ascii") + b"\r\n")

@@ -1,4 +1,4 @@
-"""One client of the raw socket: messages in, answers out, and the faults between."""
+"""A client of the raw socket: messages in, answers out, and the faults in between."""
 
 import asyncio
 import contextlib
@@ -13,18 +13,18 @@ CHUNK = 65_536
 
 
 class ConnectionDropped(Exception):
-    """The connection is to be closed now (a fault said so)."""
+    """A fault closes the connection."""
 
 
 class InFlight:
-    """Strikes in the middle of a running sweep, or at once where none runs."""
+    """Faults that strike in the middle of a running sweep, or at once if no sweep runs."""
 
     def __init__(self, instrument: Instrument, power_cycle: Callable[[float], None]) -> None:
         self._instrument, self._power_cycle = instrument, power_cycle
         self._tasks: set[asyncio.Task[None]] = set()
 
     def strike(self, fault: Fault) -> None:
-        """Do a `power-cycle` or a `meddle`."""
+        """Carry out a `power-cycle` or a `meddle` (a change at the front panel)."""
         task = asyncio.get_running_loop().create_task(self._strike(fault))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -40,17 +40,17 @@ class InFlight:
 
 
 class Exchange:
-    """Carries program messages to the instrument, with the faults that strike them."""
+    """Carries program messages to the instrument and applies the faults that strike them."""
 
-    def __init__(self, instrument: Instrument, faults: Faults, midway: InFlight) -> None:
-        self.instrument, self.faults, self._midway = instrument, faults, midway
+    def __init__(self, instrument: Instrument, faults: Faults, in_flight: InFlight) -> None:
+        self.instrument, self.faults, self._in_flight = instrument, faults, in_flight
 
     async def message(
         self, text: bytes, answer: Callable[[bytes], Awaitable[None]], available: Callable[[], bool] = lambda: False
     ) -> None:
         """Carry out one message; `answer` is called with each answer and its newline.
 
-        Raises ConnectionDropped where a fault closes the connection.
+        Raises ConnectionDropped if a fault closes the connection.
         """
         due = self.faults.next_exchange()
         for fault in due:
@@ -67,7 +67,7 @@ class Exchange:
     ) -> None:
         for fault in due:
             if fault.kind in ("power-cycle", "meddle"):
-                self._midway.strike(fault)
+                self._in_flight.strike(fault)
         dropped = any(fault.kind == "drop" for fault in due)
         async for reply in perform(self.instrument, text, available):
             if dropped:

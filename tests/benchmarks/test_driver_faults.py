@@ -28,7 +28,7 @@ def test_every_fault_at_every_exchange(plan):
                 outcomes[sound + said if outcome.struck else "fault did not strike"] += 1
                 slowest[kind] = max(slowest[kind], outcome.seconds)
             table[kind] = outcomes
-    answer = faults["ANSWER_SECONDS"]
+    answer = faults["SILENT_SECONDS"]
     print(f"\n{clean.exchanges} exchanges in a measurement; a single answer may take {answer} s")
     for kind, outcomes in table.items():
         counts = "; ".join(f"{count} {what}" for what, count in sorted(outcomes.items()))

@@ -7,6 +7,7 @@ between oscillator and device, which take the drive off just where it bends: sof
 """
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
@@ -70,8 +71,8 @@ def sized(stack: Stack, effect: str, values: dict[str, float]) -> dict[str, floa
     if effect == "spurious-resonance":
         return values | {"frequency": values["frequency"] * f0}
     if effect == "drive-nonlinearity":  # softening of c33D at the peak in the notes; per strain here
-        knob, _ = find_effect(effect).effect_parameters(stack, "layer:disk")
-        return {"softening": values["softening"] / 1e-3 * knob.typical}
+        softening = find_effect(effect).effect_parameters(stack, "layer:disk")[0]
+        return {"softening": values["softening"] / 1e-3 * softening.typical}
     return values
 
 
@@ -83,9 +84,15 @@ def test_survival_of_each_effect_beside_our_notes() -> None:
         for effect, where, values in effects:
             device = device.with_effect(find_effect(effect), where, sized(stack, effect, values))
         (rms, narrow), (_, wide) = (survives(stack, device, f) for f in (T1, TW))
-        pairs = zip((rms, narrow, wide), notes, strict=True)
-        print(f"{what:22s}" + "".join(f"{100 * ours:8.2f} ({theirs:5.2f})   " for ours, theirs in pairs))
-        assert 0 <= narrow <= 1
+        pairs = tuple(zip((100 * rms, 100 * narrow, 100 * wide), notes, strict=True))
+        print(f"{what:22s}" + "".join(f"{ours:8.2f} ({theirs:5.2f})   " for ours, theirs in pairs))
+        if what.startswith("softening"):  # with a source of 25 ohm the constants absorb it in one sweep
+            assert narrow < 0.15 < wide
+            continue
+        size = np.sqrt(2) if what.startswith("skin") else 1.0
+        limit = 12 if what.startswith("blob") else 6  # percentage points; our notes have another model of the dot
+        assert 100 * rms == pytest.approx(size * notes[0], rel=0.3, abs=0.02)
+        assert all(abs(ours - theirs) < limit for ours, theirs in pairs[1:])
 
 
 def graded(stack: Stack, depth: float, f: float) -> complex:

@@ -310,7 +310,8 @@ def test_ctrl_c_ends_a_batch_cleanly(tmp_path: Path, wait_until: Callable[[Calla
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slow-fitter\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[pzctl.fitters]\nslow = slow_fitter:Slow\n")
-    environment = {**os.environ, "PZCTL_HOME": str(tmp_path), "PYTHONPATH": str(tmp_path)}
+    path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "PZCTL_HOME": str(tmp_path), "PYTHONPATH": path}
     process = subprocess.Popen(
         [PZCTL, "fit", "--all", "--fitter", "slow"],
         env=environment,

@@ -19,7 +19,9 @@ from pzctl.sim.server import SimOptions, running
 PLAN = SweepPlan((Segment(1e6, 6e6, 21),), oscillator_V=0.3, bandwidth=2, bias_V=4.0)
 JOINED = SweepPlan((Segment(1e6, 2e6, 11), Segment(3e6, 6e6, 11)), oscillator_V=0.3, bandwidth=2, joined=True)
 """A list sweep where the instrument takes one."""
-ANSWER_SECONDS = 0.25
+SILENT_SECONDS, ANSWER_SECONDS = 0.25, 5.0
+"""How long the driver waits: briefly for an answer that a fault swallows, else long enough for a busy machine."""
+SILENT = ("hang", "ignore", "cut")
 KINDS = {
     "hang": {},  # for ever, or until this attempt is over
     "ignore": {},
@@ -58,7 +60,7 @@ def attempt(sim, kind=None, at=0, plan=PLAN):
         bench(sim, command="fault", kind=kind, at=at, **KINDS[kind])
     before = bench(sim, command="status")["exchanges"]
     begun, impedance, error = time.monotonic(), None, ""
-    analyzer = open_analyzer(sim.resource, timeout_seconds=ANSWER_SECONDS)
+    analyzer = open_analyzer(sim.resource, timeout_seconds=SILENT_SECONDS if kind in SILENT else ANSWER_SECONDS)
     try:
         impedance = analyzer.measure(plan)[0].impedance
     except InstrumentError as raised:

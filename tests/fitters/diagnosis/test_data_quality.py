@@ -10,7 +10,7 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.diagnosis.data_quality.data_findings import of_the_data, verdict_with
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.models.sweep import Sweep
-from pzctl.sim.blind_cases.device_under_test import random_specimen
+from pzctl.sim.blind_cases.device_under_test import random_device
 from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record
 from pzctl.sim.blind_cases.scenario import NOTHING
 
@@ -18,10 +18,10 @@ from pzctl.sim.blind_cases.scenario import NOTHING
 def sound(seed: int, steps: int = 1, top: float = 3.4, **settings: object) -> Sweep:
     """Return a recording of a device with nothing wrong, by formulas that the models do not share."""
     rng = np.random.default_rng(seed)
-    specimen = random_specimen(rng, "x", steps, backed=False)
-    f = np.linspace(0.12, top, 801) * specimen.disk.f0
-    take = SweepSpec(specimen.steps[-1], f)
-    return Sweep(f, noisy(record(specimen, NOTHING, take), take, rng), settings)
+    device = random_device(rng, "x", steps, backed=False)
+    f = np.linspace(0.12, top, 801) * device.disk.f0
+    spec = SweepSpec(device.steps[-1], f)
+    return Sweep(f, noisy(record(device, NOTHING, spec), spec, rng), settings)
 
 
 def with_factor(sweep: Sweep, factor: object) -> Sweep:
