@@ -19,7 +19,9 @@ from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalAway, JournalError
 from pzctl.daemon.server.launch import start
+from pzctl.daemon.wire.curve_keys import write_secret
 from pzctl.daemon.wire.events import SampleStep, StateEvent
+from pzctl.daemon.wire.frames import to_json
 from pzctl.models.build import Build
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -62,15 +64,17 @@ def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str
 
 def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk is measured on bench a; bench b measures the next step, knows the first, and fits what a measured."""
-    places = {}
+    places, keys = {}, {}
     try:
         for station in ("a", "b"):
             monkeypatch.setenv("PZCTL_HOME", str(tmp_path / station))
             simulator = {"time_scale": 0.0}
             places[station] = start(DaemonOptions(fitters=(), simulator=simulator, journal=url, station=station))
+            keys[station] = tmp_path / f"{station}.key"
+            write_secret(keys[station], to_json(places[station].key))
         with (
-            connect(places["a"].events, places["a"].requests) as a,
-            connect(places["b"].events, places["b"].requests) as b,
+            connect(places["a"].events, places["a"].requests, keys["a"]) as a,
+            connect(places["b"].events, places["b"].requests, keys["b"]) as b,
         ):
             assert "secret" not in str(a.settings())
             disk = a.measure(build, "disk")
