@@ -1,0 +1,255 @@
+"""What a case of the lab world is drawn to be, and which of its plants have to be found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..waves import Reals
+from . import families, layered
+from .families import Random
+from .flaws import Fixture
+from .plant import Hideout, Plant, World
+from .random_specimen import random_specimen
+from .recording import Analyzer, Take
+from .specimen import AIR, Specimen
+from .visible import Seen, View
+
+KINDS = {
+    "instrument": 0.14,
+    "imperfect": 0.12,
+    "one": 0.38,
+    "two": 0.14,
+    "three": 0.07,
+    "four": 0.03,
+    "outside": 0.12,
+}
+"""`instrument`: a perfect device and an analyzer that errs; `imperfect`: nothing but what every device has besides."""
+
+FAMILIES = (
+    *((1.5, families.lead), (1.2, families.resistance), (1.0, families.stray), (0.7, families.leakage)),
+    *((1.0, families.cable), (0.3, families.polarity), (0.8, families.sheet), (1.0, families.drift)),
+    *((0.8, families.softening), (0.7, families.settling), (0.4, layered.mass), (1.0, layered.dot)),
+    *((1.2, layered.bond), (1.2, layered.void), (1.5, layered.spread), (1.0, layered.surface)),
+    *((1.0, layered.lateral), (1.0, layered.loss), (1.2, layered.dielectric), (1.2, layered.face)),
+    *((0.5, layered.viscous), (0.7, layered.backing), (1.0, layered.resonance), (0.6, layered.ageing)),
+)
+"""Weight and family of everything a catalogue may name."""
+
+_DRAWS = 3
+"""How often a case with effects is drawn at most until one of them dominates; some do not: constants absorb them."""
+FINDABLE_GAIN = 30.0
+"""chi2 that a plant must bring: 1.4e-7 is the chance of noise to bring it with one free size, 2e-5 with five."""
+NO_LONGER_MINOR = 3e-3
+"""Root mean square of ln Z from which an imperfection is an effect like any other: causal loss over three resonances."""
+FINDABLE_OVER = 1.0
+DOMINATING_OVER = 3.0
+"""What a plant must move ln Z, over the largest move of an imperfection: to be findable at all, and to dominate."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording session and its truth."""
+
+    name: str
+    kind: str
+    hideout: Hideout
+    takes: tuple[Take, ...]
+    analyzer: Analyzer
+    seen: tuple[Seen, ...]
+    """Of each plant of the hideout."""
+    seed: int
+
+    @property
+    def floor(self) -> float:
+        """What imperfections move ln Z by at most."""
+        return _floor(self.hideout, self.seen)
+
+    def role(self, index: int) -> str:
+        """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`.
+
+        An imperfection that moves more than `NO_LONGER_MINOR` is none any more.
+        """
+        plant, one = self.hideout.plants[index], self.seen[index]
+        if _is_minor(plant, one):
+            return "imperfection" if one.gain > FINDABLE_GAIN else "faint imperfection"
+        if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * self.floor:
+            return "faint"
+        return "dominating" if one.moves >= DOMINATING_OVER * self.floor and self._largest(index) else "findable"
+
+    def _largest(self, index: int) -> bool:
+        return all(
+            self.seen[index].moves >= other.moves
+            for plant, other in zip(self.hideout.plants, self.seen, strict=True)
+            if not _is_minor(plant, other)
+        )
+
+
+def _is_minor(plant: Plant, one: Seen) -> bool:
+    return plant.minor and one.moves < NO_LONGER_MINOR
+
+
+def _floor(hideout: Hideout, seen: Sequence[Seen]) -> float:
+    return max((s.moves for p, s in zip(hideout.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
+
+
+def draw_case(seed: int, index: int) -> Case:
+    """Return case number `index` of a seed; the same for ever."""
+    rng = np.random.default_rng([seed, index, 20])
+    kind = str(rng.choice(list(KINDS), p=np.array(list(KINDS.values())) / sum(KINDS.values())))
+    for _ in range(_DRAWS):
+        case = _draw(rng, kind, f"lab-{index:03d}")
+        if kind in ("instrument", "imperfect") or "dominating" in map(case.role, range(len(case.seen))):
+            break
+    return case
+
+
+def _draw(rng: Random, kind: str, name: str) -> Case:
+    plants, specimen = _drawn(rng, kind, name)
+    takes = plan(rng, specimen, plants)
+    analyzer = _analyzer(rng, takes, specimen)
+    minor = () if kind == "instrument" else layered.imperfections(rng, specimen)
+    hideout = Hideout(World(specimen, fixture=analyzer.fixture), (*plants, *minor))
+    view = View(hideout, takes, analyzer)
+    visible = [view.seen(k) for k in range(len(hideout.plants))]
+    floor = _floor(hideout, visible)
+    for k in range(len(plants)):
+        hideout, visible[k] = _grown(rng, hideout, k, takes, analyzer, visible[k], floor)
+    if plants and hideout is not view.hideout:
+        view = View(hideout, takes, analyzer)
+        visible = [view.seen(k) for k in range(len(hideout.plants))]
+    return Case(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
+
+
+def _grown(
+    rng: Random, hideout: Hideout, k: int, takes: Sequence[Take], analyzer: Analyzer, now: Seen, floor: float
+) -> tuple[Hideout, Seen]:
+    """Return the hideout with plant k so large that it can be found, where physics allows it."""
+    wanted = max(floor, 2 * analyzer.noise) * float(np.exp(rng.uniform(np.log(4), np.log(30))))
+    for _ in range(3):
+        plant = hideout.plants[k]
+        if plant.least >= plant.most or now.moves > 0.7 * wanted:
+            break
+        larger = plant.at(plant.scale * min(wanted / max(now.moves, 1e-9), 20.0))
+        if larger.scale == plant.scale:
+            break
+        hideout = hideout.scaled(k, larger.scale)
+        now = View(hideout, takes, analyzer).seen(k)
+    return hideout, now
+
+
+def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:
+    """Return effects and a specimen that has the places for them."""
+    count = {"one": 1, "two": 2, "three": 3, "four": 4, "outside": 1}.get(kind, 0)
+    weights = np.array([weight for weight, _ in FAMILIES])
+    weights = weights / weights.sum()
+    chosen = [FAMILIES[int(k)][1] for k in rng.choice(len(weights), size=count, replace=False, p=weights)]
+    for _ in range(500):
+        steps, backed = int(rng.choice([1, 2, 3], p=[0.6, 0.28, 0.12])), bool(rng.random() < 0.15)
+        specimen = random_specimen(rng, name, steps, backed, ceramic_only=rng.random() < 0.8)
+        if kind == "outside":
+            return (families.outside(rng, specimen),), specimen
+        found = _placed(rng, chosen, specimen)
+        if found is not None:
+            return found, specimen
+    return _drawn(rng, kind, name)  # two that exclude one another: others
+
+
+def _placed(rng: Random, chosen: Sequence[object], specimen: Specimen) -> tuple[Plant, ...] | None:
+    """Return the plants, or None where the specimen has no place for one of them, or they exclude one another."""
+    plants: list[Plant] = []
+    for _, family in FAMILIES:
+        if family not in chosen:
+            continue
+        if family in (layered.bond, layered.void, layered.ageing) and not specimen.coats:
+            return None
+        plants.append(family(rng, specimen))
+    needs = {plant.needs for plant in plants}
+    names = {plant.effect for plant in plants}
+    ceramic = specimen.ceramic
+    aspect = specimen.diameter / ceramic.thickness
+    plain = len(specimen.steps) == 1 and ceramic.kind == "soft" and 8 < aspect < 18 and specimen.back == AIR
+    excluded = (
+        ("a plain disk" in needs and not plain)
+        or ("a backing" in needs) != (specimen.back > AIR)
+        or {"up and down", "levels"} <= needs
+        or {"face-load", "viscous-load"} <= names
+        or {"bond-layer", "bond-void"} <= names
+        or ("lateral-modes" in names and names & _OF_COLUMNS)
+    )
+    return None if excluded else tuple(plants)
+
+
+_OF_COLUMNS = frozenset(
+    "drive-nonlinearity local-mass thickness-variation surface-layer loss-dispersion dielectric-dispersion face-load "
+    "viscous-load temperature-drift electrode-mass sweep-lag".split()
+)
+"""What a disk that vibrates in both dimensions cannot have here."""
+
+
+def plan(rng: Random, specimen: Specimen, plants: Sequence[Plant]) -> tuple[Take, ...]:
+    """Return the sweeps of a session: every step, with a repeat downwards or at another level where that decides."""
+    f0, needs = specimen.ceramic.f0, {plant.needs for plant in plants}
+    f = _grid(rng, f0, "a plain disk" in needs)
+    seconds = float(rng.uniform(20, 130)) * f.size / 801
+    takes: list[Take] = []
+    chance = rng.random()
+    for step in specimen.steps:
+        first = Take(step, f)
+        if "up and down" in needs or ("levels" not in needs and chance < 0.1):
+            first = replace(first, seconds=seconds)
+            takes += [first, replace(first, down=True, order=1)]
+        elif "levels" in needs or chance > 0.95:
+            takes += [replace(first, level_V=0.1), replace(first, level_V=1.0, order=1)]
+        else:
+            takes.append(first)
+    return tuple(takes)
+
+
+def _grid(rng: Random, f0: float, plain: bool) -> Reals:
+    """Return the frequencies of a sweep in Hz: linear, logarithmic, in segments, or over one resonance only."""
+    points = int(rng.choice([101, 201, 401, 801, 1601], p=[0.06, 0.14, 0.2, 0.45, 0.15]))
+    low, high = [(0.12, 1.5), (0.12, 2.4), (0.117, 3.4)][int(rng.choice(3, p=[0.2, 0.3, 0.5]))]
+    how = str(rng.choice(["linear", "log", "segments", "short"], p=[0.5, 0.2, 0.18, 0.12]))
+    if plain:
+        low, high, how = 0.45, 1.55, "linear"
+        points = max(points, 401)
+    if how == "short":
+        low, high = float(rng.uniform(0.55, 0.75)), float(rng.uniform(1.25, 1.5))
+    if how == "segments":
+        edges, parts = np.array([low, 0.78, 1.2, high]), np.array([0.25, 0.5, 0.25])
+        counts = (parts * points).round().astype(int)
+        pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)]
+        x = np.concatenate([*pieces, [high]])
+    else:
+        x = np.geomspace(low, high, points) if how == "log" else np.linspace(low, high, points)
+    return np.round(x * f0, 3)
+
+
+def _analyzer(rng: Random, takes: Sequence[Take], specimen: Specimen) -> Analyzer:
+    """Return an analyzer within its specification, of some noise and colour."""
+    band = (min(float(t.frequency[0]) for t in takes), max(float(t.frequency[-1]) for t in takes))
+    reach = float(rng.uniform(0.8, 4.0))
+    rms = rng.uniform(2e-4, 1e-3, size=2)
+    shapes = rng.standard_normal((2, 10)) * np.exp(-np.arange(10) / reach)
+    gain, phase = (of / np.sqrt(of[0] ** 2 + np.sum(of[1:] ** 2) / 2) * size for of, size in zip(shapes, rms, strict=True))
+    typical = 1 / (2 * np.pi * specimen.ceramic.f0 * specimen.C0)
+    steps = ((typical * float(np.exp(rng.normal(0, 1))), float(rng.normal(0, 3e-4))),) if rng.random() < 0.15 else ()
+    sign = rng.choice([-1.0, 1.0], size=2, p=[0.3, 0.7])
+    fixture = Fixture(
+        inductance=float(sign[0] * rng.uniform(0.1e-9, 1.2e-9)),
+        resistance=float(rng.uniform(1e-3, 8e-3)),
+        skin=float(rng.uniform(0, 4e-3)),
+        capacitance=float(sign[1] * rng.uniform(2e-15, 20e-15)),
+        conductance=float(rng.uniform(0, 2e-9)),
+    )
+    return Analyzer(
+        band=band,
+        gain=tuple(map(float, gain)),
+        phase=tuple(map(float, phase)),
+        steps=steps,
+        noise=float(np.exp(rng.uniform(np.log(5e-5), np.log(5e-4)))),
+        colour=float(rng.uniform(0.3, 0.85)) if rng.random() < 0.25 else 0.0,
+        fixture=fixture,
+        bandwidth=int(rng.choice([5, 5, 5, 3])),
+    )

@@ -1,0 +1,224 @@
+"""How much a plant moves what is measured when constants, instrument and fixture do what they can to imitate it.
+
+Nothing here is taken from the diagnosis. All free constants of the build are moved by Gauss and Newton's steps on
+noise-free recordings of this world's own, together with smooth gain and phase, the fixture's residue and the sizes of
+all other effects, each within what is known of it. What is left of ln Z, relative to the same world with the plant, is
+what naming the plant can bring:
+
+- `moves`: root of the mean square of what is left of ln Z, without unit;
+- `gain`: the same as chi2 against the noise, with what the allowances had to pay.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..waves import Complexes, Reals
+from .plant import Hideout, World
+from .recording import Analyzer, Take, shown
+from .specimen import AIR, Coat
+
+_POINTS = 200
+"""Points of a sweep that are looked at."""
+_ROUNDS, _RENEWALS = 14, 2
+_STEP = 1e-6
+_SMALL = 3e-3
+"""Root mean square of ln Z below which a plant is imitated by derivatives alone."""
+_COSINES = 8
+_ACCURACY = 1e-3
+"""Relative gain and rad of phase that the analyzer's specification allows, root of the mean square over the band."""
+_FIXTURE = (1e-9, 1e-2, 5e-3, 20e-15, 3e-9)
+"""H, ohm, ohm at 1 MHz (skin), F, S that compensation leaves: one standard deviation each."""
+_BACKED = 1e6
+"""Rayl from which a load is a backing."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How visible one plant is."""
+
+    gain: float
+    moves: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Thin:
+    take: Take
+    target: Complexes
+    """ln Z of the world as it is."""
+    sigma: float
+    """Noise per point looked at: less where many points stand for one."""
+
+
+class View:
+    """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
+
+    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer) -> None:
+        self.hideout = hideout
+        self._thin = [_thinned(hideout, take, analyzer) for take in takes]
+        self._free = _Free(hideout)
+        A = np.concatenate([_allowances(one, analyzer) for one in self._thin])
+        self._U, s, _ = np.linalg.svd(A, full_matrices=False)
+        self._half, self._shrink = 1 - 1 / np.sqrt(1 + s**2), s**2 / (1 + s**2)
+        self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
+        self._J: Reals | None = None
+
+    def seen(self, index: int) -> Seen:
+        """Return how visible a plant is: steps with the derivatives of the whole world, renewed where they stall."""
+        r = self._rows(self._free.moved(np.zeros(self._free.size), index))
+        if self._moves(r) < _SMALL:  # so little that all is linear
+            J = self._derivatives()
+            x = self._step(J, r, np.zeros(self._free.size), index, 1e-10)
+            r, cost = r + J @ x, self._cost(r + J @ x, x)
+        else:
+            r, cost = self._descend(r, index)
+        return Seen(cost, self._moves(self._unallowed(r)))
+
+    def _descend(self, r: Reals, index: int) -> tuple[Reals, float]:
+        x, J = np.zeros(self._free.size), self._derivatives()
+        now, damping, renewed = self._cost(r, x), 1e-8, 0
+        for _ in range(_ROUNDS):
+            before = now
+            trial = x + np.clip(self._step(J, r, x, index, damping), -0.3, 0.3)
+            r_trial = self._rows(self._free.moved(trial, index))
+            cost = self._cost(r_trial, trial)
+            if cost < now:
+                x, r, now, damping = trial, r_trial, cost, damping / 10
+            else:
+                damping = max(damping, 1e-6) * 100
+            if before - now < 0.05 * before:
+                if renewed == _RENEWALS or (now == before and damping > 1):
+                    break
+                if now < before or not renewed:
+                    J, renewed = self._derivatives_at(x, index), renewed + 1
+        return r, now
+
+    def _rows(self, here: Hideout, linear: bool = False) -> Reals:
+        """Return the differences from the world as it is over the noise; `linear`: without what depends on itself."""
+        out: list[Reals] = []
+        for one in self._thin:
+            world = here.world(one.take.step)
+            flaws = replace(world.flaws, softening=None, settling=0.0) if linear else world.flaws
+            z = shown(world.specimen, flaws, one.take, world.fixture)
+            out.append(_real(_difference(z, one.target)) / one.sigma)
+        return np.concatenate(out)
+
+    def _derivatives(self) -> Reals:
+        if self._J is None:
+            self._J = self._derivatives_at(np.zeros(self._free.size), None)
+        return self._J
+
+    def _derivatives_at(self, x: Reals, index: int | None) -> Reals:
+        eye = np.eye(x.size)
+        columns: list[Reals] = []
+        for full in (False, True):
+            of = range(self._free.constants, x.size) if full else range(self._free.constants)
+            if of:
+                at = self._rows(self._free.moved(x, index), not full)
+                columns += [
+                    (self._rows(self._free.moved(x + _STEP * eye[k], index), not full) - at) / _STEP for k in of
+                ]
+        return np.stack(columns, axis=1)
+
+    def _step(self, J: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
+        known = 1 / self._free.prior
+        W, w = self._whiten(J), self._whiten(r)
+        W[:, [k for k in range(W.shape[1]) if self._free.is_plant(k, index)]] = 0.0
+        scale = np.sqrt(np.sum(W**2, axis=0) + known**2) + 1e-12
+        M = np.vstack([W / scale, np.diag(known / scale), np.sqrt(damping) * np.eye(x.size)])
+        return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
+
+    def _whiten(self, v: Reals) -> Reals:
+        half = self._half if v.ndim == 1 else self._half[:, None]
+        return v - self._U @ (half * (self._U.T @ v))
+
+    def _unallowed(self, r: Reals) -> Reals:
+        return r - self._U @ (self._shrink * (self._U.T @ r))
+
+    def _cost(self, r: Reals, x: Reals) -> float:
+        return float(np.sum(self._whiten(r) ** 2) + np.sum((x / self._free.prior) ** 2))
+
+    def _moves(self, r: Reals) -> float:
+        return float(np.sqrt(2 * np.mean((r * self._sigmas) ** 2)))
+
+
+class _Free:
+    """The constants that a fitter frees, as relative changes, and the sizes of the effects."""
+
+    def __init__(self, hideout: Hideout) -> None:
+        self.whole = hideout
+        self.sizes = [k for k, p in enumerate(hideout.plants) if p.least < p.most and p.scale and not p.minor]
+        specimen = hideout.bare.specimen
+        self.coats = [coat for coat in specimen.coats if coat.name not in hideout.untold]
+        prior = [np.inf] * 6 + [1.0 if specimen.back < _BACKED else 1e-9, 1.0]
+        for coat in self.coats:
+            prior += [max(u / v, 1e-9) for u, v in zip(coat.u, coat.told, strict=True)]
+        self.constants = len(prior)
+        self.prior: Reals = np.array(prior + [np.inf] * len(self.sizes))
+        self.size = self.prior.size
+
+    def is_plant(self, column: int, index: int) -> bool:
+        """Return whether a column is the size of plant `index`."""
+        return column >= self.constants and self.sizes[column - self.constants] == index
+
+    def moved(self, x: Reals, index: int | None) -> Hideout:
+        """Return the world moved by x, and without plant `index`."""
+        specimen = self.whole.bare.specimen
+        ceramic = specimen.ceramic
+        ceramic = replace(
+            ceramic,
+            c33D=ceramic.c33D * (1 + complex(x[0], x[1])),
+            h33=ceramic.h33 * (1 + complex(x[2], x[3])),
+            eps33S=ceramic.eps33S * (1 + complex(x[4], x[5])),
+        )
+        loads = [max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)]
+        moved = {coat.name: _moved(coat, x[8 + 4 * k : 12 + 4 * k]) for k, coat in enumerate(self.coats)}
+        coats = tuple(moved.get(coat.name, coat) for coat in specimen.coats)
+        specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
+        bare: World = replace(self.whole.bare, specimen=specimen)
+        plants = list(self.whole.plants)
+        for k, change in zip(self.sizes, x[self.constants :], strict=True):
+            plants[k] = replace(plants[k], scale=plants[k].scale * max(1 + float(change), 0.0))
+        if index is not None:
+            plants[index] = replace(plants[index], scale=0.0)
+        return Hideout(bare, tuple(plants))
+
+
+def _moved(coat: Coat, x: Reals) -> Coat:
+    t, z, c, q = (float(np.exp(np.clip(one, -2, 2))) for one in x)
+    return replace(coat, thickness=coat.thickness * t, z=coat.z * z, c=coat.c * c, q=coat.q * q)
+
+
+def _thinned(hideout: Hideout, take: Take, analyzer: Analyzer) -> _Thin:
+    n = take.frequency.size
+    keep = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).round().astype(int))
+    few = replace(take, frequency=take.frequency[keep])
+    world = hideout.world(take.step)
+    target = np.log(shown(world.specimen, world.flaws, few, world.fixture))
+    # neighbours in coloured noise say the same: smooth things see its low frequencies only
+    coloured = np.sqrt((1 + analyzer.colour) / (1 - analyzer.colour))
+    return _Thin(few, target, analyzer.noise * float(coloured * np.sqrt(keep.size / n)))
+
+
+def _allowances(one: _Thin, analyzer: Analyzer) -> Reals:
+    """Return what instrument and fixture may add to the rows, a unit normal each; shape (2 N, 2 cosines + 5)."""
+    f, z = one.take.frequency, np.exp(one.target)
+    u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])
+    basis = np.stack([np.cos(n * np.pi * u) / (1 + n) for n in range(_COSINES)], axis=1)
+    gain = _ACCURACY * basis.astype(np.complex128)
+    omega = 2 * np.pi * f
+    L, R, skin, C, G = _FIXTURE
+    fixture = np.stack(
+        [1j * omega * L / z, R / z, skin * (1 + 1j) * np.sqrt(f / 1e6) / z, -1j * omega * C * z, -G * z], axis=1
+    )
+    return np.concatenate([_real(part) for part in (np.hstack([gain, 1j * gain, fixture]),)], axis=0) / one.sigma
+
+
+def _real(z: Complexes) -> Reals:
+    return np.concatenate([z.real, z.imag])
+
+
+def _difference(z: Complexes, target: Complexes) -> Complexes:
+    d = np.log(z) - target
+    return d.real + 1j * ((d.imag + np.pi) % (2 * np.pi) - np.pi)
