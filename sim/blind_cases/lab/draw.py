@@ -39,7 +39,7 @@ FAMILIES = (
 _DRAWS = 3
 """How often a case with effects is drawn at most until one of them dominates; some do not: constants absorb them."""
 FINDABLE_GAIN = 30.0
-"""chi2 that a plant must bring: 1.4e-7 is the chance of noise to bring it with one free size, 2e-5 with five."""
+"""chi2 that a plant must bring: noise brings it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
 NO_LONGER_MINOR = 3e-3
 """Root mean square of ln Z from which an imperfection is an effect like any other: causal loss over three resonances."""
 FINDABLE_OVER = 1.0

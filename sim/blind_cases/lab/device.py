@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import iv, kv
 
 from ..ritz import finite_disk_admittance
-from ..specimen import Disk as RitzDisk
-from ..specimen import Specimen as RitzSpecimen
+from ..test_device import Disk as RitzDisk
+from ..test_device import Specimen as RitzSpecimen
 from ..waves import Column, Complexes, Part, Reals, Slice, respond
 from .flaws import Flaws, Side
 from .specimen import AIR, Ceramic, Coat, Specimen, lossy
