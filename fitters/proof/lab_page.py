@@ -56,9 +56,9 @@ def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: st
         "## Probabilities",
         _scores(pairs),
         f"![part that was right over probability said]({DIAGRAM})",
-        _table(("said with", "right", "findings"), [(f"{p:.3f}", str(one), str(one.of)) for p, one in rows]),
+        table(("said with", "right", "findings"), [(f"{p:.3f}", str(one), str(one.of)) for p, one in rows]),
         "## Effect by effect",
-        _table(
+        table(
             ("effect", "planted, findable", "named", "dominating", "of these named first", "cases with it wrongly named"),
             [
                 (r.effect, str(r.planted), str(r.found), str(r.dominating), str(r.first), str(r.said_wrongly))
@@ -80,7 +80,7 @@ def _figures_table(figures: LabFigures, total: dict[str, Share]) -> str:
         (name, TARGETS[name], str(one), str(one.of), str(total.get(name, "-")))
         for name, one in figures.shares.items()
     ]
-    return _table(("figure", "target", "reached", "of", "all sealed runs together"), rows)
+    return table(("figure", "target", "reached", "of", "all sealed runs together"), rows)
 
 
 def _scores(pairs: Sequence[tuple[float, bool]]) -> str:
@@ -108,7 +108,7 @@ def _runs_table(runs: Sequence[Run]) -> str:
         )
         for run in runs
     ]
-    return _table(("begun (UTC)", "world", "seed", "cases", "code", "SHA-256 of the truth", first, second), rows)
+    return table(("begun (UTC)", "world", "seed", "cases", "code", "SHA-256 of the truth", first, second), rows)
 
 
 def _failures(cases: Sequence[LabCase]) -> str:
@@ -119,7 +119,7 @@ def _failures(cases: Sequence[LabCase]) -> str:
         if missed or case.failed or "wrong" in classes or (case.is_null and not case.safe):
             planted = "; ".join(f"{one['effect']} {one['moves']:.1e}" for one in case.planted) or "nothing"
             rows.append((case.name, case.truth["kind"], planted, _answered(case)))
-    return _table(("case", "kind", "planted, with what it moves", "answered"), rows)
+    return table(("case", "kind", "planted, with what it moves", "answered"), rows)
 
 
 def _answered(case: LabCase) -> str:
@@ -132,7 +132,7 @@ def _answered(case: LabCase) -> str:
     return f"{case.answer['verdict']}: {', '.join(said) or 'nothing'}"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)])
 
 
