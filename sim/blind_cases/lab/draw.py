@@ -7,6 +7,7 @@ import numpy as np
 
 from ..waves import Reals
 from . import families, layered
+from .alike import with_other_names
 from .families import Random
 from .flaws import Fixture
 from .plant import Hideout, Plant, World
@@ -40,6 +41,8 @@ _DRAWS = 3
 """How often a case with effects is drawn at most until one of them dominates; some do not: constants absorb them."""
 FINDABLE_GAIN = 30.0
 """chi2 that a plant must bring: noise brings it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
+DOMINATING_GAIN = 100.0
+"""The same of one that dominates: ten standard deviations."""
 NO_LONGER_MINOR = 3e-3
 """Root mean square of ln Z from which an imperfection is an effect like any other: causal loss over three resonances."""
 FINDABLE_OVER = 1.0
@@ -75,7 +78,8 @@ class Case:
             return "imperfection" if one.gain > FINDABLE_GAIN else "faint imperfection"
         if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * self.floor:
             return "faint"
-        return "dominating" if one.moves >= DOMINATING_OVER * self.floor and self._largest(index) else "findable"
+        far = one.gain >= DOMINATING_GAIN and one.moves >= DOMINATING_OVER * self.floor
+        return "dominating" if far and self._largest(index) else "findable"
 
     def _largest(self, index: int) -> bool:
         return all(
@@ -118,6 +122,7 @@ def _draw(rng: Random, kind: str, name: str) -> Case:
     if plants and hideout is not view.hideout:
         view = View(hideout, takes, analyzer)
         visible = [view.seen(k) for k in range(len(hideout.plants))]
+    hideout = with_other_names(hideout, takes, analyzer, _floor(hideout, visible), FINDABLE_GAIN)
     return Case(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 

@@ -144,7 +144,7 @@ def outside(rng: Random, s: Specimen) -> Plant:
         size = lognormal(rng, 2e-9, 0.7)
         accept = ("spurious-resonance",)
     elif kind == "neighbour":
-        size = float(rng.uniform(0.02, 0.3))
+        size = lognormal(rng, 0.03, 0.6)
         accept = ("spurious-resonance", "thickness-variation", "local-mass")
     else:
         size = lognormal(rng, 0.02, 0.6)

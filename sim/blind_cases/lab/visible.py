@@ -1,12 +1,14 @@
 """How much a plant moves what is measured when constants, instrument and fixture do what they can to imitate it.
 
-Nothing here is taken from the diagnosis. All free constants of the build are moved by Gauss and Newton's steps on
-noise-free recordings of this world's own, together with smooth gain and phase, the fixture's residue and the sizes of
-all other effects, each within what is known of it. What is left of ln Z, relative to the same world with the plant, is
-what naming the plant can bring:
+Nothing here is taken from the diagnosis. All free constants of the build and the sizes of all other effects are moved by
+Gauss and Newton's steps on noise-free recordings of this world's own, beside smooth gain and phase and the fixture's
+residue, each within what is known of it. Of the best imitation of a world that has the plant by one that has not:
 
-- `moves`: root of the mean square of what is left of ln Z, without unit;
-- `gain`: the same as chi2 against the noise, with what the allowances had to pay.
+- `gain`: the chi2 that is left against the noise, and what the allowances of instrument and fixture had to pay;
+- `moves`: root of the mean square of the difference in ln Z, without unit, when constants and other sizes make it as
+  small as they can, every point counting alike. Instrument and fixture are given no part of it.
+
+What instrument and fixture could do alone moves something and gains nothing.
 """
 
 from collections.abc import Sequence
@@ -15,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..waves import Complexes, Reals
-from .plant import Hideout, World
+from .plant import Hideout, Plant, World
 from .recording import Analyzer, Take, shown
 from .specimen import AIR, Coat
 
@@ -54,14 +56,18 @@ class _Thin:
 class View:
     """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
 
-    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer) -> None:
+    def __init__(
+        self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer, rival: Plant | None = None
+    ) -> None:
+        """`rival`: another effect that may imitate, its scale free from 0 on."""
         self.hideout = hideout
         self._thin = [_thinned(hideout, take, analyzer) for take in takes]
-        self._free = _Free(hideout)
+        self._free = _Free(hideout, rival)
         A = np.concatenate([_allowances(one, analyzer) for one in self._thin])
         self._U, s, _ = np.linalg.svd(A, full_matrices=False)
-        self._half, self._shrink = 1 - 1 / np.sqrt(1 + s**2), s**2 / (1 + s**2)
+        self._half = 1 - 1 / np.sqrt(1 + s**2)
         self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
+        self._typical = float(np.sqrt(np.mean(self._sigmas**2)))
         self._J: Reals | None = None
 
     def seen(self, index: int) -> Seen:
@@ -72,15 +78,15 @@ class View:
             x = self._step(J, r, np.zeros(self._free.size), index, 1e-10)
             r, cost = r + J @ x, self._cost(r + J @ x, x)
         else:
-            r, cost = self._descend(r, index)
-        return Seen(cost, self._moves(self._unallowed(r)))
+            r, cost, J = self._descend(r, index)
+        return Seen(cost, self._moves(self._projected(r, J, index)))
 
-    def _descend(self, r: Reals, index: int) -> tuple[Reals, float]:
+    def _descend(self, r: Reals, index: int) -> tuple[Reals, float, Reals]:
         x, J = np.zeros(self._free.size), self._derivatives()
         now, damping, renewed = self._cost(r, x), 1e-8, 0
         for _ in range(_ROUNDS):
             before = now
-            trial = x + np.clip(self._step(J, r, x, index, damping), -0.3, 0.3)
+            trial = x + np.clip(self._step(J, r, x, index, damping), -self._free.reach, self._free.reach)
             r_trial = self._rows(self._free.moved(trial, index))
             cost = self._cost(r_trial, trial)
             if cost < now:
@@ -92,7 +98,7 @@ class View:
                     break
                 if now < before or not renewed:
                     J, renewed = self._derivatives_at(x, index), renewed + 1
-        return r, now
+        return r, now, J
 
     def _rows(self, here: Hideout, linear: bool = False) -> Reals:
         """Return the differences from the world as it is over the noise; `linear`: without what depends on itself."""
@@ -129,12 +135,21 @@ class View:
         M = np.vstack([W / scale, np.diag(known / scale), np.sqrt(damping) * np.eye(x.size)])
         return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
 
+    def _projected(self, r: Reals, J: Reals, index: int) -> Reals:
+        """Return what is left of rows when constants and other sizes make it as small as they can, every point alike."""
+        taken = [k for k in range(J.shape[1]) if self._free.is_plant(k, index)]
+        W = J * self._sigmas[:, None]
+        W[:, taken] = 0.0
+        width = np.linalg.norm(W, axis=0) + 1e-300
+        known = np.minimum(1 / (self._free.prior * width), 1e6) * self._typical
+        M = np.vstack([W / width, np.diag(known)])
+        v = r * self._sigmas
+        x = np.linalg.lstsq(M, -np.concatenate([v, np.zeros(known.size)]), rcond=1e-9)[0]
+        return r + (W / width) @ x / self._sigmas
+
     def _whiten(self, v: Reals) -> Reals:
         half = self._half if v.ndim == 1 else self._half[:, None]
         return v - self._U @ (half * (self._U.T @ v))
-
-    def _unallowed(self, r: Reals) -> Reals:
-        return r - self._U @ (self._shrink * (self._U.T @ r))
 
     def _cost(self, r: Reals, x: Reals) -> float:
         return float(np.sum(self._whiten(r) ** 2) + np.sum((x / self._free.prior) ** 2))
@@ -146,8 +161,8 @@ class View:
 class _Free:
     """The constants that a fitter frees, as relative changes, and the sizes of the effects."""
 
-    def __init__(self, hideout: Hideout) -> None:
-        self.whole = hideout
+    def __init__(self, hideout: Hideout, rival: Plant | None) -> None:
+        self.whole, self.rival = hideout, rival
         self.sizes = [k for k, p in enumerate(hideout.plants) if p.least < p.most and p.scale and not p.minor]
         specimen = hideout.bare.specimen
         self.coats = [coat for coat in specimen.coats if coat.name not in hideout.untold]
@@ -155,12 +170,17 @@ class _Free:
         for coat in self.coats:
             prior += [max(u / v, 1e-9) for u, v in zip(coat.u, coat.told, strict=True)]
         self.constants = len(prior)
-        self.prior: Reals = np.array(prior + [np.inf] * len(self.sizes))
+        self.prior: Reals = np.array(prior + [np.inf] * (len(self.sizes) + (rival is not None)))
         self.size = self.prior.size
+        self.reach: Reals = np.full(self.size, 0.3)
+        """How far one step may go."""
+        if rival is not None:
+            self.reach[-1] = 1e3
 
     def is_plant(self, column: int, index: int) -> bool:
         """Return whether a column is the size of plant `index`."""
-        return column >= self.constants and self.sizes[column - self.constants] == index
+        at = column - self.constants
+        return 0 <= at < len(self.sizes) and self.sizes[at] == index
 
     def moved(self, x: Reals, index: int | None) -> Hideout:
         """Return the world moved by x, and without plant `index`."""
@@ -178,10 +198,12 @@ class _Free:
         specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
         bare: World = replace(self.whole.bare, specimen=specimen)
         plants = list(self.whole.plants)
-        for k, change in zip(self.sizes, x[self.constants :], strict=True):
+        for k, change in zip(self.sizes, x[self.constants :], strict=False):
             plants[k] = replace(plants[k], scale=plants[k].scale * max(1 + float(change), 0.0))
         if index is not None:
             plants[index] = replace(plants[index], scale=0.0)
+        if self.rival is not None:
+            plants.append(replace(self.rival, scale=max(float(x[-1]), 0.0)))
         return Hideout(bare, tuple(plants))
 
 
