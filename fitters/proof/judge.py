@@ -118,9 +118,7 @@ def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
     answers = json.loads((folder / "answers.json").read_text())
     told: dict[str, Any] = json.loads((folder / TOLD).read_text()) if (folder / TOLD).exists() else {}
     missing = {"error": "no answer"}
-    return tuple(
-        Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in truths.items()
-    )
+    return tuple(Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in truths.items())
 
 
 def read_sealed(folder: Path, published: str) -> dict[str, Any]:

@@ -148,7 +148,9 @@ def matches(found: Mapping[str, Any], planted: Mapping[str, Any]) -> bool:
     if found["effect"] != planted["effect"]:
         return False
     where = str(found.get("where", ""))
-    return any(place in ("any", where) or (place.endswith("|") and where.startswith(place)) for place in planted["where"])
+    return any(
+        place in ("any", where) or (place.endswith("|") and where.startswith(place)) for place in planted["where"]
+    )
 
 
 def _class_of(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -49,7 +49,9 @@ def lab_figures(cases: Sequence[LabCase]) -> LabFigures:
         share([case.false_and_sure for case in cases]),
         share([case.safe for case in cases if case.is_null]),
         share([case.safe and not _names(case) for case in silent]),
-        share([not case.failed and all(one != "wrong" for _, one in case.classes) for case in cases if case.is_outside]),
+        share(
+            [not case.failed and all(one != "wrong" for _, one in case.classes) for case in cases if case.is_outside]
+        ),
         share([flag for case in cases for flag in case.found]),
         share([flag for case in cases for flag in case.covered("re")]),
         share([flag for case in cases for flag in case.covered("im")]),
@@ -67,7 +69,7 @@ def _names(case: LabCase) -> list[str]:
 
 
 def said_and_right(cases: Sequence[LabCase]) -> list[tuple[float, bool]]:
-    """Return the probability of every name said that is right or wrong, and which: what is allowed counts neither way."""
+    """Return probability of every name said, and whether it is right; what is allowed counts neither way."""
     return [(p, one != "wrong") for case in cases for p, one in case.classes if one in ("right", "alike", "wrong")]
 
 

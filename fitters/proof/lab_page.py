@@ -16,18 +16,20 @@ from .run_list import Run, complete, pooled, read_runs
 from .wilson import Share
 
 PAGE, DIAGRAM = "proof-lab.md", "proof-lab-reliability.svg"
-_WORLD = (
-    "Recordings come from `sim/blind_cases/lab`: random ceramics, sizes, glues and sweeps, an analyzer that errs within "
-    "its specification, a fixture's residue, imperfections of every device, and none to four effects that follow no "
-    "formula of the catalogue exactly. Waves are solved as initial-value problems by power series, distributions by "
-    "adding up columns, cables by chains of short pieces, finite disks by Ritz. The constitutive laws of a linear "
-    "piezoelectric plate, of a passive layer and of a circuit are the same as in the models: there is one nature.\n\n"
-    "What a planted effect *moves* is the root mean square of what is left of ln Z when all free constants, smooth gain "
-    "and phase within 0.1 % and 1 mrad, the fixture's residue and the sizes of the other effects have imitated it as well "
-    "as they can. *Findable* is one that so gains 30 in chi2 or more and moves at least what the largest imperfection "
-    "moves; *dominating* the largest of them where it moves three times that. No number of the diagnosis enters. "
-    "A name counts as said from a probability of 0.5, as said for sure from 0.9. Intervals are Wilson's, 95 %."
-)
+_WORLD = """\
+Recordings come from `sim/blind_cases/lab`: random ceramics, sizes, glues and sweeps, an analyzer that errs within its
+specification, a fixture's residue, imperfections of every device, and none to four effects that follow no formula of
+the catalogue exactly. Waves are solved as initial-value problems by power series, distributions by adding up columns,
+cables by chains of short pieces, finite disks by Ritz. The constitutive laws of a linear piezoelectric plate, of a
+passive layer and of a circuit are the same as in the models: there is one nature.
+
+What a planted effect *moves* is the root mean square of what is left of ln Z when all free constants and the sizes of
+the other effects have imitated it as well as they can; what it *gains* the chi2 that is left of it where smooth gain
+and phase within 0.1 % and 1 mrad and the fixture's residue help, too. *Findable* is one that gains 30 or more and
+moves at least what the largest imperfection moves; *dominating* the one that moves most, if it gains 100 and moves
+three times that. No number of the diagnosis enters. A name counts as said from a probability of 0.5, as said for sure
+from 0.9. Intervals behind figures are Wilson's, 95 %; constants of one case are not independent, so theirs are too
+narrow."""
 
 
 def read_cases(folder: Path, published: str) -> list[LabCase]:
@@ -50,16 +52,23 @@ def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: st
         f"truth, printed before the first was diagnosed: `{published}`.",
         _WORLD,
         _figures_table(figures, total),
-        f"Seconds for a case: {figures.seconds:.1f} (median), {figures.longest:.1f} (95th percentile). What is *allowed* "
-        "(a faint effect, an imperfection) counts neither as right nor as wrong; a name whose merged class holds the "
-        "truth counts in the rows that say so, and as right in what follows.",
+        f"Seconds for a case: {figures.seconds:.1f} (median), {figures.longest:.1f} (95th percentile). "
+        "What is *allowed* (a faint effect, an imperfection) counts neither as right nor as wrong; a name whose merged "
+        "class holds the truth counts in the rows that say so, and as right in what follows.",
         "## Probabilities",
         _scores(pairs),
         f"![part that was right over probability said]({DIAGRAM})",
         table(("said with", "right", "findings"), [(f"{p:.3f}", str(one), str(one.of)) for p, one in rows]),
         "## Effect by effect",
         table(
-            ("effect", "planted, findable", "named", "dominating", "of these named first", "cases with it wrongly named"),
+            (
+                "effect",
+                "planted, findable",
+                "named",
+                "dominating",
+                "of these named first",
+                "cases with it wrongly named",
+            ),
             [
                 (r.effect, str(r.planted), str(r.found), str(r.dominating), str(r.first), str(r.said_wrongly))
                 for r in by_effect(cases)
@@ -77,8 +86,7 @@ def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: st
 
 def _figures_table(figures: LabFigures, total: dict[str, Share]) -> str:
     rows = [
-        (name, TARGETS[name], str(one), str(one.of), str(total.get(name, "-")))
-        for name, one in figures.shares.items()
+        (name, TARGETS[name], str(one), str(one.of), str(total.get(name, "-"))) for name, one in figures.shares.items()
     ]
     return table(("figure", "target", "reached", "of", "all sealed runs together"), rows)
 
@@ -90,7 +98,8 @@ def _scores(pairs: Sequence[tuple[float, bool]]) -> str:
     skills = [f"{100 * skill:+.0f} %" if not math.isnan(skill) else "-" for skill in (one.log_skill, one.brier_skill)]
     return (
         f"{one.count} names said, {100 * one.right:.1f} % right, said with {one.said:.3f} on the average. Log score "
-        f"{one.log_score:.3f} nats, {skills[0]} better than the best constant; Brier score {one.brier:.4f}, {skills[1]}."
+        f"{one.log_score:.3f} nats, {skills[0]} better than the best constant; Brier score {one.brier:.4f}, "
+        f"{skills[1]}."
     )
 
 
@@ -133,6 +142,7 @@ def _answered(case: LabCase) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table of the page."""
     return "\n".join(["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)])
 
 
@@ -143,7 +153,9 @@ def main(folder: Path, published: str, title: str, listed: Path | None) -> dict[
     if listed is not None:
         complete(listed, published, figures.shares, figures.seconds)
     page = write_page(folder, cases, published, title, read_runs(listed) if listed is not None else [])
-    scores = {name: None if math.isnan(value) else value for name, value in asdict(calibration(said_and_right(cases))).items()}
+    scores = {
+        name: None if math.isnan(value) else value for name, value in asdict(calibration(said_and_right(cases))).items()
+    }
     shares = {name: {"hits": one.hits, "of": one.of, "interval": one.interval} for name, one in figures.shares.items()}
     return {"page": str(page), "figures": shares, "calibration": scores, "seconds": figures.seconds}
 

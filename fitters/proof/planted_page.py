@@ -49,9 +49,10 @@ def write_page(folder: Path, cases: Sequence[PlantedCase], published: str, title
         "# Parts planted in real recordings",
         f"Written by `pzctl prove --real`, not by hand. {title} {len(cases)} parts in {devices} recordings; SHA-256 of "
         f"their truth, printed before the first was diagnosed: `{published}`.",
-        "Recordings of real devices, measured by others, with exact parts put onto them: two-ports at the terminals, all "
-        "resonances drifting in time, a filter that follows late. What was planted is known, the device is not: what is "
-        "said of the device itself counts neither way. A size is what is said with the part less what is said without.",
+        "Recordings of real devices, measured by others, with exact parts put onto them: two-ports at the terminals, "
+        "all resonances drifting in time, a filter that follows late. What was planted is known, the device is not: "
+        "what is said of the device itself counts neither way. A size is what is said with the part less what is said "
+        "without it.",
         table(
             ("figure", "target", "reached", "of"),
             [(name, _TARGETS.get(name, ""), str(one), str(one.of)) for name, one in figures.items()],

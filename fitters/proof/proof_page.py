@@ -26,7 +26,8 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             "# The proof of the diagnosis",
             f"Written by `pzctl prove`, not by hand. {title} "
             f"{len(cases)} cases; SHA-256 of their truth, printed before the first was diagnosed: `{published}`.",
-            "Recordings come from `sim/blind_cases`, a world that shares no solver with the models of the fitters (the laws of "
+            "Recordings come from `sim/blind_cases`, a world that shares no solver with the models of the fitters "
+            "(the laws of "
             "a linear piezoelectric plate and of a circuit are the same). "
             "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
             "free, is above 60; it is computed by that world alone, and is no threshold of the diagnosis. What by its "
@@ -163,7 +164,9 @@ if __name__ == "__main__":
     told = {"page": str(write_page(Path(where), expected, words))}
     reached = figures(read_judged(Path(where), expected))
     if kept:
-        shares = {row.what: Share(round(row.value * row.cases), row.cases) for row in reached if row.percent and row.cases}
+        shares = {
+            row.what: Share(round(row.value * row.cases), row.cases) for row in reached if row.percent and row.cases
+        }
         complete(Path(kept[0]), expected, shares, reached[-1].value)
     plain = [asdict(row) | {"value": None if math.isnan(row.value) else row.value} for row in reached]
     print(json.dumps(told | {"figures": plain}))

@@ -1,9 +1,11 @@
-"""Cases of real recordings with exact parts put onto them: `python -m pzctl.daemon.cli.analysis.plant_real FROM TO SEED`.
+"""Cases of real recordings with exact parts put onto them.
 
+`python -m pzctl.daemon.cli.analysis.plant_real FOLDER OUT SEED` writes them and prints the hash of their truth.
 Every readable recording of a folder that has a build is taken: as it is, as what the planted ones are compared with;
 and once with each part. Which build: `build.toml` beside it, else the one of `real_builds` under its folder's name.
 """
 
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -79,7 +81,7 @@ def _build_of(path: Path) -> str | None:
     beside = path.parent / "build.toml"
     if beside.exists():
         return beside.read_text()
-    ours = files(__package__) / "real_builds"
+    ours = files("pzctl.daemon.cli.analysis") / "real_builds"
     for name in (f"{path.parent.name}.{path.stem}.toml", f"{path.parent.name}.toml"):
         if (ours / name).is_file():
             return (ours / name).read_text()
@@ -102,7 +104,7 @@ def _bare(source: Source, cases: Path) -> dict[str, Any]:
 
 def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) -> dict[str, Any]:
     f, z = source.frequency, source.impedance
-    wanted = float(np.exp(rng.uniform(*np.log(_MOVES))))
+    wanted = float(np.exp(rng.uniform(math.log(_MOVES[0]), math.log(_MOVES[1]))))
     size = sized(part, f, z, wanted)
     name = f"{source.name}-{part.effect}"
     if part.in_time:

@@ -34,7 +34,9 @@ class ProveError(PzctlError):
 
 
 def prove(
-    world: Annotated[World, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")] = World.ideal,
+    world: Annotated[
+        World, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")
+    ] = World.ideal,
     real: Annotated[
         Path | None, typer.Option(help="Folder of real recordings to plant exact parts in, instead of a world's cases.")
     ] = None,
@@ -43,7 +45,8 @@ def prove(
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
     out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
     runs: Annotated[
-        Path | None, typer.Option(help="List of all sealed runs, to which a sealed one is added. [default: OUT/runs.json]")
+        Path | None,
+        typer.Option(help="List of all sealed runs, to which a sealed one is added. [default: OUT/runs.json]"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:

@@ -1,7 +1,7 @@
 """Other names that are as right as a plant's own: what no recording of the case could tell from it.
 
 A rival of one size takes the plant's place, its size and all constants free. Where what is then left moves ln Z by no
-more than the largest imperfection does, or gains so little that noise could do it, the rival's name is accepted as well.
+more than the largest imperfection does, or gains so little that noise could do it, the rival's name is accepted, too.
 """
 
 from collections.abc import Callable, Sequence

@@ -37,18 +37,16 @@ _Shares = list[tuple[float | Reals, Column]]
 
 def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment = STILL) -> Complexes:
     """Return the admittance in S of a step's device without what leads to it; f in Hz, shape (N,)."""
-    if flaws.lateral:
-        Y = _finite(f, specimen)
-    else:
-        Y = _sum(f, specimen.area, columns(f, specimen, flaws, step, moment))
+    whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
+    total = _finite(f, specimen) if whole is None else _sum(f, specimen.area, whole)
     if flaws.neighbour is not None:
         thickness, area = flaws.neighbour
         other = replace(specimen, ceramic=replace(specimen.ceramic, thickness=specimen.ceramic.thickness * thickness))
-        Y = Y + _sum(f, specimen.area * area, columns(f, other, Flaws(), "disk", moment))
+        total = total + _sum(f, specimen.area * area, columns(f, other, Flaws(), "disk", moment))
     for at, q, strength, how in flaws.modes:
         if how == "beside":
-            Y = Y + 2j * np.pi * f * specimen.C0 * strength / (1 - (f / at) ** 2 + 1j * f / (at * q))
-    return Y if flaws.sheet is None else _fed(Y, *flaws.sheet)
+            total = total + 2j * np.pi * f * specimen.C0 * strength / (1 - (f / at) ** 2 + 1j * f / (at * q))
+    return total if flaws.sheet is None else _fed(total, *flaws.sheet)
 
 
 def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment) -> Complexes:
@@ -126,7 +124,7 @@ def _column(
     moment: Moment,
     factors: dict[str, Any],
 ) -> Column:
-    x, omega = f / specimen.ceramic.f0, 2 * np.pi * f
+    x = f / specimen.ceramic.f0
     parts: list[Part] = [_paste(flaws.electrodes[0])] if flaws.electrodes[0] else []
     parts += _ceramic(f, specimen, flaws, step, moment, factors.get("disk", 1.0))
     parts += [_paste(flaws.electrodes[1])] if flaws.electrodes[1] else []
@@ -143,7 +141,6 @@ def _column(
         side, kind, size, shape = flaws.face
         on = _resting(x, kind, size, shape)
         back, front = (back + on, front) if side == "back" else (back, front + on)
-    del omega
     return Column(tuple(parts), back, front)
 
 
@@ -233,8 +230,8 @@ def _relaxed(x: Reals, flaws: Flaws) -> float | Complexes:
 def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
     """Return the admittance of a disk that is fed in a dot of its electrode, which has a resistance per square.
 
-    The voltage under the electrode obeys V'' + V'/r = ohm y V with y = Y/(pi a^2), no current leaves at the rim, and the
-    dot has one voltage; radii over a.
+    The voltage under the electrode obeys V'' + V'/r = ohm y V with y = Y/(pi a^2), no current leaves at the rim, and
+    the dot has one voltage; radii over a.
     """
     y = Y / np.pi
     k = np.sqrt(ohm * y)

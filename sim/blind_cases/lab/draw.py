@@ -8,7 +8,7 @@ import numpy as np
 from ..waves import Reals
 from . import families, layered
 from .alike import with_other_names
-from .families import Random
+from .distributions import Random, loguniform
 from .flaws import Fixture
 from .plant import Hideout, Plant, World
 from .random_specimen import random_specimen
@@ -44,7 +44,7 @@ FINDABLE_GAIN = 30.0
 DOMINATING_GAIN = 100.0
 """The same of one that dominates: ten standard deviations."""
 NO_LONGER_MINOR = 3e-3
-"""Root mean square of ln Z from which an imperfection is an effect like any other: causal loss over three resonances."""
+"""Root mean square of ln Z from which an imperfection is an effect like any other, as causal loss in a composite."""
 FINDABLE_OVER = 1.0
 DOMINATING_OVER = 3.0
 """What a plant must move ln Z, over the largest move of an imperfection: to be findable at all, and to dominate."""
@@ -101,10 +101,11 @@ def draw_case(seed: int, index: int) -> Case:
     """Return case number `index` of a seed; the same for ever."""
     rng = np.random.default_rng([seed, index, 20])
     kind = str(rng.choice(list(KINDS), p=np.array(list(KINDS.values())) / sum(KINDS.values())))
-    for _ in range(_DRAWS):
-        case = _draw(rng, kind, f"lab-{index:03d}")
+    case = _draw(rng, kind, f"lab-{index:03d}")
+    for _ in range(_DRAWS - 1):
         if kind in ("instrument", "imperfect") or "dominating" in map(case.role, range(len(case.seen))):
             break
+        case = _draw(rng, kind, case.name)
     return case
 
 
@@ -130,7 +131,7 @@ def _grown(
     rng: Random, hideout: Hideout, k: int, takes: Sequence[Take], analyzer: Analyzer, now: Seen, floor: float
 ) -> tuple[Hideout, Seen]:
     """Return the hideout with plant k so large that it can be found, where physics allows it."""
-    wanted = max(floor, 2 * analyzer.noise) * float(np.exp(rng.uniform(np.log(4), np.log(30))))
+    wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):
         plant = hideout.plants[k]
         if plant.least >= plant.most or now.moves > 0.7 * wanted:
@@ -186,8 +187,19 @@ def _placed(rng: Random, chosen: Sequence[object], specimen: Specimen) -> tuple[
 
 
 _OF_COLUMNS = frozenset(
-    "drive-nonlinearity local-mass thickness-variation surface-layer loss-dispersion dielectric-dispersion face-load "
-    "viscous-load temperature-drift electrode-mass sweep-lag".split()
+    [
+        "drive-nonlinearity",
+        "local-mass",
+        "thickness-variation",
+        "surface-layer",
+        "loss-dispersion",
+        "dielectric-dispersion",
+        "face-load",
+        "viscous-load",
+        "temperature-drift",
+        "electrode-mass",
+        "sweep-lag",
+    ]
 )
 """What a disk that vibrates in both dimensions cannot have here."""
 
@@ -222,10 +234,9 @@ def _grid(rng: Random, f0: float, plain: bool) -> Reals:
     if how == "short":
         low, high = float(rng.uniform(0.55, 0.75)), float(rng.uniform(1.25, 1.5))
     if how == "segments":
-        edges, parts = np.array([low, 0.78, 1.2, high]), np.array([0.25, 0.5, 0.25])
-        counts = (parts * points).round().astype(int)
-        pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)]
-        x = np.concatenate([*pieces, [high]])
+        near = np.linspace(0.78, 1.2, points // 2, endpoint=False)
+        below, above = np.linspace(low, 0.78, points // 4, endpoint=False), np.linspace(1.2, high, points // 4 + 1)
+        x = np.concatenate([below, near, above])
     else:
         x = np.geomspace(low, high, points) if how == "log" else np.linspace(low, high, points)
     return np.round(x * f0, 3)
@@ -237,7 +248,9 @@ def _analyzer(rng: Random, takes: Sequence[Take], specimen: Specimen) -> Analyze
     reach = float(rng.uniform(0.8, 4.0))
     rms = rng.uniform(2e-4, 1e-3, size=2)
     shapes = rng.standard_normal((2, 10)) * np.exp(-np.arange(10) / reach)
-    gain, phase = (of / np.sqrt(of[0] ** 2 + np.sum(of[1:] ** 2) / 2) * size for of, size in zip(shapes, rms, strict=True))
+    gain, phase = (
+        of / np.sqrt(of[0] ** 2 + np.sum(of[1:] ** 2) / 2) * size for of, size in zip(shapes, rms, strict=True)
+    )
     typical = 1 / (2 * np.pi * specimen.ceramic.f0 * specimen.C0)
     steps = ((typical * float(np.exp(rng.normal(0, 1))), float(rng.normal(0, 3e-4))),) if rng.random() < 0.15 else ()
     sign = rng.choice([-1.0, 1.0], size=2, p=[0.3, 0.7])
@@ -253,7 +266,7 @@ def _analyzer(rng: Random, takes: Sequence[Take], specimen: Specimen) -> Analyze
         gain=tuple(map(float, gain)),
         phase=tuple(map(float, phase)),
         steps=steps,
-        noise=float(np.exp(rng.uniform(np.log(5e-5), np.log(5e-4)))),
+        noise=loguniform(rng, 5e-5, 5e-4),
         colour=float(rng.uniform(0.3, 0.85)) if rng.random() < 0.25 else 0.0,
         fixture=fixture,
         bandwidth=int(rng.choice([5, 5, 5, 3])),

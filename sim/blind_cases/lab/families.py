@@ -1,16 +1,16 @@
-"""The families that effects are drawn from, on the way to the device and in the sweep; sizes as laboratories meet them."""
+"""Families of effects on the way to the device and in the sweep; sizes as laboratories meet them."""
+
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from .distributions import Random, lognormal
 from .plant import Plant, World
 from .specimen import Specimen
 
-Random = np.random.Generator
-
-
-def lognormal(rng: Random, median: float, sd: float) -> float:
-    """Draw a size whose logarithm is normal."""
-    return float(np.exp(rng.normal(np.log(median), sd)))
+_NEIGHBOUR = ("spurious-resonance", "thickness-variation", "local-mass")
+"""What a second ceramic of another thickness may be called as well."""
 
 
 def some_steps(rng: Random, specimen: Specimen) -> tuple[str, ...]:
@@ -77,7 +77,7 @@ def polarity(rng: Random, s: Specimen) -> Plant:
     return Plant("polarity", ("terminals",), s.steps, put, shape={"how": how}, least=1.0, most=1.0)
 
 
-def _flag(**changes: object):  # noqa: ANN202 (a function of World and scale)
+def _flag(**changes: object):
     def put(world: World, _: float) -> World:
         return world.with_flaws(**changes)
 
@@ -114,7 +114,9 @@ def softening(rng: Random, s: Specimen) -> Plant:
     def put(world: World, k: float) -> World:
         return world.with_flaws(softening=(size * k, lost))
 
-    return Plant("drive-nonlinearity", ("layer:disk",), s.steps, put, {"per_strain": size}, {"loss": lost}, needs="levels")
+    return Plant(
+        "drive-nonlinearity", ("layer:disk",), s.steps, put, {"per_strain": size}, {"loss": lost}, needs="levels"
+    )
 
 
 def settling(rng: Random, s: Specimen) -> Plant:
@@ -129,40 +131,21 @@ def settling(rng: Random, s: Specimen) -> Plant:
 
 def outside(rng: Random, s: Specimen) -> Plant:
     """Plant something that no catalogue has."""
-    kinds = ("dry contact", "humid film", "coupled loop", "piezo relaxation", "neighbour", "interference")
-    kind = str(rng.choice((*kinds, "loose contact", "mixing")))
-    accept: tuple[str, ...] = ()
-    at = float(rng.uniform(0.25, 0.8))
-    w0C0 = 2 * np.pi * s.ceramic.f0 * s.C0
-    if kind == "dry contact":
-        size = lognormal(rng, 0.02, 0.7) / w0C0
-        accept = ("series-resistance",)
-    elif kind == "humid film":
-        size = lognormal(rng, 0.02, 0.7) * w0C0
-        accept = ("leakage", "stray-capacitance")
-    elif kind == "coupled loop":
-        size = lognormal(rng, 2e-9, 0.7)
-        accept = ("spurious-resonance",)
-    elif kind == "neighbour":
-        size = lognormal(rng, 0.03, 0.6)
-        accept = ("spurious-resonance", "thickness-variation", "local-mass")
-    else:
-        size = lognormal(rng, 0.02, 0.6)
-    loop_f, loop_Q, ratio = s.ceramic.f0 * float(rng.uniform(0.5, 1.5)), float(rng.uniform(3, 12)), float(rng.uniform(0.7, 0.9))
-
-    def put(world: World, k: float) -> World:
-        match kind:
-            case "dry contact":
-                return world.wired(contact=size * k)
-            case "humid film":
-                return world.wired(film=size * k)
-            case "coupled loop":
-                return world.wired(loop=(loop_f, loop_Q, size * k))
-            case "piezo relaxation":
-                return world.with_flaws(piezo=(size * k, 2 * at))
-            case "neighbour":
-                return world.with_flaws(neighbour=(ratio, size * k))
-            case _:
-                return world.with_flaws(recording=(kind, size * k, at))
-
-    return Plant("unknown", ("any",), s.steps, put, {"size": size}, {"kind": kind}, accept=accept)
+    at, w0C0 = float(rng.uniform(0.25, 0.8)), 2 * np.pi * s.ceramic.f0 * s.C0
+    loop, ratio = (s.ceramic.f0 * float(rng.uniform(0.5, 1.5)), float(rng.uniform(3, 12))), float(rng.uniform(0.7, 0.9))
+    kinds: dict[str, tuple[float, Callable[[World, float], World], tuple[str, ...]]] = {
+        "dry contact": (0.02 / w0C0, lambda w, k: w.wired(contact=k), ("series-resistance",)),
+        "humid film": (0.02 * w0C0, lambda w, k: w.wired(film=k), ("leakage", "stray-capacitance")),
+        "coupled loop": (2e-9, lambda w, k: replace(w, flaws=w.flaws.looped((*loop, k))), ("spurious-resonance",)),
+        "piezo relaxation": (0.02, lambda w, k: w.with_flaws(piezo=(k, 2 * at)), ()),
+        "neighbour": (0.03, lambda w, k: w.with_flaws(neighbour=(ratio, k)), _NEIGHBOUR),
+        "interference": (0.02, lambda w, k: w.with_flaws(recording=("interference", k, at)), ()),
+        "loose contact": (0.02, lambda w, k: w.with_flaws(recording=("loose contact", k, at)), ()),
+        "mixing": (0.02, lambda w, k: w.with_flaws(recording=("mixing", k, at)), ()),
+    }
+    kind = str(rng.choice(list(kinds)))
+    median, put, accept = kinds[kind]
+    size = lognormal(rng, median, 0.6)
+    return Plant(
+        "unknown", ("any",), s.steps, lambda w, k: put(w, size * k), {"size": size}, {"kind": kind}, accept=accept
+    )

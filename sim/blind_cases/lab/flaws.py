@@ -1,4 +1,4 @@
-"""Everything about a device, its wiring and its sweep that the build file does not say; as it stands, nothing is there."""
+"""Everything about a device, its wiring and its sweep that a build does not say; as it stands, nothing is there."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -42,7 +42,7 @@ class Wiring:
 
 @dataclass(frozen=True)
 class Fixture:
-    """What open and short compensation left: H, ohm, ohm at 1 MHz (skin), F, S; may be of either sign but for losses."""
+    """What open and short compensation left: H, ohm, ohm at 1 MHz (skin), F, S; reactances of either sign."""
 
     inductance: float = 0.0
     resistance: float = 0.0
@@ -55,13 +55,13 @@ class Fixture:
 class Flaws:
     """All at once."""
 
-    wiring: Wiring = Wiring()  # noqa: RUF009 (frozen)
+    wiring: Wiring = Wiring()
     electrodes: tuple[float, float] = (0.0, 0.0)
     """kg/m2 of silver paste on the back and the front face of the ceramic."""
     dot: tuple[float, float, Side] | None = None
     """Part of the area under a solder dot, kg/m2, face of the step's stack."""
     void: tuple[str, float, float] | None = None
-    """In front of which layer nothing is bonded, on which part of the area, and how wide the half-bonded rim is of it."""
+    """In front of which layer nothing is bonded, on which part of the area, and the area of its rim over it."""
     spread: tuple[tuple[str, float, str], ...] = ()
     """Layer, relative standard deviation of its thickness, `gauss`, `triangle` or `skew`."""
     surface: tuple[float, Side, float, float] | None = None
@@ -102,6 +102,10 @@ class Flaws:
     def wired(self, **changes: float) -> "Flaws":
         """Return the same with other wiring."""
         return replace(self, wiring=replace(self.wiring, **changes))
+
+    def looped(self, loop: tuple[float, float, float]) -> "Flaws":
+        """Return the same with a loop beside the lead: its Hz, Q and M^2/L in H."""
+        return replace(self, wiring=replace(self.wiring, loop=loop))
 
 
 NOTHING = Flaws()

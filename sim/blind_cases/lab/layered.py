@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .families import Random, lognormal
+from .distributions import Random, lognormal, loguniform
 from .flaws import Side
 from .plant import Plant, World
 from .specimen import AIR, Specimen
@@ -72,7 +72,12 @@ def void(rng: Random, s: Specimen) -> Plant:
     def put(world: World, scale: float) -> World:
         return world.with_flaws(void=(behind, min(share * scale, 0.5), rim))
 
-    where = (f"interface:{behind}|{glue}", f"interface:{glue}|{before}", f"layer:{glue}", f"interface:{behind}|{before}")
+    where = (
+        f"interface:{behind}|{glue}",
+        f"interface:{glue}|{before}",
+        f"layer:{glue}",
+        f"interface:{behind}|{before}",
+    )
     return Plant("bond-void", where, s.steps[k + 1 :], put, {"fraction": share}, {"rim": rim}, needs="a bond")
 
 
@@ -115,7 +120,10 @@ def loss(rng: Random, s: Specimen) -> Plant:
     """Plant a part of the loss that grows with frequency, or one that falls."""
     layer = "ml1" if s.coats and rng.random() < 0.15 else "disk"
     grows = bool(rng.random() < 0.75)
-    part, power = float(rng.uniform(0.3, 0.9)), float(rng.uniform(0.8, 2.0)) if grows else float(rng.uniform(-1.5, -0.7))
+    part, power = (
+        float(rng.uniform(0.3, 0.9)),
+        float(rng.uniform(0.8, 2.0)) if grows else float(rng.uniform(-1.5, -0.7)),
+    )
     steps = s.steps if layer == "disk" else s.steps[1:]
 
     def put(world: World, k: float) -> World:
@@ -126,7 +134,7 @@ def loss(rng: Random, s: Specimen) -> Plant:
 
 def dielectric(rng: Random, s: Specimen) -> Plant:
     """Plant a relaxation of Havriliak and Negami, or of Cole and Cole."""
-    size, at = lognormal(rng, 0.04, 0.6), float(np.exp(rng.uniform(np.log(0.15), np.log(3.0))))
+    size, at = lognormal(rng, 0.04, 0.6), loguniform(rng, 0.15, 3.0)
     alpha, beta = float(rng.uniform(0.5, 0.9)), float(rng.choice([1.0, 0.7]))
 
     def put(world: World, k: float) -> World:
@@ -185,7 +193,12 @@ def resonance(rng: Random, s: Specimen) -> Plant:
 
 
 def _anywhere(s: Specimen) -> tuple[str, ...]:
-    return ("layer:disk", *(f"layer:{c.name}" for c in s.coats), *(f"interface:{c.name}|" for c in s.coats), "interface:disk|")
+    return (
+        "layer:disk",
+        *(f"layer:{c.name}" for c in s.coats),
+        *(f"interface:{c.name}|" for c in s.coats),
+        "interface:disk|",
+    )
 
 
 def ageing(rng: Random, s: Specimen) -> Plant:
@@ -220,8 +233,7 @@ def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
     if s.coats:
         found.append(_minor(_coats_dispersed(rng, s)))
     found.append(_minor(Plant("dielectric-dispersion", ("layer:disk",), s.steps, falling, {"slope": slope})))
-    for _ in range(int(rng.integers(1, 4))):
-        found.append(_minor(_weak(rng, s)))
+    found += [_minor(_weak(rng, s)) for _ in range(int(rng.integers(1, 4)))]
     return tuple(found)
 
 

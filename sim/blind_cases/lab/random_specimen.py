@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .distributions import lognormal, loguniform
 from .specimen import AIR, EPS0, Ceramic, Coat, Kind, Specimen, Told
 
 _MATERIALS: dict[str, tuple[Kind, float, float, float, float, float, float, float]] = {
@@ -43,7 +44,7 @@ def _ceramic(rng: np.random.Generator, material: str) -> Ceramic:
     h_phase = {"film": 0.02, "composite": 0.004}.get(kind, 0.003) * float(rng.uniform(-0.3, 1.0))
     return Ceramic(
         kind=kind,
-        thickness=round(float(np.exp(rng.uniform(np.log(thin), np.log(thick)))), 5) * 1e-3,
+        thickness=round(loguniform(rng, thin, thick), 5) * 1e-3,
         density=density,
         c33D=c * 1e9 * float(rng.normal(1, 0.03)) * (1 + 1j * loss),
         h33=h * 1e8 * float(rng.normal(1, 0.03)) * (1 - 1j * h_phase),
@@ -55,7 +56,7 @@ def _glue(rng: np.random.Generator, number: int) -> Coat:
     """Return a glue that the library knows to some tens of per cent, and takes as exact."""
     z, c, q = _GLUE
     true = (z * float(np.exp(rng.normal(0, 0.2))), c * float(np.exp(rng.normal(0, 0.12))))
-    thickness = float(np.exp(rng.normal(np.log(8e-6), 0.4)))
+    thickness = lognormal(rng, 8e-6, 0.4)
     told_thickness = max(thickness + float(rng.normal(0, 4e-6)), 2e-6)
     return Coat(
         f"glue{number}",

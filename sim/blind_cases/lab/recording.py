@@ -74,7 +74,7 @@ def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Com
     if flaws.settling > 0:
         z = _lagging(specimen, flaws, take, fixture)
     elif flaws.softening is not None:
-        z = _driven(specimen, flaws, take, fixture)
+        z = _driven(specimen, flaws, *flaws.softening, take, fixture)
     else:
         z = _steady(take.frequency, specimen, flaws, take.step, _moment(flaws, take, take.frequency), fixture)
     z = {"as it is": z, "conjugated": np.conj(z), "inverted": -z}[flaws.recorded]
@@ -112,10 +112,10 @@ def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> 
     return z[::-1] if take.down else z
 
 
-def _driven(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Complexes:
+def _driven(
+    specimen: Specimen, flaws: Flaws, per_strain: float, lost: float, take: Take, fixture: Fixture
+) -> Complexes:
     """Let strain and stiffness follow one another until they agree; the analyzer holds its voltage."""
-    assert flaws.softening is not None
-    per_strain, lost = flaws.softening
     f = take.frequency
     soft = np.zeros_like(f)
     z = _steady(f, specimen, flaws, take.step, STILL, fixture)

@@ -1,4 +1,4 @@
-"""Specimens of the lab world: a ceramic with dispersion of its own, what is glued to it, and what its build file says."""
+"""Specimens of the lab world: a ceramic with dispersion of its own, what is glued to it, what its build says."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -12,16 +12,15 @@ _HALVINGS = 9
 def at_analyzer(f: Reals, device: Complexes, wiring: Wiring, fixture: Fixture, f0: float) -> Complexes:
     """Return the impedance in ohm before the analyzer of a device with this admittance (S); shape (N,)."""
     x, omega = f / f0, 2 * np.pi * f
-    Y = device + _stray(x, omega, wiring) + wiring.conductance * x**wiring.conductance_power
-    Y = Y + wiring.film * np.sqrt(1j * x)
-    Z = 1 / Y
+    y = device + _stray(x, omega, wiring) + wiring.conductance * x**wiring.conductance_power
+    z = 1 / (y + wiring.film * np.sqrt(1j * x))
     if wiring.delay > 0:
-        Z = _through_cable(Z, omega, x, wiring)
-    Z = Z + _lead(f, omega, wiring) + wiring.resistance * x**wiring.resistance_power
-    Z = Z + wiring.contact * (1j * x) ** -0.8 + _loop(omega, wiring)
+        z = _through_cable(z, omega, x, wiring)
+    z = z + _lead(f, omega, wiring) + wiring.resistance * x**wiring.resistance_power
+    z = z + wiring.contact * (1j * x) ** -0.8 + _loop(omega, wiring)
     shunt = 1j * omega * fixture.capacitance + fixture.conductance
     series = 1j * omega * fixture.inductance + fixture.resistance + fixture.skin * (1 + 1j) * np.sqrt(f / 1e6)
-    return np.asarray(1 / (1 / (Z + series) + shunt), np.complex128)
+    return np.asarray(1 / (1 / (z + series) + shunt), np.complex128)
 
 
 def _lead(f: Reals, omega: Reals, wiring: Wiring) -> Complexes:
@@ -41,12 +40,12 @@ def _loop(omega: Reals, wiring: Wiring) -> Complexes:
     return omega**2 * mutual / (1j * omega + w / Q + w**2 / (1j * omega))
 
 
-def _through_cable(Z: Complexes, omega: Reals, x: Reals, wiring: Wiring) -> Complexes:
-    """Return the impedance before a cable that ends in Z: the chain matrix of a short piece, squared again and again."""
+def _through_cable(z: Complexes, omega: Reals, x: Reals, wiring: Wiring) -> Complexes:
+    """Return the impedance before a cable that ends in z: the chain matrix of a short piece, squared repeatedly."""
     pieces = 2.0**_HALVINGS
     series = (1j * omega * wiring.delay + wiring.cable_loss * (1 + 1j) * np.sqrt(x)) * wiring.cable_ohm / pieces
     shunt = 1j * omega * wiring.delay / wiring.cable_ohm / pieces
     a, b, c, d = 1 + series * shunt / 2, series * (1 + series * shunt / 4), shunt, 1 + series * shunt / 2
     for _ in range(_HALVINGS):
         a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), d * d + b * c
-    return (a * Z + b) / (c * Z + d)
+    return (a * z + b) / (c * z + d)

@@ -1,8 +1,9 @@
 """How much a plant moves what is measured when constants, instrument and fixture do what they can to imitate it.
 
-Nothing here is taken from the diagnosis. All free constants of the build and the sizes of all other effects are moved by
-Gauss and Newton's steps on noise-free recordings of this world's own, beside smooth gain and phase and the fixture's
-residue, each within what is known of it. Of the best imitation of a world that has the plant by one that has not:
+Nothing here is taken from the diagnosis. All free constants of the build and the sizes of all other effects are moved
+by Gauss and Newton's steps on noise-free recordings of this world's own, beside smooth gain and phase and the
+fixture's residue, each within what is known of it. Of the best imitation of a world that has the plant by one that
+has not:
 
 - `gain`: the chi2 that is left against the noise, and what the allowances of instrument and fixture had to pay;
 - `moves`: root of the mean square of the difference in ln Z, without unit, when constants and other sizes make it as
@@ -56,9 +57,7 @@ class _Thin:
 class View:
     """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
 
-    def __init__(
-        self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer, rival: Plant | None = None
-    ) -> None:
+    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer, rival: Plant | None = None) -> None:
         """`rival`: another effect that may imitate, its scale free from 0 on."""
         self.hideout = hideout
         self._thin = [_thinned(hideout, take, analyzer) for take in takes]
@@ -68,25 +67,25 @@ class View:
         self._half = 1 - 1 / np.sqrt(1 + s**2)
         self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
         self._typical = float(np.sqrt(np.mean(self._sigmas**2)))
-        self._J: Reals | None = None
+        self._slopes: Reals | None = None
 
     def seen(self, index: int) -> Seen:
         """Return how visible a plant is: steps with the derivatives of the whole world, renewed where they stall."""
         r = self._rows(self._free.moved(np.zeros(self._free.size), index))
         if self._moves(r) < _SMALL:  # so little that all is linear
-            J = self._derivatives()
-            x = self._step(J, r, np.zeros(self._free.size), index, 1e-10)
-            r, cost = r + J @ x, self._cost(r + J @ x, x)
+            slopes = self._derivatives()
+            x = self._step(slopes, r, np.zeros(self._free.size), index, 1e-10)
+            r, cost = r + slopes @ x, self._cost(r + slopes @ x, x)
         else:
-            r, cost, J = self._descend(r, index)
-        return Seen(cost, self._moves(self._projected(r, J, index)))
+            r, cost, slopes = self._descend(r, index)
+        return Seen(cost, self._moves(self._projected(r, slopes, index)))
 
     def _descend(self, r: Reals, index: int) -> tuple[Reals, float, Reals]:
-        x, J = np.zeros(self._free.size), self._derivatives()
+        x, slopes = np.zeros(self._free.size), self._derivatives()
         now, damping, renewed = self._cost(r, x), 1e-8, 0
         for _ in range(_ROUNDS):
             before = now
-            trial = x + np.clip(self._step(J, r, x, index, damping), -self._free.reach, self._free.reach)
+            trial = x + np.clip(self._step(slopes, r, x, index, damping), -self._free.reach, self._free.reach)
             r_trial = self._rows(self._free.moved(trial, index))
             cost = self._cost(r_trial, trial)
             if cost < now:
@@ -97,8 +96,8 @@ class View:
                 if renewed == _RENEWALS or (now == before and damping > 1):
                     break
                 if now < before or not renewed:
-                    J, renewed = self._derivatives_at(x, index), renewed + 1
-        return r, now, J
+                    slopes, renewed = self._derivatives_at(x, index), renewed + 1
+        return r, now, slopes
 
     def _rows(self, here: Hideout, linear: bool = False) -> Reals:
         """Return the differences from the world as it is over the noise; `linear`: without what depends on itself."""
@@ -111,9 +110,9 @@ class View:
         return np.concatenate(out)
 
     def _derivatives(self) -> Reals:
-        if self._J is None:
-            self._J = self._derivatives_at(np.zeros(self._free.size), None)
-        return self._J
+        if self._slopes is None:
+            self._slopes = self._derivatives_at(np.zeros(self._free.size), None)
+        return self._slopes
 
     def _derivatives_at(self, x: Reals, index: int | None) -> Reals:
         eye = np.eye(x.size)
@@ -125,20 +124,20 @@ class View:
                 columns += [
                     (self._rows(self._free.moved(x + _STEP * eye[k], index), not full) - at) / _STEP for k in of
                 ]
-        return np.stack(columns, axis=1)
+        return np.nan_to_num(np.stack(columns, axis=1))  # a size at 0 may have no derivative
 
-    def _step(self, J: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
+    def _step(self, slopes: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
         known = 1 / self._free.prior
-        W, w = self._whiten(J), self._whiten(r)
+        W, w = self._whiten(slopes), self._whiten(r)
         W[:, [k for k in range(W.shape[1]) if self._free.is_plant(k, index)]] = 0.0
         scale = np.sqrt(np.sum(W**2, axis=0) + known**2) + 1e-12
         M = np.vstack([W / scale, np.diag(known / scale), np.sqrt(damping) * np.eye(x.size)])
         return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
 
-    def _projected(self, r: Reals, J: Reals, index: int) -> Reals:
-        """Return what is left of rows when constants and other sizes make it as small as they can, every point alike."""
-        taken = [k for k in range(J.shape[1]) if self._free.is_plant(k, index)]
-        W = J * self._sigmas[:, None]
+    def _projected(self, r: Reals, slopes: Reals, index: int) -> Reals:
+        """Return what is left of rows when constants and other sizes make it smallest, every point counting alike."""
+        taken = [k for k in range(slopes.shape[1]) if self._free.is_plant(k, index)]
+        W = slopes * self._sigmas[:, None]
         W[:, taken] = 0.0
         width = np.linalg.norm(W, axis=0) + 1e-300
         known = np.minimum(1 / (self._free.prior * width), 1e6) * self._typical
@@ -192,7 +191,9 @@ class _Free:
             h33=ceramic.h33 * (1 + complex(x[2], x[3])),
             eps33S=ceramic.eps33S * (1 + complex(x[4], x[5])),
         )
-        loads = [max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)]
+        loads = [
+            max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)
+        ]
         moved = {coat.name: _moved(coat, x[8 + 4 * k : 12 + 4 * k]) for k, coat in enumerate(self.coats)}
         coats = tuple(moved.get(coat.name, coat) for coat in specimen.coats)
         specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
@@ -234,7 +235,7 @@ def _allowances(one: _Thin, analyzer: Analyzer) -> Reals:
     fixture = np.stack(
         [1j * omega * L / z, R / z, skin * (1 + 1j) * np.sqrt(f / 1e6) / z, -1j * omega * C * z, -G * z], axis=1
     )
-    return np.concatenate([_real(part) for part in (np.hstack([gain, 1j * gain, fixture]),)], axis=0) / one.sigma
+    return _real(np.asarray(np.hstack([gain, 1j * gain, fixture]), np.complex128)) / one.sigma
 
 
 def _real(z: Complexes) -> Reals:
@@ -243,4 +244,4 @@ def _real(z: Complexes) -> Reals:
 
 def _difference(z: Complexes, target: Complexes) -> Complexes:
     d = np.log(z) - target
-    return d.real + 1j * ((d.imag + np.pi) % (2 * np.pi) - np.pi)
+    return np.asarray(d.real + 1j * ((d.imag + np.pi) % (2 * np.pi) - np.pi), np.complex128)

@@ -1,4 +1,4 @@
-"""The lab world against what is known about plates, lines, sheets, filters and noise; and what it promises of its plants."""
+"""The lab world against what is known of plates, lines, sheets, filters and noise; what it promises of its plants."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -167,7 +167,11 @@ def test_electrodes_hide_in_the_constants_a_lead_does_not_and_a_gain_belongs_to_
         return world.with_ceramic(eps33S=world.specimen.ceramic.eps33S * (1 + 1e-3 * k))
 
     hidden, lead = layered.mass(rng, s), families.lead(rng, s)
-    for plant, least, most in ((hidden, 0.0, 0.02), (lead, 0.1, 1.0), (Plant("gain", ("any",), s.steps, gain), 0.0, 0.01)):
+    for plant, least, most in (
+        (hidden, 0.0, 0.02),
+        (lead, 0.1, 1.0),
+        (Plant("gain", ("any",), s.steps, gain), 0.0, 0.01),
+    ):
         hideout = Hideout(World(s), (plant,))
         world, bare = hideout.world("disk"), hideout.scaled(0, 0.0).world("disk")
         shift = np.log(shown(world.specimen, world.flaws, take, Fixture()) / shown(s, bare.flaws, take, Fixture()))
