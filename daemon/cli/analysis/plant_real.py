@@ -23,8 +23,10 @@ from ....sim.blind_cases.planted_parts import PARTS, Part, alike, own_noise, siz
 from ....sim.blind_cases.waves import Complexes, Reals
 from ...files.builds.build_file import parse_build
 
-_MOVES = 0.03, 0.15
+_MOVES = 0.05, 0.3
 """Root mean square of ln Z that a part moves a recording by, drawn evenly in its logarithm."""
+_IN_TIME = 0.2
+"""How much less of it a drift or a lag moves."""
 _SUFFIXES = frozenset({".csv", ".txt", ".tsv", ".s1p", ".z1p", ".y1p"})
 _SECONDS = 100.0
 """What a pair of sweeps says it took; only how far a drift or lag gets in one sweep counts."""
@@ -55,22 +57,27 @@ def plant_all(folder: Path, out: Path, seed: int) -> str:
     for number, source in enumerate(sources(folder)):
         rng = np.random.default_rng([seed, number])
         truths.append(_bare(source, out / "cases"))
-        truths += [_planted(source, part, out / "cases", rng) for part in PARTS]
+        planted = (_planted(source, part, out / "cases", rng) for part in PARTS)
+        truths += [one for one in planted if one is not None]
     if not truths:
         raise NothingToPlantError(f"{folder}: no recording with a build.toml beside it; write one, `pzctl new` helps")
     return seal(out, truths)
 
 
 def sources(folder: Path) -> Iterator[Source]:
-    """Yield all recordings below a folder that have a build, by name; what is no recording is passed over."""
+    """Yield all recordings below a folder that have a build, by name; what is no recording is passed over.
+
+    Raises BuildError where a build is none.
+    """
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() not in _SUFFIXES:
             continue
         text = _build_of(path)
         if text is None:
             continue
+        steps = [step.name for step in parse_build(text, str(path.parent / "build.toml")).steps]
         try:
-            sweep, steps = read_recording(path), [step.name for step in parse_build(text, str(path.parent)).steps]
+            sweep = read_recording(path)
         except PzctlError:
             continue
         step = path.stem if path.stem in steps else steps[-1]
@@ -102,10 +109,12 @@ def _bare(source: Source, cases: Path) -> dict[str, Any]:
     return {"name": name, "kind": "bare", "source": source.name}
 
 
-def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) -> dict[str, Any]:
+def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) -> dict[str, Any] | None:
     f, z = source.frequency, source.impedance
-    wanted = float(np.exp(rng.uniform(math.log(_MOVES[0]), math.log(_MOVES[1]))))
+    wanted = float(np.exp(rng.uniform(math.log(_MOVES[0]), math.log(_MOVES[1])))) * (_IN_TIME if part.in_time else 1.0)
     size = sized(part, f, z, wanted)
+    if size is None:
+        return None
     name = f"{source.name}-{part.effect}"
     if part.in_time:
         # two sweeps of one recording would have the same noise: each gets some of its own, of the recording's size
@@ -146,5 +155,5 @@ def _write(source: Source, place: Path, z: Complexes, number: int | None = None,
 if __name__ == "__main__":
     try:
         print(plant_all(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))
-    except NothingToPlantError as error:
+    except PzctlError as error:
         sys.exit(str(error))
