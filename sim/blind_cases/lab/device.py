@@ -38,14 +38,14 @@ _Shares = list[tuple[float | Reals, Column]]
 def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment = STILL) -> Complexes:
     """Return the admittance in S of a step's device without what leads to it; f in Hz, shape (N,)."""
     whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
-    total = _finite(f, specimen) if whole is None else _sum(f, specimen.area, whole)
+    total = _finite(f, specimen, flaws.lateral) if whole is None else _sum(f, specimen.area, whole)
     if flaws.neighbour is not None:
         thickness, area = flaws.neighbour
         other = replace(specimen, ceramic=replace(specimen.ceramic, thickness=specimen.ceramic.thickness * thickness))
         total = total + _sum(f, specimen.area * area, columns(f, other, Flaws(), "disk", moment))
     for at, q, strength, how in flaws.modes:
         if how == "beside":
-            total = total + 2j * np.pi * f * specimen.C0 * strength / (1 - (f / at) ** 2 + 1j * f / (at * q))
+            total = total + 2j * np.pi * f * specimen.C0 * strength / (1 - (f / at) ** 2 + 1j / q)
     return total if flaws.sheet is None else _fed(total, *flaws.sheet)
 
 
@@ -188,7 +188,7 @@ def _ceramic(
     c = c * moment.stiffness * (1 + aged[0])
     for at, q, strength, how in flaws.modes:
         if how == "within":
-            c = c * (1 - strength / (1 - (f / at) ** 2 + 1j * f / (at * q)))
+            c = c * (1 - strength / (1 - (f / at) ** 2 + 1j / q))
     eps = ceramic.eps33S * x**-ceramic.slope * _relaxed(x, flaws) * moment.permittivity * (1 + aged[2])
     h: complex | Complexes = ceramic.h33 * (1 + aged[1])
     if flaws.piezo is not None:
@@ -241,8 +241,8 @@ def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
     return np.asarray(-2 * np.pi * radius / ohm * slope + y * np.pi * radius**2, np.complex128)
 
 
-def _finite(f: Reals, specimen: Specimen) -> Complexes:
+def _finite(f: Reals, specimen: Specimen, sideways: tuple[float, ...]) -> Complexes:
     """Return the disk in both dimensions; its losses are of constant Q there."""
     ceramic: Ceramic = specimen.ceramic
     disk = RitzDisk(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)
-    return finite_disk_admittance(f, RitzSpecimen(specimen.name, specimen.diameter, disk))
+    return finite_disk_admittance(f, RitzSpecimen(specimen.name, specimen.diameter, disk, sideways=sideways))

@@ -103,20 +103,19 @@ def drift(rng: Random, s: Specimen) -> Plant:
     def put(world: World, k: float) -> World:
         return world.with_flaws(drift=(c * k, eps * k, time))
 
-    sizes = {"stiffness": c, "permittivity": eps}
+    sizes = {"stiffness": c, "permittivity": eps, "relative": c / 2}
     return Plant("temperature-drift", ("sweep",), ("disk",), put, sizes, {"time": time}, needs="up and down")
 
 
 def softening(rng: Random, s: Specimen) -> Plant:
-    """Plant a stiffness that falls with the strain, and loses energy doing so."""
-    size, lost = lognormal(rng, 800.0, 0.7), float(rng.uniform(0.2, 1.0))
+    """Plant a stiffness that falls with the strain, not quite in proportion, and loses energy doing so."""
+    size, lost, power = lognormal(rng, 6e-3, 0.7), float(rng.uniform(0.2, 1.0)), float(rng.uniform(0.75, 1.3))
 
     def put(world: World, k: float) -> World:
-        return world.with_flaws(softening=(size * k, lost))
+        return world.with_flaws(softening=(size * k, lost, power))
 
-    return Plant(
-        "drive-nonlinearity", ("layer:disk",), s.steps, put, {"per_strain": size}, {"loss": lost}, needs="levels"
-    )
+    shape = {"loss": lost, "power": power}
+    return Plant("drive-nonlinearity", ("layer:disk",), s.steps, put, {"at 1e-5": size}, shape, needs="levels")
 
 
 def settling(rng: Random, s: Specimen) -> Plant:

@@ -75,7 +75,7 @@ class Flaws:
     viscosity: tuple[str, float, float] | None = None
     """Layer, part of its loss at f0 that is not of constant Q (may be negative), and that part's power."""
     modes: tuple[tuple[float, float, float, str], ...] = ()
-    """Further resonances: Hz, Q, strength, `beside` (in the permittivity) or `within` (in the stiffness)."""
+    """Further resonances, of constant loss angle: Hz, Q, strength, `beside` the ceramic or `within` its stiffness."""
     untold: tuple[str, float] | None = None
     """A layer that the build file does not have, and its thickness in m; zero where it is not there indeed."""
     ageing: tuple[float, float, float] | None = None
@@ -84,12 +84,12 @@ class Flaws:
     """ohm per square of an electrode, and the radius over the disk's of the dot where current enters."""
     drift: tuple[float, float, float] | None = None
     """Relative changes of c33D and eps33S in the end, and the time constant in sweeps, of an exponential."""
-    softening: tuple[float, float] | None = None
-    """Relative loss of stiffness per strain, and the loss factor of what is lost."""
+    softening: tuple[float, float, float] | None = None
+    """Relative loss of stiffness at a strain of 1e-5, the loss factor of what is lost, and its power of the strain."""
     settling: float = 0.0
     """s, of each of the two poles of the detector."""
-    lateral: bool = False
-    """The ceramic is as wide as it is, and vibrates in both dimensions."""
+    lateral: tuple[float, ...] = ()
+    """The ceramic is as wide as it is and vibrates in both dimensions: c11E c12E c13E c44E e31 e15 eps11S/eps0, SI."""
     recorded: str = "as it is"
     """Or `inverted`, `conjugated`."""
     piezo: tuple[float, float] | None = None

@@ -14,6 +14,8 @@ from .terminals import at_analyzer
 _BETWEEN = 8
 """Steps of time from one point to the next where the detector lags."""
 _ROUNDS = 12
+_STRAIN = 1e-5
+"""Strain at which softening is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,7 @@ def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Com
     if flaws.settling > 0:
         z = _lagging(specimen, flaws, take, fixture)
     elif flaws.softening is not None:
-        z = _driven(specimen, flaws, *flaws.softening, take, fixture)
+        z = _driven(specimen, flaws, flaws.softening, take, fixture)
     else:
         z = _steady(take.frequency, specimen, flaws, take.step, _moment(flaws, take, take.frequency), fixture)
     z = {"as it is": z, "conjugated": np.conj(z), "inverted": -z}[flaws.recorded]
@@ -113,9 +115,10 @@ def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> 
 
 
 def _driven(
-    specimen: Specimen, flaws: Flaws, per_strain: float, lost: float, take: Take, fixture: Fixture
+    specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: Fixture
 ) -> Complexes:
     """Let strain and stiffness follow one another until they agree; the analyzer holds its voltage."""
+    size, lost, power = law
     f = take.frequency
     soft = np.zeros_like(f)
     z = _steady(f, specimen, flaws, take.step, STILL, fixture)
@@ -123,7 +126,7 @@ def _driven(
         moment = Moment(1 - soft * (1 - 1j * lost))
         z = _steady(f, specimen, flaws, take.step, moment, fixture)
         amplitude = np.abs(strain(f, specimen, flaws, take.step, moment)) * take.level_V / np.abs(z)
-        soft = 0.5 * soft + 0.5 * np.minimum(per_strain * amplitude, 0.2)
+        soft = 0.5 * soft + 0.5 * np.minimum(size * (amplitude / _STRAIN) ** power, 0.2)
     return z
 
 

@@ -9,12 +9,14 @@ import pytest
 from pzctl.models.stack import Elastic, HalfSpace, Piezo
 from pzctl.sim.blind_cases.lab import families, layered
 from pzctl.sim.blind_cases.lab.device import _spread, admittance
-from pzctl.sim.blind_cases.lab.draw import FAMILIES, Case, draw_case, plan
+from pzctl.sim.blind_cases.lab.draw import FAMILIES, Case, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
 from pzctl.sim.blind_cases.lab.flaws import NOTHING, Fixture, Flaws
+from pzctl.sim.blind_cases.lab.imperfections import imperfections
 from pzctl.sim.blind_cases.lab.plant import Hideout, Plant, World
 from pzctl.sim.blind_cases.lab.random_specimen import random_specimen
 from pzctl.sim.blind_cases.lab.recording import Analyzer, Take, shown
+from pzctl.sim.blind_cases.lab.session import plan
 from pzctl.sim.blind_cases.lab.specimen import AIR, Specimen, lossy
 from pzctl.sim.blind_cases.lab.terminals import at_analyzer
 from pzctl.sim.blind_cases.lab.visible import View
@@ -62,7 +64,7 @@ def plants() -> list[tuple[Plant, Specimen]]:
         s = specimen_of(8 if bonded else 2, 2 if bonded else 1, backed=family is layered.backing)
         found.append((family(rng, s), s))
     found += [(families.outside(rng, specimen_of(2)), specimen_of(2)) for _ in range(OUTSIDE_KINDS)]
-    found += [(plant, specimen_of(8, 2)) for plant in layered.imperfections(rng, specimen_of(8, 2))]
+    found += [(plant, specimen_of(8, 2)) for plant in imperfections(rng, specimen_of(8, 2))]
     return found
 
 
