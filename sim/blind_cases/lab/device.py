@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ def _spread(specimen: Specimen, flaws: Flaws) -> tuple[dict[str, Any], float | R
     wide = 15 * sigma * specimen.ceramic.c33D.real / specimen.ceramic.c33D.imag if layer == "disk" else 15.0
     nodes = int(np.clip(wide, *_NODES))
     if shape == "gauss":
-        x, w = np.polynomial.hermite_e.hermegauss(nodes)
+        x, w = _normal_nodes(nodes)
     else:
         x = (np.arange(nodes) + 0.5) / nodes * 2 - 1
         w = 1 - np.abs(x) if shape == "triangle" else (1 + x) ** 2 * (1 - x)
@@ -104,6 +105,12 @@ def _spread(specimen: Specimen, flaws: Flaws) -> tuple[dict[str, Any], float | R
         x = x - w @ x
         x = x / np.sqrt(w @ x**2)
     return {layer: (1 + sigma * x)[:, None]}, np.asarray(w / w.sum())[:, None]
+
+
+@lru_cache
+def _normal_nodes(count: int) -> tuple[Reals, Reals]:
+    x, w = np.polynomial.hermite_e.hermegauss(count)
+    return x, w
 
 
 def _true_coats(specimen: Specimen, flaws: Flaws, step: str) -> tuple[Coat, ...]:

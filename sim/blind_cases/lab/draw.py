@@ -119,29 +119,24 @@ def _draw(rng: Random, kind: str, name: str) -> Case:
     visible = [view.seen(k) for k in range(len(hideout.plants))]
     floor = _floor(hideout, visible)
     for k in range(len(plants)):
-        hideout, visible[k] = _grown(rng, hideout, k, takes, analyzer, visible[k], floor)
-    if plants and hideout is not view.hideout:
-        view = View(hideout, takes, analyzer)
+        view = _grown(rng, view, k, takes, analyzer, floor)
+    if view.hideout is not hideout:
         visible = [view.seen(k) for k in range(len(hideout.plants))]
-    hideout = with_other_names(hideout, takes, analyzer, _floor(hideout, visible), FINDABLE_GAIN)
+    hideout = with_other_names(view.hideout, view, analyzer.noise, _floor(view.hideout, visible), FINDABLE_GAIN)
     return Case(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 
-def _grown(
-    rng: Random, hideout: Hideout, k: int, takes: Sequence[Take], analyzer: Analyzer, now: Seen, floor: float
-) -> tuple[Hideout, Seen]:
-    """Return the hideout with plant k so large that it can be found, where physics allows it."""
+def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: Analyzer, floor: float) -> View:
+    """Return the view of a world with plant k so large that it can be found, where physics allows it."""
     wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):
-        plant = hideout.plants[k]
-        if plant.least >= plant.most or now.moves > 0.7 * wanted:
+        plant = view.hideout.plants[k]
+        moves = wanted if plant.least >= plant.most else view.seen(k).moves
+        larger = plant.at(plant.scale * min(wanted / max(moves, 1e-9), 20.0))
+        if moves > 0.7 * wanted or larger.scale == plant.scale:
             break
-        larger = plant.at(plant.scale * min(wanted / max(now.moves, 1e-9), 20.0))
-        if larger.scale == plant.scale:
-            break
-        hideout = hideout.scaled(k, larger.scale)
-        now = View(hideout, takes, analyzer).seen(k)
-    return hideout, now
+        view = View(view.hideout.scaled(k, larger.scale), takes, analyzer)
+    return view
 
 
 def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:

@@ -145,11 +145,17 @@ def _instrument(case: Case) -> list[dict[str, Any]]:
 
 
 def constants(specimen: Specimen) -> dict[str, list[float]]:
-    """Return true constants, real and imaginary part: those at the ceramic's own resonance."""
+    """Return true constants, real and imaginary part: those at the ceramic's own resonance.
+
+    A glue acts by its compliance. Where the build file has its stiffness wrong, and takes it as exact, the thickness to
+    be found is the one that gives the true compliance with the stiffness told.
+    """
     ceramic = specimen.ceramic
     found = {f"disk.{name}": getattr(ceramic, name) for name in ("c33D", "h33", "eps33S")}
     values = {name: [complex(one).real, complex(one).imag] for name, one in found.items()}
     for coat in specimen.coats:
-        known = {"thickness": coat.thickness} if coat.glue else {"z": coat.z, "c": coat.c, "q": coat.q}
+        _, told_z, told_c, _ = coat.told
+        compliant = coat.thickness * told_z * told_c / (coat.z * coat.c)
+        known = {"thickness": compliant} if coat.glue else {"z": coat.z, "c": coat.c, "q": coat.q}
         values |= {f"{coat.name}.{name}": [value, 0.0] for name, value in known.items()}
     return values

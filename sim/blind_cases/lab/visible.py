@@ -13,6 +13,7 @@ What instrument and fixture could do alone moves something and gains nothing.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,12 +23,14 @@ from .plant import Hideout, Plant, World
 from .recording import Analyzer, Take, shown
 from .specimen import AIR, Coat
 
-_POINTS = 200
+_POINTS = 150
 """Points of a sweep that are looked at."""
-_ROUNDS, _RENEWALS = 14, 2
+_ROUNDS, _RENEWALS = 10, 1
 _STEP = 1e-6
 _SMALL = 3e-3
 """Root mean square of ln Z below which a plant is imitated by derivatives alone."""
+_EXACT = 1e-8
+"""Relative uncertainty below which a value of the build is held."""
 _COSINES = 8
 _ACCURACY = 1e-3
 """Relative gain and rad of phase that the analyzer's specification allows, root of the mean square over the band."""
@@ -57,17 +60,29 @@ class _Thin:
 class View:
     """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
 
-    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer, rival: Plant | None = None) -> None:
-        """`rival`: another effect that may imitate, its scale free from 0 on."""
+    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer) -> None:
         self.hideout = hideout
         self._thin = [_thinned(hideout, take, analyzer) for take in takes]
-        self._free = _Free(hideout, rival)
+        self._free = _Free(hideout, None)
         A = np.concatenate([_allowances(one, analyzer) for one in self._thin])
         self._U, s, _ = np.linalg.svd(A, full_matrices=False)
         self._half = 1 - 1 / np.sqrt(1 + s**2)
         self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
         self._typical = float(np.sqrt(np.mean(self._sigmas**2)))
         self._slopes: Reals | None = None
+
+    def with_rival(self, rival: Plant) -> "View":
+        """Return the same with another effect that may imitate, its scale free from 0 on."""
+        other = copy(self)
+        other.join(rival)
+        return other
+
+    def join(self, rival: Plant) -> None:
+        """Let another effect imitate from now on."""
+        slopes = self._derivatives()
+        self._free = _Free(self.hideout, rival)
+        last = self._derivatives_of(np.zeros(self._free.size), None, [self._free.size - 1])
+        self._slopes = np.column_stack([slopes, last[:, -1]])
 
     def seen(self, index: int) -> Seen:
         """Return how visible a plant is: steps with the derivatives of the whole world, renewed where they stall."""
@@ -115,16 +130,18 @@ class View:
         return self._slopes
 
     def _derivatives_at(self, x: Reals, index: int | None) -> Reals:
-        eye = np.eye(x.size)
-        columns: list[Reals] = []
+        return self._derivatives_of(x, index, [k for k in range(x.size) if self._free.prior[k] > _EXACT])
+
+    def _derivatives_of(self, x: Reals, index: int | None, of: Sequence[int]) -> Reals:
+        """Return the derivatives by some columns, others zero; sizes see the whole world, constants no feedback."""
+        slopes = np.zeros((self._sigmas.size, x.size))
         for full in (False, True):
-            of = range(self._free.constants, x.size) if full else range(self._free.constants)
-            if of:
-                at = self._rows(self._free.moved(x, index), not full)
-                columns += [
-                    (self._rows(self._free.moved(x + _STEP * eye[k], index), not full) - at) / _STEP for k in of
-                ]
-        return np.nan_to_num(np.stack(columns, axis=1))  # a size at 0 may have no derivative
+            some = [k for k in of if (k >= self._free.constants) == full]
+            at = self._rows(self._free.moved(x, index), not full) if some else 0.0
+            for k in some:
+                moved = x + _STEP * (np.arange(x.size) == k)
+                slopes[:, k] = (self._rows(self._free.moved(moved, index), not full) - at) / _STEP
+        return np.nan_to_num(slopes)  # a size at 0 may have no derivative
 
     def _step(self, slopes: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
         known = 1 / self._free.prior
@@ -139,7 +156,7 @@ class View:
         taken = [k for k in range(slopes.shape[1]) if self._free.is_plant(k, index)]
         W = slopes * self._sigmas[:, None]
         W[:, taken] = 0.0
-        width = np.linalg.norm(W, axis=0) + 1e-300
+        width = np.maximum(np.linalg.norm(W, axis=0), 1e-12)
         known = np.minimum(1 / (self._free.prior * width), 1e6) * self._typical
         M = np.vstack([W / width, np.diag(known)])
         v = r * self._sigmas
