@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.special import iv, kv
 
+from ..device_under_test import DeviceUnderTest, DiskShape
 from ..ritz import finite_disk_admittance
-from ..test_device import Disk as RitzDisk
-from ..test_device import Specimen as RitzSpecimen
-from ..waves import Column, Complexes, Part, Reals, Slice, respond
+from ..waves import Complexes, LayerColumn, Part, Reals, Slice, respond
 from .flaws import Flaws, Side
 from .specimen import AIR, Ceramic, Coat, Specimen, lossy
 
@@ -33,7 +32,7 @@ class Moment:
 
 
 STILL = Moment()
-_Shares = list[tuple[float | Reals, Column]]
+_Shares = list[tuple[float | Reals, LayerColumn]]
 
 
 def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment = STILL) -> Complexes:
@@ -130,7 +129,7 @@ def _column(
     step: str,
     moment: Moment,
     factors: dict[str, Any],
-) -> Column:
+) -> LayerColumn:
     x = f / specimen.ceramic.f0
     parts: list[Part] = [_paste(flaws.electrodes[0])] if flaws.electrodes[0] else []
     parts += _ceramic(f, specimen, flaws, step, moment, factors.get("disk", 1.0))
@@ -148,7 +147,7 @@ def _column(
         side, kind, size, shape = flaws.face
         on = _resting(x, kind, size, shape)
         back, front = (back + on, front) if side == "back" else (back, front + on)
-    return Column(tuple(parts), back, front)
+    return LayerColumn(tuple(parts), back, front)
 
 
 def _resting(x: Reals, kind: str, size: float, shape: float) -> Complexes:
@@ -165,7 +164,7 @@ def _paste(mass: float) -> Slice:
     return Slice(mass / density, density, density * speed**2 * (1 + 1j / q))
 
 
-def _with_dot(column: Column, mass: float, side: Side) -> Column:
+def _with_dot(column: LayerColumn, mass: float, side: Side) -> LayerColumn:
     """Load a face with solder: half a millimetre of it would be its own resonator, so it is solved as a slice too."""
     dot = Slice(mass / 8500.0, 8500.0, 3.5e10 * (1 + 1j / 20))
     return replace(column, parts=(dot, *column.parts) if side == "back" else (*column.parts, dot))
@@ -251,5 +250,5 @@ def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
 def _finite(f: Reals, specimen: Specimen, sideways: tuple[float, ...]) -> Complexes:
     """Return the disk in both dimensions; its losses are of constant Q there."""
     ceramic: Ceramic = specimen.ceramic
-    disk = RitzDisk(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)
-    return finite_disk_admittance(f, RitzSpecimen(specimen.name, specimen.diameter, disk, sideways=sideways))
+    disk = DiskShape(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)
+    return finite_disk_admittance(f, DeviceUnderTest(specimen.name, specimen.diameter, disk, sideways=sideways))
