@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from .wilson import Share
+from .wilson import HitShare
 
 _EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0 + 1e-9)
 _SUREST = 1e-4
@@ -56,17 +56,17 @@ def calibration(pairs: Sequence[tuple[float, bool]]) -> Calibration:
     )
 
 
-def reliability(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, Share]]:
+def reliability(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, HitShare]]:
     """Return mean probability said and share that came true, for each bin that is not empty."""
-    rows: list[tuple[float, Share]] = []
+    rows: list[tuple[float, HitShare]] = []
     for low, high in pairwise(_EDGES):
         inside = [(p, true) for p, true in pairs if low <= p < high]
         if inside:
-            rows.append((sum(p for p, _ in inside) / len(inside), Share(sum(t for _, t in inside), len(inside))))
+            rows.append((sum(p for p, _ in inside) / len(inside), HitShare(sum(t for _, t in inside), len(inside))))
     return rows
 
 
-def draw_reliability(rows: Sequence[tuple[float, Share]], path: Path) -> None:
+def draw_reliability(rows: Sequence[tuple[float, HitShare]], path: Path) -> None:
     """Draw share that came true over probability said; bars are Wilson's 95 % intervals, the diagonal is honest."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from .lab_judge import LabCase
-from .wilson import Share, share
+from .wilson import HitShare, share
 
 TARGETS = {
     "dominating effect first": ">= 90 %",
@@ -28,7 +28,7 @@ TARGETS = {
 class LabFigures:
     """All figures of one run, or of several pooled."""
 
-    shares: dict[str, Share]
+    shares: dict[str, HitShare]
     seconds: float
     """Median for a case."""
     longest: float

@@ -12,8 +12,8 @@ from .calibration import calibration, draw_reliability, reliability
 from .judge import ProofError, read_sealed
 from .lab_judge import LabCase
 from .lab_metrics import TARGETS, LabFigures, by_effect, lab_figures, said_and_right
-from .run_list import Run, complete, pooled, read_runs
-from .wilson import Share
+from .run_list import SealedRun, complete, pooled, read_runs
+from .wilson import HitShare
 
 PAGE, DIAGRAM = "proof-lab.md", "proof-lab-reliability.svg"
 _WORLD = """\
@@ -39,7 +39,7 @@ def read_cases(folder: Path, published: str) -> list[LabCase]:
     return [LabCase(name, truth, answers.get(name, {"error": "no answer"})) for name, truth in truths.items()]
 
 
-def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: str, runs: Sequence[Run]) -> Path:
+def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: str, runs: Sequence[SealedRun]) -> Path:
     """Write the page and its reliability diagram to `folder`; `runs`: the sealed ones, this one among them or not."""
     figures = lab_figures(cases)
     pairs = said_and_right(cases)
@@ -84,7 +84,7 @@ def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: st
     return page
 
 
-def _figures_table(figures: LabFigures, total: dict[str, Share]) -> str:
+def _figures_table(figures: LabFigures, total: dict[str, HitShare]) -> str:
     rows = [
         (name, TARGETS[name], str(one), str(one.of), str(total.get(name, "-"))) for name, one in figures.shares.items()
     ]
@@ -103,7 +103,7 @@ def _scores(pairs: Sequence[tuple[float, bool]]) -> str:
     )
 
 
-def _runs_table(runs: Sequence[Run]) -> str:
+def _runs_table(runs: Sequence[SealedRun]) -> str:
     first, second = "dominating effect first", "a wrong name said for sure"
     rows = [
         (
@@ -113,7 +113,7 @@ def _runs_table(runs: Sequence[Run]) -> str:
             str(run.cases),
             run.commit,
             f"`{run.sha256[:12]}`",
-            *(str(Share(*run.shares[name])) if name in run.shares else "not finished" for name in (first, second)),
+            *(str(HitShare(*run.shares[name])) if name in run.shares else "not finished" for name in (first, second)),
         )
         for run in runs
     ]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .lab_judge import SAID
-from .wilson import Share, share
+from .wilson import HitShare, share
 
 CLOSE = 0.15
 """Relative error of a size that is right."""
@@ -80,7 +80,7 @@ def _said(answer: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [one for one in answer.get("findings", []) if float(one.get("probability") or 0.0) >= SAID]
 
 
-def planted_figures(cases: Sequence[PlantedCase]) -> dict[str, Share]:
+def planted_figures(cases: Sequence[PlantedCase]) -> dict[str, HitShare]:
     """Return the figures of parts put onto real recordings."""
     return {
         "named, size within 15 %": share([case.right for case in cases]),

@@ -11,7 +11,7 @@ from typing import Any
 from .judge import Judged, read_judged
 from .proof_metrics import Figure, Rate, Stratum, bins, confusion, figures, rates, said, strata
 from .run_list import complete
-from .wilson import Share
+from .wilson import HitShare
 
 PAGE = "proof.md"
 
@@ -165,7 +165,7 @@ if __name__ == "__main__":
     reached = figures(read_judged(Path(where), expected))
     if kept:
         shares = {
-            row.what: Share(round(row.value * row.cases), row.cases) for row in reached if row.percent and row.cases
+            row.what: HitShare(round(row.value * row.cases), row.cases) for row in reached if row.percent and row.cases
         }
         complete(Path(kept[0]), expected, shares, reached[-1].value)
     plain = [asdict(row) | {"value": None if math.isnan(row.value) else row.value} for row in reached]

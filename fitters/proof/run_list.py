@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from .wilson import Share
+from .wilson import HitShare
 
 
 @dataclass(frozen=True)
-class Run:
+class SealedRun:
     """One sealed run."""
 
     world: str
@@ -29,19 +29,19 @@ class Run:
     """Median for a case."""
 
 
-def read_runs(path: Path) -> list[Run]:
+def read_runs(path: Path) -> list[SealedRun]:
     """Return all runs of a list, the oldest first; none where there is no list yet."""
     if not path.exists():
         return []
-    return [Run(**one) for one in json.loads(path.read_text())]
+    return [SealedRun(**one) for one in json.loads(path.read_text())]
 
 
-def enter(path: Path, run: Run) -> None:
+def enter(path: Path, run: SealedRun) -> None:
     """Append a run that begins."""
     _write(path, [*read_runs(path), run])
 
 
-def complete(path: Path, sha256: str, shares: Mapping[str, Share], seconds: float) -> None:
+def complete(path: Path, sha256: str, shares: Mapping[str, HitShare], seconds: float) -> None:
     """Fill in the figures of the last run entered with this hash."""
     runs = read_runs(path)
     last = max(k for k, run in enumerate(runs) if run.sha256 == sha256)
@@ -49,16 +49,16 @@ def complete(path: Path, sha256: str, shares: Mapping[str, Share], seconds: floa
     _write(path, runs)
 
 
-def pooled(runs: Sequence[Run], world: str) -> dict[str, Share]:
+def pooled(runs: Sequence[SealedRun], world: str) -> dict[str, HitShare]:
     """Return the figures of all finished runs of a world together."""
-    total: dict[str, Share] = {}
+    total: dict[str, HitShare] = {}
     for run in runs:
         if run.world == world:
             for name, (hits, of) in run.shares.items():
-                total[name] = total.get(name, Share(0, 0)) + Share(hits, of)
+                total[name] = total.get(name, HitShare(0, 0)) + HitShare(hits, of)
     return total
 
 
-def _write(path: Path, runs: Sequence[Run]) -> None:
+def _write(path: Path, runs: Sequence[SealedRun]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps([asdict(run) for run in runs], indent=1) + "\n")

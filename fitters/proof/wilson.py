@@ -11,7 +11,7 @@ _Z = 1.959964
 
 
 @dataclass(frozen=True)
-class Share:
+class HitShare:
     """So many of so many; shares of several runs add up."""
 
     hits: int
@@ -31,8 +31,8 @@ class Share:
         middle, half = p + z2 / (2 * n), _Z * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
         return max((middle - half) / (1 + z2 / n), 0.0), min((middle + half) / (1 + z2 / n), 1.0)
 
-    def __add__(self, other: "Share") -> "Share":
-        return Share(self.hits + other.hits, self.of + other.of)
+    def __add__(self, other: "HitShare") -> "HitShare":
+        return HitShare(self.hits + other.hits, self.of + other.of)
 
     def __str__(self) -> str:
         if not self.of:
@@ -41,6 +41,6 @@ class Share:
         return f"{100 * self.value:.1f} % ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def share(flags: "list[bool]") -> Share:
+def share(flags: "list[bool]") -> HitShare:
     """Return how many are true."""
-    return Share(sum(flags), len(flags))
+    return HitShare(sum(flags), len(flags))

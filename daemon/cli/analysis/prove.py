@@ -20,7 +20,7 @@ _PATIENCE = 10.0
 """Seconds that a process of ours has to end its own."""
 
 
-class World(StrEnum):
+class ProofWorld(StrEnum):
     """Where cases come from."""
 
     ideal = "ideal"
@@ -35,8 +35,8 @@ class ProveError(PzctlError):
 
 def prove(
     world: Annotated[
-        World, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")
-    ] = World.ideal,
+        ProofWorld, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")
+    ] = ProofWorld.ideal,
     real: Annotated[
         Path | None, typer.Option(help="Folder of real recordings to plant exact parts in, instead of a world's cases.")
     ] = None,
@@ -84,10 +84,10 @@ def prove(
 
 def _enter(listed: Path, world: str, seed: int, count: int, published: str) -> None:
     """Enter a sealed run in the list before anything is diagnosed: one that is broken off stays there."""
-    from ....fitters.proof.run_list import Run, enter
+    from ....fitters.proof.run_list import SealedRun, enter
 
     now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00")
-    enter(listed, Run(world, seed, count, _commit(), published, now))
+    enter(listed, SealedRun(world, seed, count, _commit(), published, now))
 
 
 def _judged(kind: str, out: Path, published: str, title: str, jobs: int, listed: Path | None) -> dict[str, Any]:

@@ -7,11 +7,11 @@ more than the largest imperfection does, or gains so little that noise could do 
 from collections.abc import Callable
 from dataclasses import replace
 
-from .plant import Hideout, Plant, World
+from .plant import Hideout, LabWorld, Plant
 from .specimen import Specimen
 from .visible import View
 
-Put = Callable[[World, float], World]
+Put = Callable[[LabWorld, float], LabWorld]
 
 
 def _terminals(put: Put, effect: str) -> Callable[[Plant, Specimen], Plant]:

@@ -24,18 +24,18 @@ _BACKING_SPEED = 2300.0
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Instant:
     """Factors on stiffness and permittivity while each point is taken; one number or shape (N,)."""
 
     stiffness: float | Complexes = 1.0
     permittivity: float | Complexes = 1.0
 
 
-STILL = Moment()
+STILL = Instant()
 _Shares = list[tuple[float | Reals, LayerColumn]]
 
 
-def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment = STILL) -> Complexes:
+def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> Complexes:
     """Return the admittance in S of a step's device without what leads to it; f in Hz, shape (N,)."""
     whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
     total = _finite(f, specimen, flaws.lateral) if whole is None else _sum(f, specimen.area, whole)
@@ -49,7 +49,7 @@ def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Mo
     return total if flaws.sheet is None else _fed(total, *flaws.sheet)
 
 
-def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment) -> Complexes:
+def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant) -> Complexes:
     """Return the ceramic's mean strain per ampere through the device; 1/A, shape (N,)."""
     omega = 2 * np.pi * f
     shares = columns(f, specimen, replace(flaws, spread=(), dot=None, void=None), step, moment)
@@ -65,7 +65,7 @@ def _sum(f: Reals, area: float, shares: _Shares) -> Complexes:
     return total
 
 
-def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment = STILL) -> _Shares:
+def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> _Shares:
     """Return all columns with their parts of the area."""
     factors, weights = _spread(specimen, flaws)
     coats = _true_coats(specimen, flaws, step)
@@ -127,7 +127,7 @@ def _column(
     coats: Sequence[Coat],
     flaws: Flaws,
     step: str,
-    moment: Moment,
+    moment: Instant,
     factors: dict[str, Any],
 ) -> LayerColumn:
     x = f / specimen.ceramic.f0
@@ -185,7 +185,7 @@ def _viscous(x: Reals, stiffness: Complexes, flaws: Flaws, layer: str) -> Comple
 
 
 def _ceramic(
-    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment, factor: float | Reals
+    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, factor: float | Reals
 ) -> list[Part]:
     ceramic = specimen.ceramic
     x = f / ceramic.f0

@@ -9,9 +9,9 @@ from . import families, layered
 from .alike import with_other_names
 from .distributions import Random, loguniform
 from .imperfections import imperfections
-from .plant import Hideout, Plant, World
+from .plant import Hideout, LabWorld, Plant
 from .random_specimen import random_specimen
-from .recording import Analyzer, Take
+from .recording import ErringAnalyzer, Take
 from .session import analyzer_of, plan
 from .specimen import AIR, Specimen
 from .visible import Seen, View
@@ -51,14 +51,14 @@ DOMINATING_OVER = 3.0
 
 
 @dataclass(frozen=True)
-class Case:
+class LabSession:
     """One recording session and its truth."""
 
     name: str
     kind: str
     hideout: Hideout
     takes: tuple[Take, ...]
-    analyzer: Analyzer
+    analyzer: ErringAnalyzer
     seen: tuple[Seen, ...]
     """Of each plant of the hideout."""
     seed: int
@@ -97,7 +97,7 @@ def _floor(hideout: Hideout, seen: Sequence[Seen]) -> float:
     return max((s.moves for p, s in zip(hideout.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
 
 
-def draw_case(seed: int, index: int) -> Case:
+def draw_case(seed: int, index: int) -> LabSession:
     """Return case number `index` of a seed; the same for ever."""
     rng = np.random.default_rng([seed, index, 20])
     kind = str(rng.choice(list(KINDS), p=np.array(list(KINDS.values())) / sum(KINDS.values())))
@@ -109,12 +109,12 @@ def draw_case(seed: int, index: int) -> Case:
     return case
 
 
-def _draw(rng: Random, kind: str, name: str) -> Case:
+def _draw(rng: Random, kind: str, name: str) -> LabSession:
     plants, specimen = _drawn(rng, kind, name)
     takes = plan(rng, specimen, plants)
     analyzer = analyzer_of(rng, takes, specimen)
     minor = () if kind == "instrument" else imperfections(rng, specimen)
-    hideout = Hideout(World(specimen, fixture=analyzer.fixture), (*plants, *minor))
+    hideout = Hideout(LabWorld(specimen, fixture=analyzer.fixture), (*plants, *minor))
     view = View(hideout, takes, analyzer)
     visible = [view.seen(k) for k in range(len(hideout.plants))]
     floor = _floor(hideout, visible)
@@ -123,10 +123,10 @@ def _draw(rng: Random, kind: str, name: str) -> Case:
     if view.hideout is not hideout:
         visible = [view.seen(k) for k in range(len(hideout.plants))]
     hideout = with_other_names(view.hideout, view, analyzer.noise, _floor(view.hideout, visible), FINDABLE_GAIN)
-    return Case(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
+    return LabSession(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 
-def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: Analyzer, floor: float) -> View:
+def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: ErringAnalyzer, floor: float) -> View:
     """Return the view of a world with plant k so large that it can be found, where physics allows it."""
     wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):

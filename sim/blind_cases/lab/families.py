@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from .distributions import Random, lognormal
-from .plant import Plant, World
+from .plant import LabWorld, Plant
 from .specimen import Specimen
 
 _NEIGHBOUR = ("spurious-resonance", "thickness-variation", "local-mass")
@@ -23,7 +23,7 @@ def lead(rng: Random, s: Specimen) -> Plant:
     """Plant a wire: inductance, skin effect, a little capacitance of its own."""
     L, skin, C = lognormal(rng, 25e-9, 0.9), float(rng.uniform(0.005, 0.04)), float(rng.uniform(0.05e-12, 0.4e-12))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.wired(inductance=L * k, skin=skin * k**0.5, winding=C)
 
     return Plant("lead-inductance", ("terminals",), some_steps(rng, s), put, {"inductance": L}, {"skin": skin})
@@ -33,7 +33,7 @@ def resistance(rng: Random, s: Specimen) -> Plant:
     """Plant a contact whose resistance grows a little with frequency."""
     R, power = lognormal(rng, 0.5, 1.0), float(rng.uniform(0.0, 0.3))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.wired(resistance=R * k, resistance_power=power)
 
     return Plant("series-resistance", ("terminals",), some_steps(rng, s), put, {"resistance": R}, {"power": power})
@@ -43,7 +43,7 @@ def stray(rng: Random, s: Specimen) -> Plant:
     """Plant a capacitance beside the device, of lossy plastic."""
     C, tan = min(lognormal(rng, 6e-12, 1.0), 0.3 * s.C0), float(rng.uniform(0.002, 0.03))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.wired(capacitance=C * k, capacitance_tan=tan)
 
     return Plant("stray-capacitance", ("terminals",), some_steps(rng, s), put, {"capacitance": C}, {"tan": tan})
@@ -53,7 +53,7 @@ def leakage(rng: Random, s: Specimen) -> Plant:
     """Plant a conductance that grows slowly with frequency, as moist surfaces have it."""
     G, power = 2 * np.pi * s.ceramic.f0 * s.C0 * lognormal(rng, 3e-3, 1.0), float(rng.uniform(0.0, 0.25))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.wired(conductance=G * k, conductance_power=power)
 
     return Plant("leakage", ("terminals",), some_steps(rng, s), put, {"conductance": G}, {"power": power})
@@ -64,7 +64,7 @@ def cable(rng: Random, s: Specimen) -> Plant:
     delay, ohm = lognormal(rng, 2e-9, 0.6), float(rng.choice([50.0, 75.0, 50.0]))
     loss = delay * float(rng.uniform(0.5e6, 4e6))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.wired(delay=delay * k, cable_ohm=ohm, cable_loss=loss * k)
 
     return Plant("cable", ("terminals",), some_steps(rng, s), put, {"delay": delay}, {"ohm": ohm, "loss": loss})
@@ -78,7 +78,7 @@ def polarity(rng: Random, s: Specimen) -> Plant:
 
 
 def _flag(**changes: object):
-    def put(world: World, _: float) -> World:
+    def put(world: LabWorld, _: float) -> LabWorld:
         return world.with_flaws(**changes)
 
     return put
@@ -88,7 +88,7 @@ def sheet(rng: Random, s: Specimen) -> Plant:
     """Plant a thin electrode that is fed in a dot."""
     ohm, radius = lognormal(rng, 0.4, 1.0), float(rng.uniform(0.05, 0.2))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(sheet=(ohm * k, radius))
 
     where = ("face:front", "face:back", "terminals", "layer:disk")
@@ -100,7 +100,7 @@ def drift(rng: Random, s: Specimen) -> Plant:
     c = -lognormal(rng, 4e-4, 0.7) * (1 if rng.random() < 0.7 else -1)
     eps, time = -c * float(rng.uniform(3, 15)), float(rng.uniform(0.4, 2.0))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(drift=(c * k, eps * k, time))
 
     sizes = {"stiffness": c, "permittivity": eps, "relative": c / 2}
@@ -111,7 +111,7 @@ def softening(rng: Random, s: Specimen) -> Plant:
     """Plant a stiffness that falls with the strain, not quite in proportion, and loses energy doing so."""
     size, lost, power = lognormal(rng, 6e-3, 0.7), float(rng.uniform(0.2, 1.0)), float(rng.uniform(0.75, 1.3))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(softening=(size * k, lost, power))
 
     shape = {"loss": lost, "power": power}
@@ -122,7 +122,7 @@ def settling(rng: Random, s: Specimen) -> Plant:
     """Plant a detector that is slow for the pace of the sweep."""
     seconds = lognormal(rng, 8e-3, 0.8)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(settling=seconds * k)
 
     return Plant("sweep-lag", ("sweep",), s.steps, put, {"time_constant": seconds}, most=50.0, needs="up and down")
@@ -132,7 +132,7 @@ def outside(rng: Random, s: Specimen) -> Plant:
     """Plant something that no catalogue has."""
     at, w0C0 = float(rng.uniform(0.25, 0.8)), 2 * np.pi * s.ceramic.f0 * s.C0
     loop, ratio = (s.ceramic.f0 * float(rng.uniform(0.5, 1.5)), float(rng.uniform(3, 12))), float(rng.uniform(0.7, 0.9))
-    kinds: dict[str, tuple[float, Callable[[World, float], World], tuple[str, ...]]] = {
+    kinds: dict[str, tuple[float, Callable[[LabWorld, float], LabWorld], tuple[str, ...]]] = {
         "dry contact": (0.02 / w0C0, lambda w, k: w.wired(contact=k), ("series-resistance",)),
         "humid film": (0.02 * w0C0, lambda w, k: w.wired(film=k), ("leakage", "stray-capacitance")),
         "coupled loop": (2e-9, lambda w, k: replace(w, flaws=w.flaws.looped((*loop, k))), ("spurious-resonance",)),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..waves import Complexes
-from .draw import Case, draw_case
+from .draw import LabSession, draw_case
 from .plant import Plant
 from .recording import Take, shown
 from .specimen import AIR, Coat, Specimen
@@ -28,7 +28,7 @@ def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:
     return {"name": case.name, **truth(case), "files": files}
 
 
-def measured(case: Case, take: Take, rng: np.random.Generator) -> Complexes:
+def measured(case: LabSession, take: Take, rng: np.random.Generator) -> Complexes:
     """Return one recording as the analyzer shows it: ohm, shape (N,), by rising frequency."""
     world = case.hideout.world(take.step)
     z = shown(world.specimen, world.flaws, take, world.fixture)
@@ -47,7 +47,7 @@ def _csv_text(take: Take, z: Complexes, bandwidth: int) -> str:
     return "\n".join([*lines, "frequency_Hz,R_ohm,X_ohm", *rows]) + "\n"
 
 
-def build_text(case: Case) -> str:
+def build_text(case: LabSession) -> str:
     """Return the build file: what is told, no more."""
     specimen, untold = case.hideout.bare.specimen, case.hideout.untold
     coats = [coat for coat in specimen.coats if coat.name not in untold]
@@ -97,7 +97,7 @@ def _coat_text(coat: Coat) -> str:
     )
 
 
-def truth(case: Case) -> dict[str, Any]:
+def truth(case: LabSession) -> dict[str, Any]:
     """Return what the judge knows: findings in the order of what they move, and what may be named besides."""
     plants = case.hideout.plants
     entries = [(case.role(k), _entry(case, k)) for k in range(len(plants))]
@@ -120,7 +120,7 @@ def truth(case: Case) -> dict[str, Any]:
     }
 
 
-def _entry(case: Case, index: int) -> dict[str, Any]:
+def _entry(case: LabSession, index: int) -> dict[str, Any]:
     plant: Plant = case.hideout.plants[index]
     one = case.seen[index]
     return {
@@ -135,7 +135,7 @@ def _entry(case: Case, index: int) -> dict[str, Any]:
     }
 
 
-def _instrument(case: Case) -> list[dict[str, Any]]:
+def _instrument(case: LabSession) -> list[dict[str, Any]]:
     """Return what instrument and fixture add, which may be named as that."""
     step = case.hideout.bare.specimen.steps[0]
     return [

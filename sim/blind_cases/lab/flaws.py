@@ -41,7 +41,7 @@ class Wiring:
 
 
 @dataclass(frozen=True)
-class Fixture:
+class FixtureResidue:
     """What open and short compensation left: H, ohm, ohm at 1 MHz (skin), F, S; reactances of either sign."""
 
     inductance: float = 0.0

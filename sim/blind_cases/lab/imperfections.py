@@ -6,7 +6,7 @@ import numpy as np
 
 from .distributions import Random, lognormal
 from .layered import anywhere
-from .plant import Plant, World
+from .plant import LabWorld, Plant
 from .specimen import Specimen
 
 
@@ -19,10 +19,10 @@ def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
     most = 2 / np.pi * abs(s.ceramic.eps33S.imag / s.ceramic.eps33S.real)
     slope = most * float(rng.uniform(0.3, 1.0)) if kind == "film" else min(lognormal(rng, 1.5e-3, 0.5), most)
 
-    def dispersed(world: World, k: float) -> World:
+    def dispersed(world: LabWorld, k: float) -> LabWorld:
         return world.with_ceramic(loss_power=power * k, causal=causal)
 
-    def falling(world: World, k: float) -> World:
+    def falling(world: LabWorld, k: float) -> LabWorld:
         return world.with_ceramic(slope=slope * k)
 
     shape = {"causal": float(causal)}
@@ -38,7 +38,7 @@ def _coats_dispersed(rng: Random, s: Specimen) -> Plant:
     """Return losses of what is glued on that follow a power of frequency."""
     power, causal = float(rng.uniform(-0.2, 0.4)), bool(rng.random() < 0.15)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         coats = tuple(replace(one, loss_power=power * k, causal=causal) for one in world.specimen.coats)
         return replace(world, specimen=replace(world.specimen, coats=coats))
 
@@ -49,7 +49,7 @@ def _coats_dispersed(rng: Random, s: Specimen) -> Plant:
 def spread_of(sigma: float, s: Specimen) -> Plant:
     """Return a scatter of the ceramic's thickness."""
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(spread=(*world.flaws.spread, ("disk", sigma * k, "gauss")))
 
     return Plant("thickness-variation", ("layer:disk",), s.steps, put, {"sigma": sigma})
@@ -58,7 +58,7 @@ def spread_of(sigma: float, s: Specimen) -> Plant:
 def _weak(rng: Random, s: Specimen) -> Plant:
     f, Q, size = s.ceramic.f0 * float(rng.uniform(0.3, 2.0)), float(rng.uniform(20, 100)), lognormal(rng, 4e-5, 0.7)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(modes=(*world.flaws.modes, (f, Q, size * k, "beside")))
 
     return Plant("spurious-resonance", anywhere(s), s.steps, put, {"strength": size}, {"f": f, "Q": Q})

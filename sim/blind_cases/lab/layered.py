@@ -6,7 +6,7 @@ import numpy as np
 
 from .distributions import Random, lognormal, loguniform
 from .flaws import Side
-from .plant import Plant, World
+from .plant import LabWorld, Plant
 from .specimen import AIR, Specimen
 
 
@@ -23,7 +23,7 @@ def mass(rng: Random, s: Specimen) -> Plant:
     """Plant electrodes of silver paste: mostly one that constants absorb."""
     m, both = lognormal(rng, 0.02, 0.5), bool(rng.random() < 0.6)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(electrodes=(m * k if both else 0.0, m * k))
 
     where = ("face:front", "face:back", f"interface:disk|{s.coats[0].name}" if s.coats else "face:front", "layer:disk")
@@ -35,7 +35,7 @@ def dot(rng: Random, s: Specimen) -> Plant:
     side, share, m = _side(rng), float(rng.uniform(0.005, 0.05)), lognormal(rng, 0.4, 0.6)
     steps = s.steps if side == "back" else s.steps[-1:]
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(dot=(min(share * k**0.5, 0.2), m * k**0.5, side))
 
     return Plant("local-mass", _faces(s, side, s.steps), steps, put, {}, {"mass": m, "fraction": share}, most=9.0)
@@ -52,7 +52,7 @@ def bond(rng: Random, s: Specimen) -> Plant:
     k, behind, glue, before = _bond(rng, s)
     t = lognormal(rng, 1e-5, 0.5)
 
-    def put(world: World, scale: float) -> World:
+    def put(world: LabWorld, scale: float) -> LabWorld:
         soft = tuple(
             replace(one, z=one.z * 0.85, c=one.c * 0.85, q=min(one.q, 14.0)) if one.name == glue else one
             for one in world.specimen.coats
@@ -69,7 +69,7 @@ def void(rng: Random, s: Specimen) -> Plant:
     k, behind, glue, before = _bond(rng, s)
     share, rim = lognormal(rng, 0.05, 0.8), float(rng.uniform(0.2, 0.8))
 
-    def put(world: World, scale: float) -> World:
+    def put(world: LabWorld, scale: float) -> LabWorld:
         return world.with_flaws(void=(behind, min(share * scale, 0.5), rim))
 
     where = (
@@ -88,7 +88,7 @@ def spread(rng: Random, s: Specimen) -> Plant:
     shape = str(rng.choice(["gauss", "triangle", "skew"]))
     steps = s.steps if layer == "disk" else s.steps[1:]
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(spread=(*world.flaws.spread, (layer, min(sigma * k, 0.06), shape)))
 
     return Plant("thickness-variation", (f"layer:{layer}",), steps, put, {"sigma": sigma}, {"shape": shape}, most=5.0)
@@ -99,7 +99,7 @@ def surface(rng: Random, s: Specimen) -> Plant:
     side, depth = _side(rng), s.ceramic.thickness * lognormal(rng, 0.012, 0.6)
     stiff, less = float(rng.uniform(0.78, 0.95)), float(rng.uniform(0.8, 1.25))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(surface=(min(depth * k, 0.1 * s.ceramic.thickness), side, stiff, less))
 
     where = ("layer:disk", "face:back", "face:front")
@@ -112,7 +112,7 @@ def lateral(rng: Random, s: Specimen) -> Plant:
     nominal = (147e9, 105e9, 93.7e9, 23.0e9, -3.09, 11.64, 1130.0)
     sideways = tuple(value * float(rng.uniform(0.95, 1.05)) for value in nominal)
 
-    def put(world: World, _: float) -> World:
+    def put(world: LabWorld, _: float) -> LabWorld:
         return world.with_flaws(lateral=sideways)
 
     return Plant("lateral-modes", ("layer:disk",), s.steps, put, least=1.0, most=1.0, needs="a plain disk")
@@ -128,7 +128,7 @@ def loss(rng: Random, s: Specimen) -> Plant:
     )
     steps = s.steps if layer == "disk" else s.steps[1:]
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(viscosity=(layer, min(part * k, 1.0), power))
 
     return Plant("loss-dispersion", (f"layer:{layer}",), steps, put, {"part": part}, {"power": power}, most=1.0 / part)
@@ -139,7 +139,7 @@ def dielectric(rng: Random, s: Specimen) -> Plant:
     size, at = lognormal(rng, 0.04, 0.6), loguniform(rng, 0.15, 3.0)
     alpha, beta = float(rng.uniform(0.5, 0.9)), float(rng.choice([1.0, 0.7]))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(relaxation=(size * k, at, alpha, beta))
 
     shape = {"at": at, "alpha": alpha, "beta": beta}
@@ -162,7 +162,7 @@ def _resting(rng: Random, s: Specimen, effect: str, kind: str, size: float, shap
     side = _side(rng)
     steps = s.steps if side == "back" else s.steps[-1:]
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(face=(side, kind, size * k, shape))
 
     least, most = (0.8, 1.2) if kind == "fluid" else (0.05, 8.0)
@@ -175,7 +175,7 @@ def backing(rng: Random, s: Specimen) -> Plant:
     waves, power = float(rng.uniform(3, 15)), float(rng.uniform(0.0, 0.6))
     echo = min(lognormal(rng, 0.06, 0.8), 0.5)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         q = 2 * np.pi * waves / -np.log(min(echo * k, 0.7))
         return world.with_flaws(backing=(waves, q, power))
 
@@ -188,7 +188,7 @@ def resonance(rng: Random, s: Specimen) -> Plant:
     f, Q = s.ceramic.f0 * float(rng.uniform(0.6, 1.3)), float(rng.uniform(30, 200))
     how, size = ("beside" if rng.random() < 0.5 else "within"), lognormal(rng, 1e-3, 0.7)
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(modes=(*world.flaws.modes, (f, Q, size * k, how)))
 
     return Plant("spurious-resonance", anywhere(s), s.steps, put, {"strength": size}, {"f": f, "Q": Q, "how": how})
@@ -209,7 +209,7 @@ def ageing(rng: Random, s: Specimen) -> Plant:
     size = lognormal(rng, 5e-3, 0.6)
     c, h, eps = size * float(rng.uniform(0.1, 0.6)), -size, size * float(rng.uniform(0.5, 2.5))
 
-    def put(world: World, k: float) -> World:
+    def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(ageing=(c * k, h * k, eps * k))
 
     sizes = {"c33D": c, "h33": h, "eps33S": eps}

@@ -4,29 +4,29 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from .flaws import NOTHING, Fixture, Flaws
+from .flaws import NOTHING, FixtureResidue, Flaws
 from .specimen import Ceramic, Specimen
 
 Needs = Literal["nothing", "up and down", "levels", "a plain disk", "a backing", "a bond"]
 
 
 @dataclass(frozen=True)
-class World:
+class LabWorld:
     """A specimen, all its flaws while one step is measured, and the fixture."""
 
     specimen: Specimen
     flaws: Flaws = NOTHING
-    fixture: Fixture = field(default_factory=Fixture)
+    fixture: FixtureResidue = field(default_factory=FixtureResidue)
 
-    def with_flaws(self, **changes: Any) -> "World":
+    def with_flaws(self, **changes: Any) -> "LabWorld":
         """Return the same with other flaws."""
         return replace(self, flaws=replace(self.flaws, **changes))
 
-    def wired(self, **changes: Any) -> "World":
+    def wired(self, **changes: Any) -> "LabWorld":
         """Return the same with other wiring."""
         return replace(self, flaws=self.flaws.wired(**changes))
 
-    def with_ceramic(self, **changes: Any) -> "World":
+    def with_ceramic(self, **changes: Any) -> "LabWorld":
         """Return the same with another ceramic."""
         ceramic: Ceramic = replace(self.specimen.ceramic, **changes)
         return replace(self, specimen=replace(self.specimen, ceramic=ceramic))
@@ -41,7 +41,7 @@ class Plant:
     """All places that count as right, because this recording cannot know better."""
     steps: tuple[str, ...]
     """The steps whose recordings have it, in gluing order."""
-    put: Callable[[World, float], World]
+    put: Callable[[LabWorld, float], LabWorld]
     sizes: Mapping[str, float] = field(default_factory=dict[str, float])
     """Drawn sizes that grow with the scale, SI, for the truth."""
     shape: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
@@ -65,10 +65,10 @@ class Plant:
 class Hideout:
     """A bare world with plants."""
 
-    bare: World
+    bare: LabWorld
     plants: tuple[Plant, ...] = ()
 
-    def world(self, step: str) -> World:
+    def world(self, step: str) -> LabWorld:
         """Return everything as it is while `step` is measured."""
         world = self.bare
         for plant in self.plants:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..waves import Complexes, Reals
-from .device import STILL, Moment, admittance, strain
-from .flaws import Fixture, Flaws
+from .device import STILL, Instant, admittance, strain
+from .flaws import FixtureResidue, Flaws
 from .specimen import Specimen
 from .terminals import at_analyzer
 
@@ -33,7 +33,7 @@ class Take:
 
 
 @dataclass(frozen=True, eq=False)
-class Analyzer:
+class ErringAnalyzer:
     """The instrument's own error, the same in all sweeps of a session; smooth over ln f by cosines.
 
     Gain and phase are sums over n of coefficients times cos(n pi u), u = 0 to 1 over the session's widest band in ln f.
@@ -50,7 +50,7 @@ class Analyzer:
     """Relative standard deviation of real and imaginary part each."""
     colour: float = 0.0
     """Coefficient of the AR(1) process that the noise is; its variance stays."""
-    fixture: Fixture = field(default_factory=Fixture)
+    fixture: FixtureResidue = field(default_factory=FixtureResidue)
     bandwidth: int = 5
 
     def error(self, f: Reals, z: Complexes) -> Complexes:
@@ -71,7 +71,7 @@ class Analyzer:
         return z + (self.noise * np.abs(z) + 5e-6) * (white[0] + 1j * white[1])
 
 
-def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Complexes:
+def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
     """Return what a faultless analyzer would show without noise; ohm, shape (N,), by rising frequency."""
     if flaws.settling > 0:
         z = _lagging(specimen, flaws, take, fixture)
@@ -83,12 +83,14 @@ def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Com
     return z if flaws.recording is None else _faulty(z, take, *flaws.recording)
 
 
-def _steady(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Moment, fixture: Fixture) -> Complexes:
+def _steady(
+    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, fixture: FixtureResidue
+) -> Complexes:
     Y = admittance(f, specimen, flaws, step, moment)
     return at_analyzer(f, Y, flaws.wiring, fixture, specimen.ceramic.f0)
 
 
-def _moment(flaws: Flaws, take: Take, f: Reals) -> Moment:
+def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
     """Return how the device differs when each point is taken: points are evenly spaced in time."""
     if flaws.drift is None:
         return STILL
@@ -96,10 +98,10 @@ def _moment(flaws: Flaws, take: Take, f: Reals) -> Moment:
     t = take.order + ((1 - part) if take.down else part)
     c, eps, time = flaws.drift
     grown = 1 - np.exp(-t / time)
-    return Moment(np.asarray(1 + c * grown, np.complex128), np.asarray(1 + eps * grown, np.complex128))
+    return Instant(np.asarray(1 + c * grown, np.complex128), np.asarray(1 + eps * grown, np.complex128))
 
 
-def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> Complexes:
+def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
     """Let the admittance run through two equal poles while the frequency moves on."""
     f = take.frequency
     fine = np.interp(np.arange((f.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(f.size), f)
@@ -115,7 +117,7 @@ def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: Fixture) -> 
 
 
 def _driven(
-    specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: Fixture
+    specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: FixtureResidue
 ) -> Complexes:
     """Let strain and stiffness follow one another until they agree; the analyzer holds its voltage."""
     size, lost, power = law
@@ -123,7 +125,7 @@ def _driven(
     soft = np.zeros_like(f)
     z = _steady(f, specimen, flaws, take.step, STILL, fixture)
     for _ in range(_ROUNDS):
-        moment = Moment(1 - soft * (1 - 1j * lost))
+        moment = Instant(1 - soft * (1 - 1j * lost))
         z = _steady(f, specimen, flaws, take.step, moment, fixture)
         amplitude = np.abs(strain(f, specimen, flaws, take.step, moment)) * take.level_V / np.abs(z)
         soft = 0.5 * soft + 0.5 * np.minimum(size * (amplitude / _STRAIN) ** power, 0.2)

@@ -7,9 +7,9 @@ import numpy as np
 
 from ..waves import Reals
 from .distributions import Random, loguniform
-from .flaws import Fixture
+from .flaws import FixtureResidue
 from .plant import Plant
-from .recording import Analyzer, Take
+from .recording import ErringAnalyzer, Take
 from .specimen import Specimen
 
 
@@ -51,7 +51,7 @@ def _grid(rng: Random, f0: float, plain: bool) -> Reals:
     return np.round(x * f0, 3)
 
 
-def analyzer_of(rng: Random, takes: Sequence[Take], specimen: Specimen) -> Analyzer:
+def analyzer_of(rng: Random, takes: Sequence[Take], specimen: Specimen) -> ErringAnalyzer:
     """Return an analyzer within its specification, of some noise and colour."""
     band = (min(float(t.frequency[0]) for t in takes), max(float(t.frequency[-1]) for t in takes))
     reach = float(rng.uniform(0.8, 4.0))
@@ -63,14 +63,14 @@ def analyzer_of(rng: Random, takes: Sequence[Take], specimen: Specimen) -> Analy
     typical = 1 / (2 * np.pi * specimen.ceramic.f0 * specimen.C0)
     steps = ((typical * float(np.exp(rng.normal(0, 1))), float(rng.normal(0, 3e-4))),) if rng.random() < 0.15 else ()
     sign = rng.choice([-1.0, 1.0], size=2, p=[0.3, 0.7])
-    fixture = Fixture(
+    fixture = FixtureResidue(
         inductance=float(sign[0] * rng.uniform(0.1e-9, 1.2e-9)),
         resistance=float(rng.uniform(1e-3, 8e-3)),
         skin=float(rng.uniform(0, 4e-3)),
         capacitance=float(sign[1] * rng.uniform(2e-15, 20e-15)),
         conductance=float(rng.uniform(0, 2e-9)),
     )
-    return Analyzer(
+    return ErringAnalyzer(
         band=band,
         gain=tuple(map(float, gain)),
         phase=tuple(map(float, phase)),

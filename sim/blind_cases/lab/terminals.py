@@ -3,13 +3,13 @@
 import numpy as np
 
 from ..waves import Complexes, Reals
-from .flaws import Fixture, Wiring
+from .flaws import FixtureResidue, Wiring
 
 _HALVINGS = 9
 """A cable is cut into 2^9 pieces: what a piece is wrong by shrinks with the square of its length."""
 
 
-def at_analyzer(f: Reals, device: Complexes, wiring: Wiring, fixture: Fixture, f0: float) -> Complexes:
+def at_analyzer(f: Reals, device: Complexes, wiring: Wiring, fixture: FixtureResidue, f0: float) -> Complexes:
     """Return the impedance in ohm before the analyzer of a device with this admittance (S); shape (N,)."""
     x, omega = f / f0, 2 * np.pi * f
     y = device + _stray(x, omega, wiring) + wiring.conductance * x**wiring.conductance_power

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..waves import Complexes, Reals
-from .plant import Hideout, Plant, World
-from .recording import Analyzer, Take, shown
+from .plant import Hideout, LabWorld, Plant
+from .recording import ErringAnalyzer, Take, shown
 from .specimen import AIR, Coat
 
 _POINTS = 150
@@ -60,7 +60,7 @@ class _Thin:
 class View:
     """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
 
-    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: Analyzer) -> None:
+    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: ErringAnalyzer) -> None:
         self.hideout = hideout
         self._thin = [_thinned(hideout, take, analyzer) for take in takes]
         self._free = _Free(hideout, None)
@@ -214,7 +214,7 @@ class _Free:
         moved = {coat.name: _moved(coat, x[8 + 4 * k : 12 + 4 * k]) for k, coat in enumerate(self.coats)}
         coats = tuple(moved.get(coat.name, coat) for coat in specimen.coats)
         specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
-        bare: World = replace(self.whole.bare, specimen=specimen)
+        bare: LabWorld = replace(self.whole.bare, specimen=specimen)
         plants = list(self.whole.plants)
         for k, change in zip(self.sizes, x[self.constants :], strict=False):
             plants[k] = replace(plants[k], scale=plants[k].scale * max(1 + float(change), 0.0))
@@ -230,7 +230,7 @@ def _moved(coat: Coat, x: Reals) -> Coat:
     return replace(coat, thickness=coat.thickness * t, z=coat.z * z, c=coat.c * c, q=coat.q * q)
 
 
-def _thinned(hideout: Hideout, take: Take, analyzer: Analyzer) -> _Thin:
+def _thinned(hideout: Hideout, take: Take, analyzer: ErringAnalyzer) -> _Thin:
     n = take.frequency.size
     keep = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).round().astype(int))
     few = replace(take, frequency=take.frequency[keep])
@@ -241,7 +241,7 @@ def _thinned(hideout: Hideout, take: Take, analyzer: Analyzer) -> _Thin:
     return _Thin(few, target, analyzer.noise * float(coloured * np.sqrt(keep.size / n)))
 
 
-def _allowances(one: _Thin, analyzer: Analyzer) -> Reals:
+def _allowances(one: _Thin, analyzer: ErringAnalyzer) -> Reals:
     """Return what instrument and fixture may add to the rows, a unit normal each; shape (2 N, 2 cosines + 5)."""
     f, z = one.take.frequency, np.exp(one.target)
     u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])

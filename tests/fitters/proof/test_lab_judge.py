@@ -14,8 +14,8 @@ from pzctl.fitters.proof.lab_judge import LabCase, matches
 from pzctl.fitters.proof.lab_metrics import by_effect, lab_figures, said_and_right
 from pzctl.fitters.proof.lab_page import main
 from pzctl.fitters.proof.planted_judge import PlantedCase, planted_figures
-from pzctl.fitters.proof.run_list import Run, complete, enter, pooled, read_runs
-from pzctl.fitters.proof.wilson import Share
+from pzctl.fitters.proof.run_list import SealedRun, complete, enter, pooled, read_runs
+from pzctl.fitters.proof.wilson import HitShare
 
 
 def planted(effect: str, *where: str, role: str = "dominating", accept: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -118,9 +118,9 @@ def test_wilson_intervals_are_the_published_ones() -> None:
         (0, 20, 0, 0.1611),
         (1, 29, 0.0061, 0.1718),
     ):
-        assert Share(hits, of).interval == pytest.approx((low, high), abs=1e-4)
-    assert Share(0, 0).interval == (0.0, 1.0)
-    assert Share(1, 2) + Share(3, 4) == Share(4, 6)
+        assert HitShare(hits, of).interval == pytest.approx((low, high), abs=1e-4)
+    assert HitShare(0, 0).interval == (0.0, 1.0)
+    assert HitShare(1, 2) + HitShare(3, 4) == HitShare(4, 6)
 
 
 def test_a_constant_has_no_skill_and_knowing_has_all() -> None:
@@ -131,7 +131,7 @@ def test_a_constant_has_no_skill_and_knowing_has_all() -> None:
     assert calibration([(float(flag), flag) for flag in flags]).brier_skill == pytest.approx(1, abs=1e-6)
     assert calibration([(0.99, False), (0.99, True)]).log_skill < 0
     assert math.isnan(calibration([]).log_score)
-    assert reliability([(0.97, True), (0.96, False)]) == [(pytest.approx(0.965), Share(1, 2))]
+    assert reliability([(0.97, True), (0.96, False)]) == [(pytest.approx(0.965), HitShare(1, 2))]
 
 
 def seal(folder: Path) -> str:
@@ -143,14 +143,14 @@ def seal(folder: Path) -> str:
 
 def test_every_sealed_run_stays_in_the_list_and_all_are_pooled(tmp_path: Path) -> None:
     published, listed = seal(tmp_path), tmp_path / "docs" / "runs.json"
-    broken_off = Run("lab", 1001, 5, "v1", "0" * 64, "2026-01-01T00:00")
+    broken_off = SealedRun("lab", 1001, 5, "v1", "0" * 64, "2026-01-01T00:00")
     enter(listed, broken_off)
     for seed in (1002, 1003):
-        enter(listed, Run("lab", seed, 11, "v1", published, "2026-01-02T00:00"))
+        enter(listed, SealedRun("lab", seed, 11, "v1", published, "2026-01-02T00:00"))
         told = main(tmp_path, published, "Sealed.", listed)
     runs = read_runs(listed)
     assert runs[0] == broken_off
-    assert pooled(runs, "lab")["dominating effect first"] == Share(4, 12)
+    assert pooled(runs, "lab")["dominating effect first"] == HitShare(4, 12)
     assert pooled(runs, "ideal") == {}
     page = Path(told["page"]).read_text()
     assert "not finished" in page
@@ -181,5 +181,5 @@ def test_what_a_part_adds_is_judged_beside_the_recording_without_it() -> None:
         case = PlantedCase("x", part, answer(said), own)
         assert (case.named, case.right, case.new_names) == (named, right, new)
     shares = planted_figures([PlantedCase("x", part, answer(found("sweep-lag", "sweep", 0.9, "cable")), own)])
-    assert shares["named, or in the class of what is"] == Share(1, 1)
-    assert shares["named"] == Share(0, 1)
+    assert shares["named, or in the class of what is"] == HitShare(1, 1)
+    assert shares["named"] == HitShare(0, 1)

@@ -9,13 +9,13 @@ import pytest
 from pzctl.models.stack import Elastic, HalfSpace, Piezo
 from pzctl.sim.blind_cases.lab import families, layered
 from pzctl.sim.blind_cases.lab.device import _spread, admittance
-from pzctl.sim.blind_cases.lab.draw import FAMILIES, Case, draw_case
+from pzctl.sim.blind_cases.lab.draw import FAMILIES, LabSession, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
-from pzctl.sim.blind_cases.lab.flaws import NOTHING, Fixture, Flaws
+from pzctl.sim.blind_cases.lab.flaws import NOTHING, FixtureResidue, Flaws
 from pzctl.sim.blind_cases.lab.imperfections import imperfections
-from pzctl.sim.blind_cases.lab.plant import Hideout, Plant, World
+from pzctl.sim.blind_cases.lab.plant import Hideout, LabWorld, Plant
 from pzctl.sim.blind_cases.lab.random_specimen import random_specimen
-from pzctl.sim.blind_cases.lab.recording import Analyzer, Take, shown
+from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, Take, shown
 from pzctl.sim.blind_cases.lab.session import plan
 from pzctl.sim.blind_cases.lab.specimen import AIR, Specimen, lossy
 from pzctl.sim.blind_cases.lab.terminals import at_analyzer
@@ -34,7 +34,7 @@ def grid(s: Specimen, points: int = 401) -> np.ndarray:
 
 def impedance(s: Specimen, flaws: Flaws = NOTHING, step: str = "disk", f: np.ndarray | None = None) -> np.ndarray:
     f = grid(s) if f is None else f
-    return shown(s, flaws, Take(step, f, seconds=100.0), Fixture())
+    return shown(s, flaws, Take(step, f, seconds=100.0), FixtureResidue())
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3])
@@ -69,7 +69,7 @@ def plants() -> list[tuple[Plant, Specimen]]:
 
 
 def recorded(plant: Plant, s: Specimen, scale: float, points: int = 401) -> np.ndarray:
-    world = Hideout(World(s), (replace(plant, scale=scale),)).world(plant.steps[-1])
+    world = Hideout(LabWorld(s), (replace(plant, scale=scale),)).world(plant.steps[-1])
     take = Take(plant.steps[-1], grid(s, points) if not world.flaws.lateral else grid(s, points)[30:190], seconds=100.0)
     return shown(world.specimen, world.flaws, take, world.fixture)
 
@@ -98,7 +98,7 @@ def test_a_short_cable_is_the_textbooks_line() -> None:
     wiring = replace(NOTHING.wiring, delay=4e-9, cable_ohm=75.0)
     turn = np.tan(2 * np.pi * f * 4e-9)
     textbook = 75.0 * (1 / Y + 75j * turn) / (75.0 + 1j / Y * turn)
-    np.testing.assert_allclose(at_analyzer(f, Y, wiring, Fixture(), s.ceramic.f0), textbook, rtol=1e-6)
+    np.testing.assert_allclose(at_analyzer(f, Y, wiring, FixtureResidue(), s.ceramic.f0), textbook, rtol=1e-6)
 
 
 def test_a_thin_electrode_fed_in_a_dot_adds_the_resistance_of_its_joule_heat() -> None:
@@ -134,13 +134,13 @@ def test_a_detector_of_two_poles_shows_twice_its_time_constant_late() -> None:
     f = np.linspace(0.8, 1.2, 801) * s.ceramic.f0
     take = Take("disk", f, seconds=100.0)
     lag_Hz = 2 * 0.002 * (f[-1] - f[0]) / 100
-    late = 1 / shown(s, Flaws(settling=0.002), take, Fixture())
-    earlier = 1 / shown(s, NOTHING, replace(take, frequency=f - lag_Hz), Fixture())
+    late = 1 / shown(s, Flaws(settling=0.002), take, FixtureResidue())
+    earlier = 1 / shown(s, NOTHING, replace(take, frequency=f - lag_Hz), FixtureResidue())
     np.testing.assert_allclose(late[9:], earlier[9:], rtol=1e-3)
 
 
 def test_noise_has_the_size_and_the_colour_that_the_analyzer_says() -> None:
-    analyzer = Analyzer((1e6, 2e6), noise=3e-4, colour=0.7)
+    analyzer = ErringAnalyzer((1e6, 2e6), noise=3e-4, colour=0.7)
     z = np.full(20001, 100 + 0j)
     error = analyzer.noisy(z, np.random.default_rng(1)) / 100 - 1
     assert np.std(error.real) == pytest.approx(3e-4, rel=0.05)
@@ -163,9 +163,9 @@ def test_electrodes_hide_in_the_constants_a_lead_does_not_and_a_gain_belongs_to_
     take = plan(rng, s, ())[0]
     f = np.linspace(0.6, 1.4, 801) * s.ceramic.f0
     take = replace(take, frequency=f)
-    analyzer = Analyzer((float(f[0]), float(f[-1])))
+    analyzer = ErringAnalyzer((float(f[0]), float(f[-1])))
 
-    def gain(world: World, k: float) -> World:
+    def gain(world: LabWorld, k: float) -> LabWorld:
         return world.with_ceramic(eps33S=world.specimen.ceramic.eps33S * (1 + 1e-3 * k))
 
     hidden, lead = layered.mass(rng, s), families.lead(rng, s)
@@ -174,15 +174,17 @@ def test_electrodes_hide_in_the_constants_a_lead_does_not_and_a_gain_belongs_to_
         (lead, 0.1, 1.0),
         (Plant("gain", ("any",), s.steps, gain), 0.0, 0.01),
     ):
-        hideout = Hideout(World(s), (plant,))
+        hideout = Hideout(LabWorld(s), (plant,))
         world, bare = hideout.world("disk"), hideout.scaled(0, 0.0).world("disk")
-        shift = np.log(shown(world.specimen, world.flaws, take, Fixture()) / shown(s, bare.flaws, take, Fixture()))
+        shift = np.log(
+            shown(world.specimen, world.flaws, take, FixtureResidue()) / shown(s, bare.flaws, take, FixtureResidue())
+        )
         left = View(hideout, (take,), analyzer).seen(0).moves
         assert least <= left / np.sqrt(np.mean(np.abs(shift) ** 2)) <= most
 
 
 def test_what_dominates_is_what_moves_most_and_roles_follow_from_moves() -> None:
-    cases: list[Case] = [draw_case(11, index) for index in range(14)]
+    cases: list[LabSession] = [draw_case(11, index) for index in range(14)]
     for case in cases:
         effects = [k for k, plant in enumerate(case.hideout.plants) if not plant.minor]
         leading = [k for k in range(len(case.seen)) if case.role(k) == "dominating"]
