@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ...models.base.errors import CannotError
-from ..diagnosis.search.trial_fits import SIGNIFICANT
 
+DETECTABLE = 60.0
+"""chi2 that an effect of the ideal world must bring to count as detectable: by chance noise brings so much to one of a
+thousand names, places and shapes of four sizes each in 3 of 10^9 recordings."""
 TOLD = "told.json"
 """What a diagnosis answers that is told which effects are there."""
 
@@ -33,7 +35,7 @@ class Judged:
     def kind(self) -> str:
         """`none`, `one`, `two`, `outside`, `absorbed`, or `faint`: an effect that is not detectable."""
         gains = [planted["gain"] for planted in self.truth["findings"]]
-        return "faint" if gains and min(gains) < 2 * SIGNIFICANT else self.truth["kind"]
+        return "faint" if gains and min(gains) < DETECTABLE else self.truth["kind"]
 
     @property
     def findings(self) -> Sequence[Mapping[str, Any]]:
@@ -112,13 +114,17 @@ def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
 
     Raises ProofError where the truth is not the one whose hash was published.
     """
+    truths = read_sealed(folder, published)
+    answers = json.loads((folder / "answers.json").read_text())
+    told: dict[str, Any] = json.loads((folder / TOLD).read_text()) if (folder / TOLD).exists() else {}
+    missing = {"error": "no answer"}
+    return tuple(Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in truths.items())
+
+
+def read_sealed(folder: Path, published: str) -> dict[str, Any]:
+    """Return the truth of all cases by name. Raises ProofError where it is not the one whose hash was published."""
     data = (folder / "truth.json").read_bytes()
     found = hashlib.sha256(data).hexdigest()
     if found != published:
         raise ProofError(f"{folder / 'truth.json'}: its SHA-256 is {found}, published was {published}; it was changed")
-    answers = json.loads((folder / "answers.json").read_text())
-    told: dict[str, Any] = json.loads((folder / TOLD).read_text()) if (folder / TOLD).exists() else {}
-    missing = {"error": "no answer"}
-    return tuple(
-        Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in json.loads(data).items()
-    )
+    return json.loads(data)

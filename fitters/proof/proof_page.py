@@ -10,6 +10,8 @@ from typing import Any
 
 from .judge import Judged, read_judged
 from .proof_metrics import Figure, Rate, Stratum, bins, confusion, figures, rates, said, strata
+from .run_list import complete
+from .wilson import HitShare
 
 PAGE = "proof.md"
 
@@ -24,9 +26,11 @@ def write_page(folder: Path, published: str, title: str) -> Path:
             "# The proof of the diagnosis",
             f"Written by `pzctl prove`, not by hand. {title} "
             f"{len(cases)} cases; SHA-256 of their truth, printed before the first was diagnosed: `{published}`.",
-            "Recordings come from `sim/blind_cases`, a world that shares no formula with the models of the fitters. "
+            "Recordings come from `sim/blind_cases`, a world that shares no solver with the models of the fitters "
+            "(the laws of "
+            "a linear piezoelectric plate and of a circuit are the same). "
             "Detectable is an effect whose gain in chi2, with all free constants and the sizes of the other effects "
-            "free, is above twice the threshold of the diagnosis; it is computed by that world alone. What by its "
+            "free, is above 60; it is computed by that world alone, and is no threshold of the diagnosis. What by its "
             "finding no recording of the case can tell apart counts as either: a cable too short to have a capacitance "
             "is a lead. An absorbed effect gains nothing in chi2; where it moves a constant by a part in 1000 or more, "
             "it is to be listed. Errors of constants count all that the recordings of a case cannot know (noise, the "
@@ -156,8 +160,13 @@ def _draw(rows: Sequence[tuple[int, float, float]], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    where, expected, *words = sys.argv[1:]
-    told = {"page": str(write_page(Path(where), expected, " ".join(words)))}
+    where, expected, words, *kept = sys.argv[1:]
+    told = {"page": str(write_page(Path(where), expected, words))}
     reached = figures(read_judged(Path(where), expected))
+    if kept:
+        shares = {
+            row.what: HitShare(round(row.value * row.cases), row.cases) for row in reached if row.percent and row.cases
+        }
+        complete(Path(kept[0]), expected, shares, reached[-1].value)
     plain = [asdict(row) | {"value": None if math.isnan(row.value) else row.value} for row in reached]
     print(json.dumps(told | {"figures": plain}))

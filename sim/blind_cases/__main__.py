@@ -1,4 +1,4 @@
-"""`python -m pzctl.sim.blind_cases FOLDER SEED COUNT [JOBS]`: write cases, seal their truth and print its hash."""
+"""`python -m pzctl.sim.blind_cases FOLDER SEED COUNT [JOBS [WORLD]]`: write cases, seal their truth, print its hash."""
 
 import signal
 import sys
@@ -6,13 +6,17 @@ from functools import partial
 from multiprocessing import Pool
 from pathlib import Path
 
-from .case_files import make_case, seal
+from . import case_files
+from .case_files import seal
+from .lab import files as lab_files
+
+_WORLDS = {"ideal": case_files.make_case, "lab": lab_files.make_case}
 
 
-def main(folder: Path, seed: int, count: int, jobs: int) -> str:
+def main(folder: Path, seed: int, count: int, jobs: int, world: str = "ideal") -> str:
     """Write the cases with several processes, which end with this one; return the hash of the truth."""
     with Pool(jobs, _leave_signals_to_the_parent) as pool:
-        truths = pool.map(partial(make_case, folder / "cases", seed), range(count), chunksize=1)
+        truths = pool.map(partial(_WORLDS[world], folder / "cases", seed), range(count), chunksize=1)
     return seal(folder, truths)
 
 
@@ -33,6 +37,7 @@ if __name__ == "__main__":
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
     try:
-        print(main(Path(target), int(numbers[0]), int(numbers[1]), int(numbers[2]) if len(numbers) > 2 else 2))
+        jobs = int(numbers[2]) if len(numbers) > 2 else 2
+        print(main(Path(target), int(numbers[0]), int(numbers[1]), jobs, numbers[3] if len(numbers) > 3 else "ideal"))
     except KeyboardInterrupt:
         sys.exit(130)

@@ -57,6 +57,8 @@ class DeviceUnderTest:
     steps: tuple[str, ...] = ("disk",)
     stated_thickness: float = field(default=0.0)
     """m, of the disk, as the build file states it."""
+    lateral: tuple[float, ...] = (147e9, 105e9, 93.7e9, 23.0e9, -3.09, 11.64, 1130.0)
+    """Constants that plane waves do not see: c11E c12E c13E c44E (Pa), e31 e15 (C/m2), eps11S/eps0."""
 
     @property
     def area(self) -> float:

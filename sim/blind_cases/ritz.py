@@ -88,14 +88,15 @@ def _matrices(device: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, com
 
 
 def _tensor(device: DeviceUnderTest) -> tuple[complex, ...]:
-    """Return c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S; what plane waves do not see, from the data sheet."""
+    """Return c11E c12E c13E c33E c44E e31 e33 e15 eps11S eps33S."""
     disk = device.disk
+    c11, c12, c13, c44, e31, e15, eps11 = device.lateral
     loss = 1 + 1j * disk.c33D.imag / disk.c33D.real
     lossy = 1 + 1j * disk.eps33S.imag / disk.eps33S.real
     c33E = disk.c33D - disk.h33**2 * disk.eps33S
     return (
-        *(147e9 * loss, 105e9 * loss, 93.7e9 * loss, c33E, 23.0e9 * loss),
-        *(-3.09, disk.h33 * disk.eps33S, 11.64, 1130 * _EPS0 * lossy, disk.eps33S),
+        *(c11 * loss, c12 * loss, c13 * loss, c33E, c44 * loss),
+        *(e31, disk.h33 * disk.eps33S, e15, eps11 * _EPS0 * lossy, disk.eps33S),
     )
 
 

@@ -23,10 +23,11 @@ _SMALL = 0.5
 class Slice:
     """A homogeneous slice: m, kg/m3, Pa; for a piezoelectric one also h33 (V/m) and eps33S (F/m).
 
-    Stiffness and permittivity may be one number or one for each frequency, shape (N,).
+    Stiffness and permittivity may be one number or one for each frequency, shape (N,); thickness one number or several
+    that are solved at once, shape (K, 1).
     """
 
-    thickness: float
+    thickness: float | Reals
     density: float
     stiffness: complex | Complexes
     h: complex | Complexes = 0.0
@@ -82,7 +83,8 @@ def respond(omega: Reals, column: LayerColumn) -> Response:
     zero = np.zeros_like(omega, np.complex128)
     u = [zero + 1, zero]
     stress = [1j * omega * column.back + zero, zero]
-    drop, stretch, thickness = [zero, zero], [zero, zero], 0.0
+    drop, stretch = [zero, zero], [zero, zero]
+    thickness: float | Reals = 0.0
     for part in column.parts:
         if isinstance(part, InterfaceSheet):
             stress = [stress[k] - omega**2 * part.mass * u[k] for k in (0, 1)]
@@ -98,7 +100,7 @@ def respond(omega: Reals, column: LayerColumn) -> Response:
             drop = [drop[k] - part.h * rise[k] for k in (0, 1)]
             drop[1] = drop[1] + part.thickness / part.permittivity
             stretch = [stretch[k] + rise[k] for k in (0, 1)]
-            thickness += part.thickness
+            thickness = thickness + part.thickness
         u = new
     leave = 1j * omega * column.front
     back = -(stress[1] + leave * u[1]) / (stress[0] + leave * u[0])

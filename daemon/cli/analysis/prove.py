@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime
+from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,43 +20,87 @@ _PATIENCE = 10.0
 """Seconds that a process of ours has to end its own."""
 
 
+class ProofWorld(StrEnum):
+    """Where cases come from."""
+
+    ideal = "ideal"
+    """White noise, exact effects."""
+    lab = "lab"
+    """Devices, instruments and effects as laboratories have them."""
+
+
 class ProveError(PzctlError):
     """A proof that cannot be made as asked."""
 
 
 def prove(
+    world: Annotated[
+        ProofWorld, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")
+    ] = ProofWorld.ideal,
+    real: Annotated[
+        Path | None, typer.Option(help="Folder of real recordings to plant exact parts in, instead of a world's cases.")
+    ] = None,
     count: Annotated[int, typer.Option(min=1, help="How many cases.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Which cases; from 1000 to 1999 never used for developing.")] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
     out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
+    runs: Annotated[
+        Path | None,
+        typer.Option(help="List of all sealed runs, to which a sealed one is added. [default: OUT/runs.json]"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Prove the diagnosis on concealed cases: make them, publish the hash of their truth, diagnose, score.
 
-    Example: pzctl prove --count 60 --out proof
+    Example: pzctl prove --world lab --count 60 --out proof
     """
     from ...report.terminal import console
-    from .oracle_run import tell_all
 
     if (out / "truth.json").exists():
         raise ProveError(f"{out}: there is a proof already; --out names another folder")
     screen = console(stderr=as_json)
     # Another process makes them and a third one scores: what diagnoses has never seen a truth.
-    published = _child("pzctl.sim.blind_cases", out, seed, count, jobs).strip()
+    if real is not None:
+        published = _child("pzctl.daemon.cli.analysis.plant_real", real, out, seed).strip()
+    else:
+        published = _child("pzctl.sim.blind_cases", out, seed, count, jobs, world).strip()
     screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)
+    sealed = seed in _SEALED
+    kind, listed = "real" if real is not None else str(world), runs or out / "runs.json"
+    if sealed:
+        _enter(listed, kind, seed, len(list((out / "cases").iterdir())), published)
     began = time.perf_counter()
     answers = _diagnose_all(sorted((out / "cases").iterdir()), jobs, out / "answers.json")
-    part = "Sealed part, never used while the diagnosis was developed" if seed in _SEALED else "Development cases"
+    part = "Sealed part, never used while the diagnosis was developed" if sealed else "Development cases"
     title = f"{part}: seed {seed}, {_commit()}."
     seconds = time.perf_counter() - began
-    screen.print("the same once more, told which effects are there", highlight=False)
-    tell_all(out, published, jobs)
-    told = json.loads(_child("pzctl.fitters.proof.proof_page", out, published, title))
+    told = _judged(kind, out, published, title, jobs, listed if sealed else None)
     if as_json:
         print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))
         return
     screen.print(Path(told["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
     screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {told['page']}", highlight=False)
+
+
+def _enter(listed: Path, world: str, seed: int, count: int, published: str) -> None:
+    """Enter a sealed run in the list before anything is diagnosed: one that is broken off stays there."""
+    from ....fitters.proof.run_list import SealedRun, enter
+
+    now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00")
+    enter(listed, SealedRun(world, seed, count, _commit(), published, now))
+
+
+def _judged(kind: str, out: Path, published: str, title: str, jobs: int, listed: Path | None) -> dict[str, Any]:
+    """Return page and figures of a proof that is answered."""
+    kept = [listed] if listed is not None else []
+    if kind == "lab":
+        return json.loads(_child("pzctl.fitters.proof.lab_page", out, published, title, *kept))
+    if kind == "real":
+        return json.loads(_child("pzctl.fitters.proof.planted_page", out, published, title, *kept))
+    from .oracle_run import tell_all
+
+    tell_all(out, published, jobs)
+    return json.loads(_child("pzctl.fitters.proof.proof_page", out, published, title, *kept))
 
 
 def _commit() -> str:

@@ -1,0 +1,88 @@
+"""Other names that are as right as a plant's own: what no recording of the case could tell from it.
+
+A rival of one size takes the plant's place, its size and all constants free. Where what is then left moves ln Z by no
+more than the largest imperfection does, or gains so little that noise could do it, the rival's name is accepted, too.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from .plant import Hideout, LabWorld, Plant
+from .specimen import Specimen
+from .visible import View
+
+Put = Callable[[LabWorld, float], LabWorld]
+
+
+def _terminals(put: Put, effect: str) -> Callable[[Plant, Specimen], Plant]:
+    def rival(plant: Plant, _: Specimen) -> Plant:
+        return Plant(effect, ("terminals",), plant.steps, put)
+
+    return rival
+
+
+def _inside(put: Put, effect: str) -> Callable[[Plant, Specimen], Plant]:
+    def rival(plant: Plant, _: Specimen) -> Plant:
+        return Plant(effect, ("layer:disk",), plant.steps, put)
+
+    return rival
+
+
+_LEAD = _terminals(lambda w, k: w.wired(inductance=w.flaws.wiring.inductance + 1e-8 * k), "lead-inductance")
+_RESISTANCE = _terminals(lambda w, k: w.wired(resistance=w.flaws.wiring.resistance + 0.1 * k), "series-resistance")
+_CABLE = _terminals(lambda w, k: w.wired(delay=w.flaws.wiring.delay + 2e-10 * k), "cable")
+_SHEET = _terminals(lambda w, k: w.with_flaws(sheet=(0.1 * k, 0.1)), "electrode-sheet")
+_LEAKAGE = _terminals(lambda w, k: w.wired(conductance=w.flaws.wiring.conductance + 1e-6 * k), "leakage")
+_STRAY = _terminals(lambda w, k: w.wired(capacitance=w.flaws.wiring.capacitance + 1e-12 * k), "stray-capacitance")
+
+
+_LOSS = _inside(lambda w, k: w.with_flaws(viscosity=("disk", 0.1 * k, 1.0)), "loss-dispersion")
+_MASS = _inside(lambda w, k: w.with_flaws(electrodes=(0.0, 1e-3 * k)), "electrode-mass")
+_SURFACE = _inside(lambda w, k: w.with_flaws(surface=(1e-7 * k, "front", 1.0, 1.0)), "surface-layer")
+
+
+def _resting(effect: str, kind: str) -> Callable[[Plant, Specimen], Plant]:
+    def rival(plant: Plant, _: Specimen) -> Plant:
+        side = "back" if plant.where[0] == "face:back" else "front"
+        return Plant(effect, plant.where, plant.steps, lambda w, k: w.with_flaws(face=(side, kind, 1e4 * k, 0.0)))
+
+    return rival
+
+
+_RIVALS: dict[str, tuple[Callable[[Plant, Specimen], Plant], ...]] = {
+    "lead-inductance": (_CABLE,),
+    "cable": (_LEAD,),
+    "series-resistance": (_SHEET,),
+    "electrode-sheet": (_RESISTANCE,),
+    "stray-capacitance": (_CABLE,),
+    "face-load": (_resting("viscous-load", "viscous"), _LOSS),
+    "viscous-load": (_resting("face-load", "pad"), _LOSS),
+    "surface-layer": (_MASS,),
+    "electrode-mass": (_SURFACE,),
+    "unknown": (_RESISTANCE, _LEAKAGE, _STRAY),
+}
+"""By effect: what has been taken for it before, one size each."""
+_LINE = frozenset({"lead-inductance", "stray-capacitance", "cable"})
+
+
+def with_other_names(hideout: Hideout, view: View, noise: float, floor: float, noise_gains: float) -> Hideout:
+    """Return the hideout, its plants with all names that are as right; `floor`: what imperfections move at most."""
+    plants = list(hideout.plants)
+    whole = together({plant.effect for plant in plants})
+    for index, plant in enumerate(hideout.plants):
+        if plant.minor:
+            continue
+        names = [*plant.accept, *(whole if plant.effect in _LINE else ())]
+        for make in _RIVALS.get(plant.effect, ()):
+            rival = make(plant, hideout.bare.specimen)
+            left = view.with_rival(rival).seen(index)
+            if left.gain < noise_gains or left.moves < max(floor, noise):
+                names.append(rival.effect)
+        names = [name for name in names if name != plant.effect]
+        plants[index] = replace(plant, accept=tuple(dict.fromkeys(names)))
+    return replace(hideout, plants=tuple(plants))
+
+
+def together(names: set[str]) -> tuple[str, ...]:
+    """Return what several terminal effects are together, where that is one effect of a catalogue: a short cable."""
+    return ("cable",) if len(names & _LINE) > 1 else ()

@@ -1,0 +1,254 @@
+"""A specimen with its flaws as columns side by side, solved as initial-value problems; and the sheet that feeds it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.special import iv, kv
+
+from ..device_under_test import DeviceUnderTest, DiskShape
+from ..ritz import finite_disk_admittance
+from ..waves import Complexes, LayerColumn, Part, Reals, Slice, respond
+from .flaws import Flaws, Side
+from .specimen import AIR, Ceramic, Coat, Specimen, lossy
+
+_NODES = 9, 101
+"""Fewest and most thicknesses that a distribution is resolved into."""
+_GRADES = 6
+_SILVER = 6500.0, 2800.0, 25.0
+"""kg/m3, m/s and Q of fired silver paste."""
+_BACKING_SPEED = 2300.0
+"""m/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Factors on stiffness and permittivity while each point is taken; one number or shape (N,)."""
+
+    stiffness: float | Complexes = 1.0
+    permittivity: float | Complexes = 1.0
+
+
+STILL = Instant()
+_Shares = list[tuple[float | Reals, LayerColumn]]
+
+
+def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> Complexes:
+    """Return the admittance in S of a step's device without what leads to it; f in Hz, shape (N,)."""
+    whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
+    total = _finite(f, specimen, flaws.lateral) if whole is None else _sum(f, specimen.area, whole)
+    if flaws.neighbour is not None:
+        thickness, area = flaws.neighbour
+        other = replace(specimen, ceramic=replace(specimen.ceramic, thickness=specimen.ceramic.thickness * thickness))
+        total = total + _sum(f, specimen.area * area, columns(f, other, Flaws(), "disk", moment))
+    for at, q, strength, how in flaws.modes:
+        if how == "beside":
+            total = total + 2j * np.pi * f * specimen.C0 * strength / (1 - (f / at) ** 2 + 1j / q)
+    return total if flaws.sheet is None else _fed(total, *flaws.sheet)
+
+
+def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant) -> Complexes:
+    """Return the ceramic's mean strain per ampere through the device; 1/A, shape (N,)."""
+    omega = 2 * np.pi * f
+    shares = columns(f, specimen, replace(flaws, spread=(), dot=None, void=None), step, moment)
+    return respond(omega, shares[0][1]).strain / (1j * omega * specimen.area)
+
+
+def _sum(f: Reals, area: float, shares: _Shares) -> Complexes:
+    """Add up columns; a share is one number, or shape (K, 1) where a column holds K thicknesses."""
+    total = np.zeros_like(f, np.complex128)
+    for share, column in shares:
+        Y = share * area / respond(2 * np.pi * f, column).specific_impedance
+        total = total + (Y if Y.ndim == 1 else Y.sum(axis=0))
+    return total
+
+
+def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> _Shares:
+    """Return all columns with their parts of the area."""
+    factors, weights = _spread(specimen, flaws)
+    coats = _true_coats(specimen, flaws, step)
+    whole: _Shares = [(1.0, _column(f, specimen, coats, flaws, step, moment, factors))]
+    if flaws.void is not None:
+        behind, share, rim = flaws.void
+        names = ["disk", *(coat.name for coat in coats)]
+        if behind in names and names.index(behind) + 1 < len(names):
+            k = names.index(behind)
+            soft = replace(coats[k], z=coats[k].z * 0.4, c=coats[k].c * 0.4, q=8.0)  # a sixth of the stiffness
+            half = (*coats[:k], soft, *coats[k + 1 :])
+            bare = _column(f, specimen, coats[:k], flaws, step, moment, factors)
+            frayed = _column(f, specimen, half, flaws, step, moment, factors)
+            whole = [(1 - share * (1 + rim), whole[0][1]), (share, bare), (share * rim, frayed)]
+    if flaws.dot is not None:
+        share, mass, side = flaws.dot
+        loaded = [(part * share, _with_dot(column, mass, side)) for part, column in whole]
+        whole = [(part * (1 - share), column) for part, column in whole] + loaded
+    return [(part * weights, column) for part, column in whole]
+
+
+def _spread(specimen: Specimen, flaws: Flaws) -> tuple[dict[str, Any], float | Reals]:
+    """Return factors on thicknesses by layer, shape (K, 1), and their weights; only the widest one is resolved."""
+    if not flaws.spread:
+        return {}, 1.0
+    layer, sigma, shape = max(flaws.spread, key=lambda one: one[1])
+    # five standard deviations, in steps of a third of the width of a resonance
+    wide = 15 * sigma * specimen.ceramic.c33D.real / specimen.ceramic.c33D.imag if layer == "disk" else 15.0
+    nodes = int(np.clip(wide, *_NODES))
+    if shape == "gauss":
+        x, w = _normal_nodes(nodes)
+    else:
+        x = (np.arange(nodes) + 0.5) / nodes * 2 - 1
+        w = 1 - np.abs(x) if shape == "triangle" else (1 + x) ** 2 * (1 - x)
+        w = w / w.sum()
+        x = x - w @ x
+        x = x / np.sqrt(w @ x**2)
+    return {layer: (1 + sigma * x)[:, None]}, np.asarray(w / w.sum())[:, None]
+
+
+@lru_cache
+def _normal_nodes(count: int) -> tuple[Reals, Reals]:
+    x, w = np.polynomial.hermite_e.hermegauss(count)
+    return x, w
+
+
+def _true_coats(specimen: Specimen, flaws: Flaws, step: str) -> tuple[Coat, ...]:
+    coats = specimen.coats_of(step)
+    if flaws.untold is None:
+        return coats
+    name, thickness = flaws.untold
+    there = (replace(coat, thickness=thickness) if coat.name == name else coat for coat in coats)
+    return tuple(coat for coat in there if coat.thickness > 0)
+
+
+def _column(
+    f: Reals,
+    specimen: Specimen,
+    coats: Sequence[Coat],
+    flaws: Flaws,
+    step: str,
+    moment: Instant,
+    factors: dict[str, Any],
+) -> LayerColumn:
+    x = f / specimen.ceramic.f0
+    parts: list[Part] = [_paste(flaws.electrodes[0])] if flaws.electrodes[0] else []
+    parts += _ceramic(f, specimen, flaws, step, moment, factors.get("disk", 1.0))
+    parts += [_paste(flaws.electrodes[1])] if flaws.electrodes[1] else []
+    parts += [_coat(x, coat, flaws, factors.get(coat.name, 1.0)) for coat in coats]
+    back: complex | Complexes = specimen.back
+    if flaws.backing is not None:
+        waves, q, power = flaws.backing
+        length = waves * _BACKING_SPEED / specimen.ceramic.f0
+        stiff = lossy(x, specimen.back * _BACKING_SPEED * (1 + 1j / q), power, causal=True)
+        parts.insert(0, Slice(length, specimen.back / _BACKING_SPEED, stiff))
+        back = AIR
+    front: complex | Complexes = specimen.front
+    if flaws.face is not None:
+        side, kind, size, shape = flaws.face
+        on = _resting(x, kind, size, shape)
+        back, front = (back + on, front) if side == "back" else (back, front + on)
+    return LayerColumn(tuple(parts), back, front)
+
+
+def _resting(x: Reals, kind: str, size: float, shape: float) -> Complexes:
+    """Return the impedance in Rayl of what a face rests on or is wet by."""
+    if kind == "pad":  # a lossy spring and a damper: rubber, a jig's tip
+        return size * (1 + shape * (0.15 - 1j) / x)
+    if kind == "fluid":  # slightly lossy, a little stiffer than its z says
+        return size * (1 + 0.01 * shape * (1j - 1) * x)
+    return size * np.sqrt(1j * x / (1 + 1j * x * shape)) * np.sqrt(2)  # viscous, shear waves of a Maxwell fluid
+
+
+def _paste(mass: float) -> Slice:
+    density, speed, q = _SILVER
+    return Slice(mass / density, density, density * speed**2 * (1 + 1j / q))
+
+
+def _with_dot(column: LayerColumn, mass: float, side: Side) -> LayerColumn:
+    """Load a face with solder: half a millimetre of it would be its own resonator, so it is solved as a slice too."""
+    dot = Slice(mass / 8500.0, 8500.0, 3.5e10 * (1 + 1j / 20))
+    return replace(column, parts=(dot, *column.parts) if side == "back" else (*column.parts, dot))
+
+
+def _coat(x: Reals, coat: Coat, flaws: Flaws, factor: float | Reals) -> Slice:
+    stiffness = lossy(x, coat.z * coat.c * (1 + 1j / coat.q), coat.loss_power, coat.causal)
+    stiffness = _viscous(x, stiffness, flaws, coat.name)
+    return Slice(coat.thickness * factor, coat.z / coat.c, stiffness)
+
+
+def _viscous(x: Reals, stiffness: Complexes, flaws: Flaws, layer: str) -> Complexes:
+    """Let a part of the loss follow another power of frequency; what there is at f0 stays."""
+    if flaws.viscosity is None or flaws.viscosity[0] != layer:
+        return stiffness
+    _, part, power = flaws.viscosity
+    return stiffness.real + 1j * stiffness.imag * np.maximum(1 + part * (x**power - 1), 0.02)
+
+
+def _ceramic(
+    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, factor: float | Reals
+) -> list[Part]:
+    ceramic = specimen.ceramic
+    x = f / ceramic.f0
+    aged = flaws.ageing if flaws.ageing is not None and step != specimen.steps[0] else (0.0, 0.0, 0.0)
+    c = _viscous(x, lossy(x, ceramic.c33D, ceramic.loss_power, ceramic.causal), flaws, "disk")
+    c = c * moment.stiffness * (1 + aged[0])
+    for at, q, strength, how in flaws.modes:
+        if how == "within":
+            c = c * (1 - strength / (1 - (f / at) ** 2 + 1j / q))
+    eps = ceramic.eps33S * x**-ceramic.slope * _relaxed(x, flaws) * moment.permittivity * (1 + aged[2])
+    h: complex | Complexes = ceramic.h33 * (1 + aged[1])
+    if flaws.piezo is not None:
+        size, at = flaws.piezo
+        h = h * (1 + size * (1 / (1 + 1j * x / at) - 1 / (1 + 1j / at)))
+    whole = ceramic.thickness * factor
+    if flaws.surface is None:
+        return [Slice(whole, ceramic.density, c, h, eps)]
+    depth, side, stiff, less = flaws.surface
+    # without coupling over the first half of the depth, then rising in a straight line
+    z = (np.arange(_GRADES) + 0.5) / _GRADES
+    poled = np.clip(2 * z - 1, 0.0, 1.0)
+    layer: list[Part] = [
+        Slice(
+            1.5 * depth / _GRADES,
+            ceramic.density,
+            c * (stiff + (1 - stiff) * p),
+            h * p,
+            eps * (less + (1 - less) * p),
+        )
+        for p in poled
+    ]
+    rest = Slice(whole - 1.5 * depth, ceramic.density, c, h, eps)
+    return [*layer, rest] if side == "back" else [rest, *reversed(layer)]
+
+
+def _relaxed(x: Reals, flaws: Flaws) -> float | Complexes:
+    """Return a relaxation of Havriliak and Negami, 1 at f0."""
+    if flaws.relaxation is None:
+        return 1.0
+    strength, at, alpha, beta = flaws.relaxation
+
+    def of(y: Any) -> Any:
+        return strength / (1 + (1j * y / at) ** alpha) ** beta
+
+    return np.asarray(1 + of(x) - of(np.float64(1.0)), np.complex128)
+
+
+def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
+    """Return the admittance of a disk that is fed in a dot of its electrode, which has a resistance per square.
+
+    The voltage under the electrode obeys V'' + V'/r = ohm y V with y = Y/(pi a^2), no current leaves at the rim, and
+    the dot has one voltage; radii over a.
+    """
+    y = Y / np.pi
+    k = np.sqrt(ohm * y)
+    inner, outer = k * radius, k
+    down = iv(1, outer) / kv(1, outer)
+    slope = k * (iv(1, inner) - down * kv(1, inner)) / (iv(0, inner) + down * kv(0, inner))
+    return np.asarray(-2 * np.pi * radius / ohm * slope + y * np.pi * radius**2, np.complex128)
+
+
+def _finite(f: Reals, specimen: Specimen, lateral: tuple[float, ...]) -> Complexes:
+    """Return the disk in both dimensions; its losses are of constant Q there."""
+    ceramic: Ceramic = specimen.ceramic
+    disk = DiskShape(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)
+    return finite_disk_admittance(f, DeviceUnderTest(specimen.name, specimen.diameter, disk, lateral=lateral))

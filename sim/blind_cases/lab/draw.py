@@ -1,0 +1,199 @@
+"""What a case of the lab world is drawn to be, and which of its plants have to be found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import families, layered
+from .alike import with_other_names
+from .distributions import Random, loguniform
+from .imperfections import imperfections
+from .plant import Hideout, LabWorld, Plant
+from .random_specimen import random_specimen
+from .recording import ErringAnalyzer, Take
+from .session import analyzer_of, plan
+from .specimen import AIR, Specimen
+from .visible import Seen, View
+
+KINDS = {
+    "instrument": 0.14,
+    "imperfect": 0.12,
+    "one": 0.38,
+    "two": 0.14,
+    "three": 0.07,
+    "four": 0.03,
+    "outside": 0.12,
+}
+"""`instrument`: a perfect device and an analyzer that errs; `imperfect`: nothing but what every device has besides."""
+
+FAMILIES = (
+    *((1.5, families.lead), (1.2, families.resistance), (1.0, families.stray), (0.7, families.leakage)),
+    *((1.0, families.cable), (0.3, families.polarity), (0.8, families.sheet), (1.0, families.drift)),
+    *((0.8, families.softening), (0.7, families.settling), (0.4, layered.mass), (1.0, layered.dot)),
+    *((1.2, layered.bond), (1.2, layered.void), (1.5, layered.spread), (1.0, layered.surface)),
+    *((1.0, layered.lateral), (1.0, layered.loss), (1.2, layered.dielectric), (1.2, layered.face)),
+    *((0.5, layered.viscous), (0.7, layered.backing), (1.0, layered.resonance), (0.6, layered.ageing)),
+)
+"""Weight and family of everything a catalogue may name."""
+
+_DRAWS = 3
+"""How often a case with effects is drawn at most until one of them dominates; some do not: constants absorb them."""
+FINDABLE_GAIN = 30.0
+"""chi2 that a plant must bring: noise brings it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
+DOMINATING_GAIN = 100.0
+"""The same of one that dominates: ten standard deviations."""
+NO_LONGER_MINOR = 3e-3
+"""Root mean square of ln Z from which an imperfection is an effect like any other, as causal loss in a composite."""
+FINDABLE_OVER = 1.0
+DOMINATING_OVER = 3.0
+"""What a plant must move ln Z, over the largest move of an imperfection: to be findable at all, and to dominate."""
+
+
+@dataclass(frozen=True)
+class LabSession:
+    """One recording session and its truth."""
+
+    name: str
+    kind: str
+    hideout: Hideout
+    takes: tuple[Take, ...]
+    analyzer: ErringAnalyzer
+    seen: tuple[Seen, ...]
+    """Of each plant of the hideout."""
+    seed: int
+
+    @property
+    def floor(self) -> float:
+        """What imperfections move ln Z by at most."""
+        return _floor(self.hideout, self.seen)
+
+    def role(self, index: int) -> str:
+        """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`.
+
+        An imperfection that moves more than `NO_LONGER_MINOR` is none any more.
+        """
+        plant, one = self.hideout.plants[index], self.seen[index]
+        if _is_minor(plant, one):
+            return "imperfection" if one.gain > FINDABLE_GAIN else "faint imperfection"
+        if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * self.floor:
+            return "faint"
+        far = one.gain >= DOMINATING_GAIN and one.moves >= DOMINATING_OVER * self.floor
+        return "dominating" if far and self._largest(index) else "findable"
+
+    def _largest(self, index: int) -> bool:
+        return all(
+            self.seen[index].moves >= other.moves
+            for plant, other in zip(self.hideout.plants, self.seen, strict=True)
+            if not _is_minor(plant, other)
+        )
+
+
+def _is_minor(plant: Plant, one: Seen) -> bool:
+    return plant.minor and one.moves < NO_LONGER_MINOR
+
+
+def _floor(hideout: Hideout, seen: Sequence[Seen]) -> float:
+    return max((s.moves for p, s in zip(hideout.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
+
+
+def draw_case(seed: int, index: int) -> LabSession:
+    """Return case number `index` of a seed; the same for ever."""
+    rng = np.random.default_rng([seed, index, 20])
+    kind = str(rng.choice(list(KINDS), p=np.array(list(KINDS.values())) / sum(KINDS.values())))
+    case = _draw(rng, kind, f"lab-{index:03d}")
+    for _ in range(_DRAWS - 1):
+        if kind in ("instrument", "imperfect") or "dominating" in map(case.role, range(len(case.seen))):
+            break
+        case = _draw(rng, kind, case.name)
+    return case
+
+
+def _draw(rng: Random, kind: str, name: str) -> LabSession:
+    plants, specimen = _drawn(rng, kind, name)
+    takes = plan(rng, specimen, plants)
+    analyzer = analyzer_of(rng, takes, specimen)
+    minor = () if kind == "instrument" else imperfections(rng, specimen)
+    hideout = Hideout(LabWorld(specimen, fixture=analyzer.fixture), (*plants, *minor))
+    view = View(hideout, takes, analyzer)
+    visible = [view.seen(k) for k in range(len(hideout.plants))]
+    floor = _floor(hideout, visible)
+    for k in range(len(plants)):
+        view = _grown(rng, view, k, takes, analyzer, floor)
+    if view.hideout is not hideout:
+        visible = [view.seen(k) for k in range(len(hideout.plants))]
+    hideout = with_other_names(view.hideout, view, analyzer.noise, _floor(view.hideout, visible), FINDABLE_GAIN)
+    return LabSession(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
+
+
+def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: ErringAnalyzer, floor: float) -> View:
+    """Return the view of a world with plant k so large that it can be found, where physics allows it."""
+    wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
+    for _ in range(3):
+        plant = view.hideout.plants[k]
+        moves = wanted if plant.least >= plant.most else view.seen(k).moves
+        larger = plant.at(plant.scale * min(wanted / max(moves, 1e-9), 20.0))
+        if moves > 0.7 * wanted or larger.scale == plant.scale:
+            break
+        view = View(view.hideout.scaled(k, larger.scale), takes, analyzer)
+    return view
+
+
+def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:
+    """Return effects and a specimen that has the places for them."""
+    count = {"one": 1, "two": 2, "three": 3, "four": 4, "outside": 1}.get(kind, 0)
+    weights = np.array([weight for weight, _ in FAMILIES])
+    weights = weights / weights.sum()
+    chosen = [FAMILIES[int(k)][1] for k in rng.choice(len(weights), size=count, replace=False, p=weights)]
+    for _ in range(500):
+        steps, backed = int(rng.choice([1, 2, 3], p=[0.6, 0.28, 0.12])), bool(rng.random() < 0.15)
+        specimen = random_specimen(rng, name, steps, backed, ceramic_only=rng.random() < 0.8)
+        if kind == "outside":
+            return (families.outside(rng, specimen),), specimen
+        found = _placed(rng, chosen, specimen)
+        if found is not None:
+            return found, specimen
+    return _drawn(rng, kind, name)  # two that exclude one another: others
+
+
+def _placed(rng: Random, chosen: Sequence[object], specimen: Specimen) -> tuple[Plant, ...] | None:
+    """Return the plants, or None where the specimen has no place for one of them, or they exclude one another."""
+    plants: list[Plant] = []
+    for _, family in FAMILIES:
+        if family not in chosen:
+            continue
+        if family in (layered.bond, layered.void, layered.ageing) and not specimen.coats:
+            return None
+        plants.append(family(rng, specimen))
+    needs = {plant.needs for plant in plants}
+    names = {plant.effect for plant in plants}
+    ceramic = specimen.ceramic
+    aspect = specimen.diameter / ceramic.thickness
+    plain = len(specimen.steps) == 1 and ceramic.kind == "soft" and 8 < aspect < 13 and specimen.back == AIR
+    excluded = (
+        ("a plain disk" in needs and not plain)
+        or ("a backing" in needs) != (specimen.back > AIR)
+        or {"up and down", "levels"} <= needs
+        or {"face-load", "viscous-load"} <= names
+        or {"bond-layer", "bond-void"} <= names
+        or ("lateral-modes" in names and names & _OF_COLUMNS)
+    )
+    return None if excluded else tuple(plants)
+
+
+_OF_COLUMNS = frozenset(
+    [
+        "drive-nonlinearity",
+        "local-mass",
+        "thickness-variation",
+        "surface-layer",
+        "loss-dispersion",
+        "dielectric-dispersion",
+        "face-load",
+        "viscous-load",
+        "temperature-drift",
+        "electrode-mass",
+        "sweep-lag",
+    ]
+)
+"""What a disk that vibrates in both dimensions cannot have here."""

@@ -1,0 +1,68 @@
+"""What every real device has: a scatter of thickness, dispersion of loss and permittivity, weak further resonances."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .distributions import Random, lognormal
+from .layered import anywhere
+from .plant import LabWorld, Plant
+from .specimen import Specimen
+
+
+def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
+    """Return what every device has: a scatter of thickness, dispersion of loss and permittivity, weak resonances."""
+    found = [_minor(spread_of(float(rng.uniform(2e-4, 8e-4)), s))]
+    kind = s.ceramic.kind
+    power = float(rng.uniform(0.0, 0.5) if kind == "composite" else rng.uniform(-0.25, 0.35))
+    causal = kind in ("film", "composite") or bool(rng.random() < 0.15)
+    most = 2 / np.pi * abs(s.ceramic.eps33S.imag / s.ceramic.eps33S.real)
+    slope = most * float(rng.uniform(0.3, 1.0)) if kind == "film" else min(lognormal(rng, 1.5e-3, 0.5), most)
+
+    def dispersed(world: LabWorld, k: float) -> LabWorld:
+        return world.with_ceramic(loss_power=power * k, causal=causal)
+
+    def falling(world: LabWorld, k: float) -> LabWorld:
+        return world.with_ceramic(slope=slope * k)
+
+    shape = {"causal": float(causal)}
+    found.append(_minor(Plant("loss-dispersion", ("layer:disk",), s.steps, dispersed, {"power": power}, shape)))
+    if s.coats:
+        found.append(_minor(_coats_dispersed(rng, s)))
+    found.append(_minor(Plant("dielectric-dispersion", ("layer:disk",), s.steps, falling, {"slope": slope})))
+    found += [_minor(_weak(rng, s)) for _ in range(int(rng.integers(1, 4)))]
+    return tuple(found)
+
+
+def _coats_dispersed(rng: Random, s: Specimen) -> Plant:
+    """Return losses of what is glued on that follow a power of frequency."""
+    power, causal = float(rng.uniform(-0.2, 0.4)), bool(rng.random() < 0.15)
+
+    def put(world: LabWorld, k: float) -> LabWorld:
+        coats = tuple(replace(one, loss_power=power * k, causal=causal) for one in world.specimen.coats)
+        return replace(world, specimen=replace(world.specimen, coats=coats))
+
+    where = tuple(f"layer:{coat.name}" for coat in s.coats)
+    return Plant("loss-dispersion", where, s.steps[1:], put, {"power": power}, {"causal": float(causal)})
+
+
+def spread_of(sigma: float, s: Specimen) -> Plant:
+    """Return a scatter of the ceramic's thickness."""
+
+    def put(world: LabWorld, k: float) -> LabWorld:
+        return world.with_flaws(spread=(*world.flaws.spread, ("disk", sigma * k, "gauss")))
+
+    return Plant("thickness-variation", ("layer:disk",), s.steps, put, {"sigma": sigma})
+
+
+def _weak(rng: Random, s: Specimen) -> Plant:
+    f, Q, size = s.ceramic.f0 * float(rng.uniform(0.3, 2.0)), float(rng.uniform(20, 100)), lognormal(rng, 4e-5, 0.7)
+
+    def put(world: LabWorld, k: float) -> LabWorld:
+        return world.with_flaws(modes=(*world.flaws.modes, (f, Q, size * k, "beside")))
+
+    return Plant("spurious-resonance", anywhere(s), s.steps, put, {"strength": size}, {"f": f, "Q": Q})
+
+
+def _minor(plant: Plant) -> Plant:
+    return replace(plant, minor=True)

@@ -1,0 +1,144 @@
+"""How a recording of the lab world comes about: a sweep in time, a detector with two poles, an analyzer that errs."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..waves import Complexes, Reals
+from .device import STILL, Instant, admittance, strain
+from .flaws import FixtureResidue, Flaws
+from .specimen import Specimen
+from .terminals import at_analyzer
+
+_BETWEEN = 8
+"""Steps of time from one point to the next where the detector lags."""
+_ROUNDS = 12
+_STRAIN = 1e-5
+"""Strain at which softening is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One sweep: which step, where, how."""
+
+    step: str
+    frequency: Reals
+    """Hz, rising, shape (N,)."""
+    down: bool = False
+    seconds: float = 0.0
+    level_V: float = 0.5
+    order: int = 0
+    """How many sweeps of this step came before it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErringAnalyzer:
+    """The instrument's own error, the same in all sweeps of a session; smooth over ln f by cosines.
+
+    Gain and phase are sums over n of coefficients times cos(n pi u), u = 0 to 1 over the session's widest band in ln f.
+    """
+
+    band: tuple[float, float]
+    """Hz."""
+    gain: tuple[float, ...] = ()
+    phase: tuple[float, ...] = ()
+    """rad."""
+    steps: tuple[tuple[float, float], ...] = ()
+    """Range switches: |Z| in ohm above which the gain is by so much larger."""
+    noise: float = 2e-4
+    """Relative standard deviation of real and imaginary part each."""
+    colour: float = 0.0
+    """Coefficient of the AR(1) process that the noise is; its variance stays."""
+    fixture: FixtureResidue = field(default_factory=FixtureResidue)
+    bandwidth: int = 5
+
+    def error(self, f: Reals, z: Complexes) -> Complexes:
+        """Return the factor by which it shows an impedance; shape (N,)."""
+        u = np.log(f / self.band[0]) / np.log(self.band[1] / self.band[0])
+        gain = sum((a * np.cos(n * np.pi * u) for n, a in enumerate(self.gain)), np.zeros_like(f))
+        phase = sum((a * np.cos(n * np.pi * u) for n, a in enumerate(self.phase)), np.zeros_like(f))
+        for ohm, step in self.steps:
+            gain = gain + step * (np.abs(z) > ohm)
+        return np.exp(gain + 1j * phase)
+
+    def noisy(self, z: Complexes, rng: np.random.Generator) -> Complexes:
+        """Return a recording with noise, in the order of its points."""
+        white = rng.standard_normal((2, z.size))
+        if self.colour:
+            a = self.colour
+            white = lfilter([np.sqrt(1 - a**2)], [1, -a], white, axis=1, zi=a * rng.standard_normal((2, 1)))[0]
+        return z + (self.noise * np.abs(z) + 5e-6) * (white[0] + 1j * white[1])
+
+
+def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
+    """Return what a faultless analyzer would show without noise; ohm, shape (N,), by rising frequency."""
+    if flaws.settling > 0:
+        z = _lagging(specimen, flaws, take, fixture)
+    elif flaws.softening is not None:
+        z = _driven(specimen, flaws, flaws.softening, take, fixture)
+    else:
+        z = _steady(take.frequency, specimen, flaws, take.step, _moment(flaws, take, take.frequency), fixture)
+    z = {"as it is": z, "conjugated": np.conj(z), "inverted": -z}[flaws.recorded]
+    return z if flaws.recording is None else _faulty(z, take, *flaws.recording)
+
+
+def _steady(
+    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, fixture: FixtureResidue
+) -> Complexes:
+    Y = admittance(f, specimen, flaws, step, moment)
+    return at_analyzer(f, Y, flaws.wiring, fixture, specimen.ceramic.f0)
+
+
+def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
+    """Return how the device differs when each point is taken: points are evenly spaced in time."""
+    if flaws.drift is None:
+        return STILL
+    part = np.interp(f, take.frequency, np.linspace(0, 1, take.frequency.size))
+    t = take.order + ((1 - part) if take.down else part)
+    c, eps, time = flaws.drift
+    grown = 1 - np.exp(-t / time)
+    return Instant(np.asarray(1 + c * grown, np.complex128), np.asarray(1 + eps * grown, np.complex128))
+
+
+def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
+    """Let the admittance run through two equal poles while the frequency moves on."""
+    f = take.frequency
+    fine = np.interp(np.arange((f.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(f.size), f)
+    y = 1 / _steady(fine, specimen, flaws, take.step, _moment(flaws, take, fine), fixture)
+    y = y[::-1] if take.down else y
+    dt = take.seconds / (fine.size - 1)
+    keep = np.exp(-dt / flaws.settling)
+    ramp = flaws.settling / dt * (1 - keep)
+    for _ in range(2):
+        y = lfilter([1 - ramp, ramp - keep], [1, -keep], y, zi=[y[0] * ramp])[0]
+    z = np.asarray(1 / y[::_BETWEEN], np.complex128)
+    return z[::-1] if take.down else z
+
+
+def _driven(
+    specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: FixtureResidue
+) -> Complexes:
+    """Let strain and stiffness follow one another until they agree; the analyzer holds its voltage."""
+    size, lost, power = law
+    f = take.frequency
+    soft = np.zeros_like(f)
+    z = _steady(f, specimen, flaws, take.step, STILL, fixture)
+    for _ in range(_ROUNDS):
+        moment = Instant(1 - soft * (1 - 1j * lost))
+        z = _steady(f, specimen, flaws, take.step, moment, fixture)
+        amplitude = np.abs(strain(f, specimen, flaws, take.step, moment)) * take.level_V / np.abs(z)
+        soft = 0.5 * soft + 0.5 * np.minimum(size * (amplitude / _STRAIN) ** power, 0.2)
+    return z
+
+
+def _faulty(z: Complexes, take: Take, kind: str, size: float, where: float) -> Complexes:
+    f = take.frequency
+    x = (f - f[0]) / (f[-1] - f[0])
+    if kind == "interference":  # a transmitter nearby: a narrow band of wrong voltage, turning
+        bell = np.exp(-0.5 * ((x - where) / 0.012) ** 2)
+        return z * (1 + size * bell * np.exp(40j * (x - where)))
+    if kind == "loose contact":  # some ohms more for some stretches of the sweep
+        ohms = size * float(np.median(np.abs(z)))
+        return z + ohms * ((x > where) & (x < where + 0.02) | (x > 0.3 * where) & (x < 0.4 * where) | (x > 0.93))
+    return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))  # mixing: a dip in size without its phase

@@ -1,0 +1,264 @@
+"""How much a plant moves what is measured when constants, instrument and fixture do what they can to imitate it.
+
+Nothing here is taken from the diagnosis. All free constants of the build and the sizes of all other effects are moved
+by Gauss and Newton's steps on noise-free recordings of this world's own, beside smooth gain and phase and the
+fixture's residue, each within what is known of it. Of the best imitation of a world that has the plant by one that
+has not:
+
+- `gain`: the chi2 that is left against the noise, and what the allowances of instrument and fixture had to pay;
+- `moves`: root of the mean square of the difference in ln Z, without unit, when constants and other sizes make it as
+  small as they can, every point counting alike. Instrument and fixture are given no part of it.
+
+What instrument and fixture could do alone moves something and gains nothing.
+"""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..waves import Complexes, Reals
+from .plant import Hideout, LabWorld, Plant
+from .recording import ErringAnalyzer, Take, shown
+from .specimen import AIR, Coat
+
+_POINTS = 150
+"""Points of a sweep that are looked at."""
+_ROUNDS, _RENEWALS = 10, 1
+_STEP = 1e-6
+_SMALL = 3e-3
+"""Root mean square of ln Z below which a plant is imitated by derivatives alone."""
+_EXACT = 1e-8
+"""Relative uncertainty below which a value of the build is held."""
+_COSINES = 8
+_ACCURACY = 1e-3
+"""Relative gain and rad of phase that the analyzer's specification allows, root of the mean square over the band."""
+_FIXTURE = (1e-9, 1e-2, 5e-3, 20e-15, 3e-9)
+"""H, ohm, ohm at 1 MHz (skin), F, S that compensation leaves: one standard deviation each."""
+_BACKED = 1e6
+"""Rayl from which a load is a backing."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How visible one plant is."""
+
+    gain: float
+    moves: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Thin:
+    take: Take
+    target: Complexes
+    """ln Z of the world as it is."""
+    sigma: float
+    """Noise per point looked at: less where many points stand for one."""
+
+
+class View:
+    """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
+
+    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: ErringAnalyzer) -> None:
+        self.hideout = hideout
+        self._thin = [_thinned(hideout, take, analyzer) for take in takes]
+        self._free = _Free(hideout, None)
+        A = np.concatenate([_allowances(one, analyzer) for one in self._thin])
+        self._U, s, _ = np.linalg.svd(A, full_matrices=False)
+        self._half = 1 - 1 / np.sqrt(1 + s**2)
+        self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
+        self._typical = float(np.sqrt(np.mean(self._sigmas**2)))
+        self._slopes: Reals | None = None
+
+    def with_rival(self, rival: Plant) -> "View":
+        """Return the same with another effect that may imitate, its scale free from 0 on."""
+        other = copy(self)
+        other.join(rival)
+        return other
+
+    def join(self, rival: Plant) -> None:
+        """Let another effect imitate from now on."""
+        slopes = self._derivatives()
+        self._free = _Free(self.hideout, rival)
+        last = self._derivatives_of(np.zeros(self._free.size), None, [self._free.size - 1])
+        self._slopes = np.column_stack([slopes, last[:, -1]])
+
+    def seen(self, index: int) -> Seen:
+        """Return how visible a plant is: steps with the derivatives of the whole world, renewed where they stall."""
+        r = self._rows(self._free.moved(np.zeros(self._free.size), index))
+        if self._moves(r) < _SMALL:  # so little that all is linear
+            slopes = self._derivatives()
+            x = self._step(slopes, r, np.zeros(self._free.size), index, 1e-10)
+            r, cost = r + slopes @ x, self._cost(r + slopes @ x, x)
+        else:
+            r, cost, slopes = self._descend(r, index)
+        return Seen(cost, self._moves(self._projected(r, slopes, index)))
+
+    def _descend(self, r: Reals, index: int) -> tuple[Reals, float, Reals]:
+        x, slopes = np.zeros(self._free.size), self._derivatives()
+        now, damping, renewed = self._cost(r, x), 1e-8, 0
+        for _ in range(_ROUNDS):
+            before = now
+            trial = x + np.clip(self._step(slopes, r, x, index, damping), -self._free.reach, self._free.reach)
+            r_trial = self._rows(self._free.moved(trial, index))
+            cost = self._cost(r_trial, trial)
+            if cost < now:
+                x, r, now, damping = trial, r_trial, cost, damping / 10
+            else:
+                damping = max(damping, 1e-6) * 100
+            if before - now < 0.05 * before:
+                if renewed == _RENEWALS or (now == before and damping > 1):
+                    break
+                if now < before or not renewed:
+                    slopes, renewed = self._derivatives_at(x, index), renewed + 1
+        return r, now, slopes
+
+    def _rows(self, here: Hideout, linear: bool = False) -> Reals:
+        """Return the differences from the world as it is over the noise; `linear`: without what depends on itself."""
+        out: list[Reals] = []
+        for one in self._thin:
+            world = here.world(one.take.step)
+            flaws = replace(world.flaws, softening=None, settling=0.0) if linear else world.flaws
+            z = shown(world.specimen, flaws, one.take, world.fixture)
+            out.append(_real(_difference(z, one.target)) / one.sigma)
+        return np.concatenate(out)
+
+    def _derivatives(self) -> Reals:
+        if self._slopes is None:
+            self._slopes = self._derivatives_at(np.zeros(self._free.size), None)
+        return self._slopes
+
+    def _derivatives_at(self, x: Reals, index: int | None) -> Reals:
+        return self._derivatives_of(x, index, [k for k in range(x.size) if self._free.prior[k] > _EXACT])
+
+    def _derivatives_of(self, x: Reals, index: int | None, of: Sequence[int]) -> Reals:
+        """Return the derivatives by some columns, others zero; sizes see the whole world, constants no feedback."""
+        slopes = np.zeros((self._sigmas.size, x.size))
+        for full in (False, True):
+            some = [k for k in of if (k >= self._free.constants) == full]
+            at = self._rows(self._free.moved(x, index), not full) if some else 0.0
+            for k in some:
+                moved = x + _STEP * (np.arange(x.size) == k)
+                slopes[:, k] = (self._rows(self._free.moved(moved, index), not full) - at) / _STEP
+        return np.nan_to_num(slopes)  # a size at 0 may have no derivative
+
+    def _step(self, slopes: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
+        known = 1 / self._free.prior
+        W, w = self._whiten(slopes), self._whiten(r)
+        W[:, [k for k in range(W.shape[1]) if self._free.is_plant(k, index)]] = 0.0
+        scale = np.sqrt(np.sum(W**2, axis=0) + known**2) + 1e-12
+        M = np.vstack([W / scale, np.diag(known / scale), np.sqrt(damping) * np.eye(x.size)])
+        return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
+
+    def _projected(self, r: Reals, slopes: Reals, index: int) -> Reals:
+        """Return what is left of rows when constants and other sizes make it smallest, every point counting alike."""
+        taken = [k for k in range(slopes.shape[1]) if self._free.is_plant(k, index)]
+        W = slopes * self._sigmas[:, None]
+        W[:, taken] = 0.0
+        width = np.maximum(np.linalg.norm(W, axis=0), 1e-12)
+        known = np.minimum(1 / (self._free.prior * width), 1e6) * self._typical
+        M = np.vstack([W / width, np.diag(known)])
+        v = r * self._sigmas
+        x = np.linalg.lstsq(M, -np.concatenate([v, np.zeros(known.size)]), rcond=1e-9)[0]
+        return r + (W / width) @ x / self._sigmas
+
+    def _whiten(self, v: Reals) -> Reals:
+        half = self._half if v.ndim == 1 else self._half[:, None]
+        return v - self._U @ (half * (self._U.T @ v))
+
+    def _cost(self, r: Reals, x: Reals) -> float:
+        return float(np.sum(self._whiten(r) ** 2) + np.sum((x / self._free.prior) ** 2))
+
+    def _moves(self, r: Reals) -> float:
+        return float(np.sqrt(2 * np.mean((r * self._sigmas) ** 2)))
+
+
+class _Free:
+    """The constants that a fitter frees, as relative changes, and the sizes of the effects."""
+
+    def __init__(self, hideout: Hideout, rival: Plant | None) -> None:
+        self.whole, self.rival = hideout, rival
+        self.sizes = [k for k, p in enumerate(hideout.plants) if p.least < p.most and p.scale and not p.minor]
+        specimen = hideout.bare.specimen
+        self.coats = [coat for coat in specimen.coats if coat.name not in hideout.untold]
+        prior = [np.inf] * 6 + [1.0 if specimen.back < _BACKED else 1e-9, 1.0]
+        for coat in self.coats:
+            prior += [max(u / v, 1e-9) for u, v in zip(coat.u, coat.told, strict=True)]
+        self.constants = len(prior)
+        self.prior: Reals = np.array(prior + [np.inf] * (len(self.sizes) + (rival is not None)))
+        self.size = self.prior.size
+        self.reach: Reals = np.full(self.size, 0.3)
+        """How far one step may go."""
+        if rival is not None:
+            self.reach[-1] = 1e3
+
+    def is_plant(self, column: int, index: int) -> bool:
+        """Return whether a column is the size of plant `index`."""
+        at = column - self.constants
+        return 0 <= at < len(self.sizes) and self.sizes[at] == index
+
+    def moved(self, x: Reals, index: int | None) -> Hideout:
+        """Return the world moved by x, and without plant `index`."""
+        specimen = self.whole.bare.specimen
+        ceramic = specimen.ceramic
+        ceramic = replace(
+            ceramic,
+            c33D=ceramic.c33D * (1 + complex(x[0], x[1])),
+            h33=ceramic.h33 * (1 + complex(x[2], x[3])),
+            eps33S=ceramic.eps33S * (1 + complex(x[4], x[5])),
+        )
+        loads = [
+            max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)
+        ]
+        moved = {coat.name: _moved(coat, x[8 + 4 * k : 12 + 4 * k]) for k, coat in enumerate(self.coats)}
+        coats = tuple(moved.get(coat.name, coat) for coat in specimen.coats)
+        specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
+        bare: LabWorld = replace(self.whole.bare, specimen=specimen)
+        plants = list(self.whole.plants)
+        for k, change in zip(self.sizes, x[self.constants :], strict=False):
+            plants[k] = replace(plants[k], scale=plants[k].scale * max(1 + float(change), 0.0))
+        if index is not None:
+            plants[index] = replace(plants[index], scale=0.0)
+        if self.rival is not None:
+            plants.append(replace(self.rival, scale=max(float(x[-1]), 0.0)))
+        return Hideout(bare, tuple(plants))
+
+
+def _moved(coat: Coat, x: Reals) -> Coat:
+    t, z, c, q = (float(np.exp(np.clip(one, -2, 2))) for one in x)
+    return replace(coat, thickness=coat.thickness * t, z=coat.z * z, c=coat.c * c, q=coat.q * q)
+
+
+def _thinned(hideout: Hideout, take: Take, analyzer: ErringAnalyzer) -> _Thin:
+    n = take.frequency.size
+    keep = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).round().astype(int))
+    few = replace(take, frequency=take.frequency[keep])
+    world = hideout.world(take.step)
+    target = np.log(shown(world.specimen, world.flaws, few, world.fixture))
+    # neighbours in coloured noise say the same: smooth things see its low frequencies only
+    coloured = np.sqrt((1 + analyzer.colour) / (1 - analyzer.colour))
+    return _Thin(few, target, analyzer.noise * float(coloured * np.sqrt(keep.size / n)))
+
+
+def _allowances(one: _Thin, analyzer: ErringAnalyzer) -> Reals:
+    """Return what instrument and fixture may add to the rows, a unit normal each; shape (2 N, 2 cosines + 5)."""
+    f, z = one.take.frequency, np.exp(one.target)
+    u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])
+    basis = np.stack([np.cos(n * np.pi * u) / (1 + n) for n in range(_COSINES)], axis=1)
+    gain = _ACCURACY * basis.astype(np.complex128)
+    omega = 2 * np.pi * f
+    L, R, skin, C, G = _FIXTURE
+    fixture = np.stack(
+        [1j * omega * L / z, R / z, skin * (1 + 1j) * np.sqrt(f / 1e6) / z, -1j * omega * C * z, -G * z], axis=1
+    )
+    return _real(np.asarray(np.hstack([gain, 1j * gain, fixture]), np.complex128)) / one.sigma
+
+
+def _real(z: Complexes) -> Reals:
+    return np.concatenate([z.real, z.imag])
+
+
+def _difference(z: Complexes, target: Complexes) -> Complexes:
+    d = np.log(z) - target
+    return np.asarray(d.real + 1j * ((d.imag + np.pi) % (2 * np.pi) - np.pi), np.complex128)
