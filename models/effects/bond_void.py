@@ -26,7 +26,7 @@ class BondVoid(Effect):
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the part of the area that is not bonded."""
-        return (Knob("fraction", "1", typical=0.01, upper=0.95),)
+        return (Knob("fraction", "1", typical=0.01, upper=0.95, prior=(0.05, 1.3)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the bonded and the free part of the face side by side."""

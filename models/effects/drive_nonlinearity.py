@@ -48,7 +48,7 @@ class DriveNonlinearity(Effect):
         """
         return (
             Knob("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
-            Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
+            Knob("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
             Knob("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
         )
 

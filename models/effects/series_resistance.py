@@ -32,7 +32,7 @@ class SeriesResistance(Effect):
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return the resistance, and the skin effect's share at 1 MHz, in ohm."""
         typical = 3e-3 * reactance(stack)
-        return (Knob("resistance", "ohm", typical), Knob("skin", "ohm", typical))
+        return (Knob("resistance", "ohm", typical, prior=(0.3, 1.5)), Knob("skin", "ohm", typical, prior=(0.1, 1.5)))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a resistance."""

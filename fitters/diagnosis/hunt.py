@@ -1,0 +1,139 @@
+"""The search: nothing, each effect, pairs and greedy further ones, look-alikes instead; all by one log evidence."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...models.errors import PzctlError
+from ..errors.hyper import Sizes
+from .hypotheses import Hypothesis, fitted, probabilities
+from .problem import Candidate, Problem
+from .rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, PARENTS, POLISHED, TEMPER, WORTH
+from .screen import Promise, screened
+
+
+@dataclass(eq=False)
+class Hunt:
+    """All hypotheses that were fitted."""
+
+    problem: Problem
+    candidates: tuple[Candidate, ...]
+    progress: Callable[[str], None] = lambda _: None
+    found: dict[frozenset[Candidate], Hypothesis] = field(default_factory=dict[frozenset[Candidate], Hypothesis])
+    twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
+    _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
+    _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
+
+    @property
+    def ranked(self) -> list[Hypothesis]:
+        """The hypotheses, the most probable first."""
+        return sorted(self.found.values(), key=lambda one: -one.log_weight)
+
+    @property
+    def best(self) -> Hypothesis:
+        """The most probable."""
+        return self.ranked[0]
+
+    def begin(self) -> Hypothesis:
+        """Fit without effects."""
+        null = fitted(self.problem, (), self.problem.values, near=True)
+        self.found[null.key] = null
+        return null
+
+    def run(self) -> Hypothesis:
+        """Look for what explains the recordings."""
+        null = self.begin()
+        self.grow(null, FITTED_FIRST)
+        for _ in range(MOST - 1):
+            self.polish()
+            before = self.best
+            near = [one for one in self.ranked[:PARENTS] if one.log_weight > before.log_weight - NEAR]
+            for parent in near:
+                if parent.effects and len(parent.effects) < MOST and parent.key not in self._grown:
+                    self.grow(parent, FITTED_LATER)
+            if self.best is before:
+                break
+        self.polish()
+        self.thin(self.best)
+        return self.best
+
+    def grow(self, parent: Hypothesis, most: int) -> None:
+        """Fit what promises most beside a hypothesis."""
+        self._grown.add(parent.key)
+        taken = {(one.effect.name, one.where) for one in parent.effects}
+        left = [one for one in self.candidates if (one.effect.name, one.where) not in taken]
+        plainly, beside = screened(self.problem, parent, left)
+        for promise in plainly:
+            self.twins[promise.candidate] = promise.twins
+        chosen: dict[Candidate, list[Promise]] = {}
+        worth = [promise for promise in beside if promise.gain > WORTH][: most - most // 3]
+        plainly = [promise for promise in plainly if promise.gain > WORTH]
+        for promise in [*worth, *plainly[:most]]:
+            if promise.candidate not in chosen and len(chosen) >= most:
+                break
+            known = chosen.setdefault(promise.candidate, [])
+            if all(promise.start != other.start for other in known):
+                known.append(promise)
+        for one, promises in chosen.items():
+            self.progress(f"trying {one.effect.name} at {one.where}")
+            self._try(parent, one, promises)
+
+    def _try(self, parent: Hypothesis, one: Candidate, promises: Sequence[Promise]) -> None:
+        effects = (*parent.effects, one)
+        starts = (Sizes(colour=parent.fit.sizes.colour),)
+        for promise in promises[:1]:
+            try:
+                made = fitted(
+                    self.problem, effects, {**parent.values, **promise.start}, starts, rounds=1, fast=self._fast
+                )
+            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+                continue
+            self._take(made)
+
+    def _take(self, made: Hypothesis) -> None:
+        if np.isfinite(made.log_weight):
+            known = self.found.get(made.key)
+            if known is None or made.log_weight > known.log_weight:
+                self.found[made.key] = made
+
+    @property
+    def _fast(self) -> bool:
+        """Whether the instrument's error may be fast: where it need not be with nothing explained, it never must."""
+        null = self.found.get(frozenset())
+        return null is None or null.fit.sizes.fast > 0
+
+    def polish(self) -> None:
+        """Fit those again that are near the best, to the end."""
+        for one in self.ranked[:POLISHED]:
+            if one.key not in self._fine and one.log_weight > self.best.log_weight - NEAR:
+                self._fine.add(one.key)
+                again = fitted(
+                    self.problem, one.effects, one.values, (one.fit.sizes,), near=True, rounds=2, fast=self._fast
+                )
+                self._take(again)
+
+    def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
+        """Return a hypothesis without one of its effects."""
+        key = one.key - {effect}
+        if key not in self.found:
+            effects = tuple(other for other in one.effects if other is not effect)
+            self._take(fitted(self.problem, effects, one.values, (one.fit.sizes,), fast=self._fast))
+        return self.found[key]
+
+    def thin(self, one: Hypothesis) -> None:
+        """Fit the best without each of its effects, as long as one less is better."""
+        for effect in one.effects:
+            self.without(one, effect)
+        if self.best is not one and len(self.best.effects) < len(one.effects):
+            self.thin(self.best)
+
+    def inclusion(self) -> dict[Candidate, float]:
+        """Return the posterior probability of every effect at its place."""
+        found = self.ranked
+        parts = probabilities(found, TEMPER)
+        total: dict[Candidate, float] = {}
+        for one, part in zip(found, parts.tolist(), strict=True):
+            for effect in one.effects:
+                total[effect] = total.get(effect, 0.0) + part
+        return total

@@ -1,0 +1,25 @@
+"""Every number that decides in a diagnosis, with where it comes from."""
+
+ODDS = 0.08
+"""Prior odds of an effect of the catalogue at one place: of two dozen places, one or two have one in a laboratory."""
+TEMPER = 1.0
+"""Power by which evidence is divided."""
+NAMED = 0.5
+"""Posterior probability from which an effect is named: it is then more likely there than not."""
+CLASS = 0.9
+"""Correlation of what two effects do, less what constants and errors imitate, from which they are look-alikes."""
+CLASS_NATS = 3.0
+"""Or: difference of ln evidence up to which a recording does not tell one from the other (odds of twenty)."""
+WORTH = 1.0
+"""Gain in ln evidence that a screening must promise for an effect to be fitted at all."""
+FITTED_FIRST, FITTED_LATER, PARENTS, POLISHED = 8, 5, 2, 3
+"""How many effects are fitted alone, and beside what is there; and beside how many explanations. A budget."""
+NEAR = 12.0
+"""ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
+MOST = 5
+"""Effects at once. A budget."""
+INSTRUMENT = 8e-4
+"""Error of the instrument, root mean square of ln Z, where nothing else is told."""
+"""What is left is more than the instrument's error from this."""
+UNKNOWN_LEFT = 2.0
+"""Root mean square of what errors of the model take up, in units of the instrument's, from which something is left."""
