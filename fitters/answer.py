@@ -30,9 +30,21 @@ _MISFIT = 1.5
 
 
 def fitted_constants(
-    layers: tuple[LayerSpec, ...], values: Mapping[str, float], names: tuple[str, ...], covariance: Reals | None
+    layers: tuple[LayerSpec, ...],
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    covariance: Reals | None,
+    by: Mapping[str, Reals] | None = None,
 ) -> dict[str, Constant]:
-    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none."""
+    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none.
+
+    `by`: standard uncertainties of the same parameters by source.
+    """
+    at = {name: k for k, name in enumerate(names)}
+
+    def parts(name: str) -> Mapping[str, float] | None:
+        return None if by is None or name not in at else {source: float(u[at[name]]) for source, u in by.items()}
+
     variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
 
     def u(name: str) -> float | None:
@@ -44,10 +56,17 @@ def fitted_constants(
             full = f"{layer.name}.{name}"
             if name in PIEZO_CONSTANTS:
                 re, im = f"{full}.re", f"{full}.im"
-                constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
+                constants[full] = Constant(
+                    *(values[re], values[im], u(re), u(im), UNITS[name]),
+                    free=u(re) != 0,
+                    u_by_re=parts(re),
+                    u_by_im=parts(im),
+                )
             elif full in values:
                 for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
-                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
+                    constants[one] = Constant(
+                        *(values[one], 0.0, u(one), 0.0, UNITS[name]), free=u(one) != 0, u_by_re=parts(one)
+                    )
     return constants
 
 

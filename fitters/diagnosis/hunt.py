@@ -115,10 +115,13 @@ class Hunt:
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""
-        key = one.key - {effect}
+        return self.of([other for other in one.effects if other is not effect], one)
+
+    def of(self, effects: Sequence[Candidate], near: Hypothesis) -> Hypothesis:
+        """Return the hypothesis of these effects, fitted from another one where it has not been yet."""
+        key = frozenset(effects)
         if key not in self.found:
-            effects = tuple(other for other in one.effects if other is not effect)
-            self._take(fitted(self.problem, effects, one.values, (one.fit.sizes,), fast=self._fast))
+            self._take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
         return self.found[key]
 
     def thin(self, one: Hypothesis) -> None:

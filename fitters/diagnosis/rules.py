@@ -23,3 +23,5 @@ INSTRUMENT = 8e-4
 """What is left is more than the instrument's error from this."""
 UNKNOWN_LEFT = 2.0
 """Root mean square of what errors of the model take up, in units of the instrument's, from which something is left."""
+SOMETHING = {"tau": 3e-3, "rho": 3e-4, "slow": 3.0}
+"""Errors above which they are none of a good device and instrument any more."""

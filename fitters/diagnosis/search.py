@@ -9,6 +9,7 @@ from ...models.arrays import Complexes, Reals
 from ...models.effects import Knob
 from ..descent import Descent, chi2_per_point, descend
 from ..objective import Objective
+from .hypotheses import Hypothesis
 from .problem import Candidate, Problem
 
 ROUGH = 1e-3
@@ -64,6 +65,13 @@ def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
     )
     beforehand = descent.objective.residual(descent.x)[2 * descent.objective.points :]
     return Refit(tuple(effects), descent, chi2, float(np.sum(beforehand**2)))
+
+
+def as_refit(problem: Problem, found: Hypothesis) -> Refit:
+    """Return a hypothesis as a fit by noise alone, which pictures, held-out bands and what is left are told by."""
+    objective = problem.objective(found.effects, found.values)
+    x = objective.coordinates.x
+    return finished(found.effects, Descent(objective, x, x, 0.0, converged=True, evaluations=0))
 
 
 def refit(

@@ -1,0 +1,125 @@
+"""From all hypotheses to a verdict: what is named, with which probability, what looks alike, what is left."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..errors.sources import Taken, taken_up
+from .flaws import UNKNOWN
+from .hunt import Hunt
+from .hypotheses import Hypothesis
+from .findings import Alternative, Remaining, Verdict
+from .moved import change_by, constants_of, moves_a_constant, projected, sizes_of
+from .problem import Candidate
+from .rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING
+
+Kind = Literal["finding", "remark"]
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect that is named."""
+
+    candidate: Candidate
+    probability: float
+    moves: float
+    share: float
+    kind: Kind
+    without: Hypothesis
+    same_as: tuple[Alternative, ...]
+    alternatives: tuple[Alternative, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """What follows from a search."""
+
+    null: Hypothesis
+    final: Hypothesis
+    named: tuple[Named, ...]
+    """By what they move, the most first."""
+    remaining: Remaining
+    something_left: bool
+    """Whether more than the instrument's error is left that no effect explains."""
+
+    @property
+    def findings(self) -> tuple[Named, ...]:
+        """Those that matter."""
+        return tuple(one for one in self.named if one.kind == "finding")
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict."""
+        physics = [one for one in self.findings if one.candidate.effect.name != UNKNOWN]
+        flawed = len(physics) < len(self.findings)
+        if physics:
+            return "partly-explained" if flawed or self.something_left else "explained"
+        return "unexplained" if flawed or self.something_left else "no-mismatch"
+
+
+def conclude(hunt: Hunt) -> Conclusion:
+    """Return what follows from the hypotheses that were fitted."""
+    null, best = hunt.found[frozenset()], hunt.best
+    inclusion = hunt.inclusion()
+    sure = [one for one in best.effects if inclusion.get(one, 0.0) >= NAMED]
+    final = best if len(sure) == len(best.effects) else hunt.of(sure, best)
+    moves = sizes_of(hunt.problem, final)
+    before, _ = _rms(null), _rms(final)
+    after = constants_of(hunt.problem, final)
+    named = []
+    for one in sorted(final.effects, key=lambda one: -moves[one]):
+        without = hunt.without(final, one)
+        matters = moves[one] > INSTRUMENT or moves_a_constant(constants_of(hunt.problem, without), after)
+        share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
+        same, others = _look_alikes(hunt, final, one)
+        named.append(
+            Named(one, inclusion.get(one, 0.0), moves[one], share, "finding" if matters else "remark", without, same, others)
+        )
+    taken = taken_up(final.fit)
+    remaining = Remaining(_rms(final), _size(taken.instrument))
+    del before
+    return Conclusion(null, final, tuple(named), remaining, _something_left(final, taken))
+
+
+def _rms(one: Hypothesis) -> float:
+    return _size(one.fit.gram.r)
+
+
+def _size(parts: Sequence[np.ndarray]) -> float:
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(parts)) ** 2)))
+
+
+def _something_left(final: Hypothesis, taken: Taken) -> bool:
+    """Return whether the errors of the model had to be larger than a good device's are."""
+    noise = float(np.sqrt(2 * np.mean(np.concatenate([p.noise for p in final.fit.gram.columns.points]) ** 2)))
+    model = np.hypot(_size(taken.model), np.sqrt(max(0.0, _size(taken.left) ** 2 - noise**2)))
+    sizes = final.fit.sizes
+    return (sizes.tau > SOMETHING["tau"] or sizes.rho > SOMETHING["rho"] or sizes.slow > SOMETHING["slow"]) and float(
+        model
+    ) > INSTRUMENT
+
+
+def _look_alikes(
+    hunt: Hunt, final: Hypothesis, one: Candidate
+) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
+    """Return what the recordings do not tell from an effect, and what else was weighed in its place."""
+    rest = final.key - {one}
+    rivals = [h for h in hunt.ranked if rest < h.key and len(h.key) == len(final.key) and one not in h.key]
+    own = change_by(hunt.problem, final, one)
+    inclusion = hunt.inclusion()
+    same: list[Alternative] = [Alternative(one.effect.name, twin.where, 0.0) for twin in hunt.twins.get(one, ())]
+    others: list[Alternative] = []
+    for rival in rivals[:6]:
+        (other,) = rival.key - rest
+        if other.effect.name == UNKNOWN or (other.effect.name, other.where) == (one.effect.name, one.where):
+            continue
+        its = change_by(hunt.problem, rival, other)
+        columns = projected(final, [own, its])
+        norm = np.linalg.norm(columns, axis=0)
+        alike = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
+        entry = Alternative(other.effect.name, other.where, inclusion.get(other, 0.0))
+        near = final.log_evidence - rival.log_evidence < CLASS_NATS
+        (same if alike > CLASS and final.log_evidence - rival.log_evidence < 10 * CLASS_NATS or near else others).append(entry)
+    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(others))
