@@ -27,6 +27,7 @@ from .priors import shown
 from .problem import Candidate, Problem
 from .proof import held_out_chi2, unforeseen
 from .remainder import in_words, remainder
+from .rules import FITTED_LATER
 from .score import scores
 from .search import Refit, as_refit
 
@@ -53,9 +54,14 @@ def diagnose(
     progress("fitting without effects")
     problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
     choice = candidates(problem, effects)
-    hunt = Hunt(problem, (*choice, *flaws(problem)), progress)
+    hunt = Hunt(problem, choice, progress)
     hunt.run()
     found = conclude(hunt)
+    if found.something_left:
+        hunt.candidates = (*hunt.candidates, *flaws(problem))
+        hunt.grow(found.final, FITTED_LATER)
+        hunt.polish()
+        found = conclude(hunt)
     progress("proving on what took no part")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)

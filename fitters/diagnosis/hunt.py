@@ -9,7 +9,7 @@ from ...models.errors import PzctlError
 from ..errors.hyper import Sizes
 from .hypotheses import Hypothesis, fitted, probabilities
 from .problem import Candidate, Problem
-from .rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, PARENTS, POLISHED, TEMPER, WORTH
+from .rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, PARENTS, POLISHED, TEMPER
 from .screen import Promise, screened
 
 
@@ -37,7 +37,7 @@ class Hunt:
 
     def begin(self) -> Hypothesis:
         """Fit without effects."""
-        null = fitted(self.problem, (), self.problem.values, near=True)
+        null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
         self.found[null.key] = null
         return null
 
@@ -63,18 +63,14 @@ class Hunt:
         self._grown.add(parent.key)
         taken = {(one.effect.name, one.where) for one in parent.effects}
         left = [one for one in self.candidates if (one.effect.name, one.where) not in taken]
-        plainly, beside = screened(self.problem, parent, left)
-        for promise in plainly:
+        lists = screened(self.problem, parent, left)
+        for promise in lists[0]:
             self.twins[promise.candidate] = promise.twins
         chosen: dict[Candidate, list[Promise]] = {}
-        worth = [promise for promise in beside if promise.gain > WORTH][: most - most // 3]
-        plainly = [promise for promise in plainly if promise.gain > WORTH]
-        for promise in [*worth, *plainly[:most]]:
-            if promise.candidate not in chosen and len(chosen) >= most:
-                break
-            known = chosen.setdefault(promise.candidate, [])
-            if all(promise.start != other.start for other in known):
-                known.append(promise)
+        for rank in range(len(left)):
+            for promises in lists:
+                if rank < len(promises) and len(chosen) < most:
+                    chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         for one, promises in chosen.items():
             self.progress(f"trying {one.effect.name} at {one.where}")
             self._try(parent, one, promises)
@@ -85,7 +81,7 @@ class Hunt:
         for promise in promises[:1]:
             try:
                 made = fitted(
-                    self.problem, effects, {**parent.values, **promise.start}, starts, rounds=1, fast=self._fast
+                    self.problem, effects, {**parent.values, **promise.start}, starts, rounds=2, fast=self._fast
                 )
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
@@ -109,7 +105,7 @@ class Hunt:
             if one.key not in self._fine and one.log_weight > self.best.log_weight - NEAR:
                 self._fine.add(one.key)
                 again = fitted(
-                    self.problem, one.effects, one.values, (one.fit.sizes,), near=True, rounds=2, fast=self._fast
+                    self.problem, one.effects, one.values, (one.fit.sizes,), near=True, rounds=4, fast=self._fast
                 )
                 self._take(again)
 

@@ -84,7 +84,7 @@ def fitted(
     starts: Sequence[Sizes] = (_EMPTY,),
     *,
     near: bool = False,
-    rounds: int = 2,
+    rounds: int = 3,
     fast: bool = True,
 ) -> Hypothesis:
     """Return a hypothesis fitted from `values`; `near`: they are a minimum but for little."""

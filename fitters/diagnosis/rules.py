@@ -10,9 +10,7 @@ CLASS = 0.9
 """Correlation of what two effects do, less what constants and errors imitate, from which they are look-alikes."""
 CLASS_NATS = 3.0
 """Or: difference of ln evidence up to which a recording does not tell one from the other (odds of twenty)."""
-WORTH = 1.0
-"""Gain in ln evidence that a screening must promise for an effect to be fitted at all."""
-FITTED_FIRST, FITTED_LATER, PARENTS, POLISHED = 8, 5, 2, 3
+FITTED_FIRST, FITTED_LATER, PARENTS, POLISHED = 16, 8, 2, 4
 """How many effects are fitted alone, and beside what is there; and beside how many explanations. A budget."""
 NEAR = 12.0
 """ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
@@ -23,5 +21,5 @@ INSTRUMENT = 8e-4
 """What is left is more than the instrument's error from this."""
 UNKNOWN_LEFT = 2.0
 """Root mean square of what errors of the model take up, in units of the instrument's, from which something is left."""
-SOMETHING = {"tau": 3e-3, "rho": 3e-4, "slow": 3.0}
+SOMETHING = {"tau": 1e-3, "rho": 3e-4, "slow": 2.0}
 """Errors above which they are none of a good device and instrument any more."""

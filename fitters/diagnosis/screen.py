@@ -1,7 +1,7 @@
 """Which effects promise something: each at a few plausible sizes against what is left of a fit, without fitting it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -15,6 +15,8 @@ from ..recording import log_ratio
 from .hypotheses import Hypothesis
 from .problem import Candidate, Problem
 
+MODEST = Sizes(tau=3e-5, rho=3e-4, slow=1.0, losses=0.3)
+"""Errors of a good device and a good instrument."""
 _SPREADS = (-2.0, -0.7, 0.7)
 """Sizes tried, in standard deviations of their logarithm."""
 _SIGNED = (-0.5, 0.5)
@@ -38,18 +40,19 @@ class Promise:
     """The same elsewhere: by symmetry it does the same."""
 
 
-def screened(problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]) -> tuple[list[Promise], list[Promise]]:
-    """Return what candidates promise beside a hypothesis, best first: by plain least squares, and beside its errors."""
+def screened(problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]) -> tuple[list[Promise], ...]:
+    """Return what candidates promise beside a hypothesis, best first: against all that it leaves as if that were noise,
+    beside the errors of a good device and instrument, and beside the hypothesis's own errors.
+    """
     trials = [(one, values, change) for one in candidates for values, change in _changes(problem, parent, one)]
     if not trials:
-        return [], []
+        return [], [], []
     changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]
     twins = _twins(trials, changes)
     starts = [(one, values) for one, values, _ in trials]
-    return (
-        _ranked(starts, _gains(parent, changes, soft=True), twins),
-        _ranked(starts, _gains(parent, changes, soft=False), twins),
-    )
+    modest = replace(MODEST, colour=parent.fit.sizes.colour)
+    soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, modest, parent.fit.sizes))
+    return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
 
 
 def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple[dict[str, float], list[Complexes]]]:
@@ -103,11 +106,14 @@ def _scan(problem: Problem, knob: Knob) -> tuple[float, ...]:
     return (knob.expected[0] if knob.from_nothing else knob.null,)
 
 
-def _gains(parent: Hypothesis, changes: Sequence[Complexes], *, soft: bool) -> Reals:
-    """Return by how much minus ln likelihood falls along each change, stretched as it fits best; shape (T,)."""
+def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: Sizes | None) -> Reals:
+    """Return by how much minus ln likelihood falls along each change, stretched as it fits best; shape (T,).
+
+    `sizes` of the errors; None: what is left counts as noise.
+    """
     made = parent.fit.gram
-    columns, sizes = made.columns, parent.fit.sizes
-    if soft:
+    columns = made.columns
+    if sizes is None:
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in made.r]
         points = tuple(
             Points(own.log_f, np.hypot(own.noise, misfit), own.felt)

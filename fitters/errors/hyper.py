@@ -20,7 +20,7 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
     "slow": scales.SHARES,
     "fast": scales.QUICK,
     "losses": scales.ON,
-    "shape": scales.ON,
+    "shape": scales.BENT,
     "colour": scales.COLOURS,
 }
 _ROUNDS = 3

@@ -156,7 +156,7 @@ def fit(
     marginal: Marginal,
     x: Reals,
     starts: Sequence[Sizes] = (Sizes(),),
-    rounds: int = 2,
+    rounds: int = 3,
     fixed: bool = False,
     fast: bool = True,
 ) -> Fit:
@@ -173,7 +173,7 @@ def fit(
             sizes, _ = chosen(made, tuple(starts) if k == 0 else (sizes,), order)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
-        if steps <= 1:
+        if steps <= 1 and k > 0:
             break
     made = marginal.gram(x, columns)
     return Fit(marginal, x, sizes, made, made.value(sizes), used)

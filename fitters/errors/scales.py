@@ -28,7 +28,7 @@ ROUGH_FLOOR = 0.5
 FEW_SMOOTH, FEW_PATH, FEW_SLOW, FEW_FAST, FEW_SHAPE = 5, 3, 5, 14, 4
 """Functions of each process that are kept; what is left of its variance is below 1e-3 over a decade."""
 
-TAUS = (0.0, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+TAUS = (0.0, 3e-5, 1e-4, 3e-4)
 """Standard deviation of the smooth relative error of a constant."""
 RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)
 """Standard deviation of the rough relative error."""
@@ -37,7 +37,9 @@ SHARES = (0.0, 0.3, 1.0, 3.0)
 QUICK = (0.0, 0.1, 0.3, 1.0)
 """Instrument's fast error in the same units."""
 ON = (0.0, 0.3, 1.0)
-"""Losses, and effects' shapes, in units of their prior scale."""
+"""Losses, in units of their prior scale."""
+BENT = (0.0, 0.3, 1.0, 3.0)
+"""Effects' shapes, in units of their prior scale."""
 COLOURS = (0.0, 0.3, 0.5, 0.65, 0.8)
 """Correlation of the noise of neighbouring points (first-order autoregression)."""
 
