@@ -11,7 +11,7 @@ from .flaws import UNKNOWN
 from .hunt import Hunt
 from .hypotheses import Hypothesis
 from .findings import Alternative, Remaining, Verdict
-from .moved import change_by, constants_of, moves_a_constant, projected, sizes_of
+from .moved import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 from .problem import Candidate
 from .rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING
 
@@ -66,12 +66,13 @@ def conclude(hunt: Hunt) -> Conclusion:
     sure = [one for one in best.effects if inclusion.get(one, 0.0) >= NAMED]
     final = best if len(sure) == len(best.effects) else hunt.of(sure, best)
     moves = sizes_of(hunt.problem, final)
-    before, _ = _rms(null), _rms(final)
     after = constants_of(hunt.problem, final)
     named = []
     for one in sorted(final.effects, key=lambda one: -moves[one]):
         without = hunt.without(final, one)
-        matters = moves[one] > INSTRUMENT or moves_a_constant(constants_of(hunt.problem, without), after)
+        error = INSTRUMENT * max(final.fit.sizes.slow, final.fit.sizes.fast)
+        matters = largest_of(hunt.problem, final, one) > error
+        matters = matters or moves_a_constant(constants_of(hunt.problem, without), after)
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _look_alikes(hunt, final, one)
         named.append(
@@ -79,7 +80,6 @@ def conclude(hunt: Hunt) -> Conclusion:
         )
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
-    del before
     return Conclusion(null, final, tuple(named), remaining, _something_left(final, taken))
 
 

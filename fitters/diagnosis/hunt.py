@@ -9,7 +9,7 @@ from ...models.errors import PzctlError
 from ..errors.hyper import Sizes
 from .hypotheses import Hypothesis, fitted, probabilities
 from .problem import Candidate, Problem
-from .rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, PARENTS, POLISHED, TEMPER
+from .rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, TEMPER, WORTH
 from .screen import Promise, screened
 
 
@@ -22,6 +22,7 @@ class Hunt:
     progress: Callable[[str], None] = lambda _: None
     found: dict[frozenset[Candidate], Hypothesis] = field(default_factory=dict[frozenset[Candidate], Hypothesis])
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
+    _likely: Candidate | None = None
     _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
 
@@ -45,18 +46,26 @@ class Hunt:
         """Look for what explains the recordings."""
         null = self.begin()
         self.grow(null, FITTED_FIRST)
+        self.polish()
         for _ in range(MOST - 1):
-            self.polish()
             before = self.best
-            near = [one for one in self.ranked[:PARENTS] if one.log_weight > before.log_weight - NEAR]
-            for parent in near:
-                if parent.effects and len(parent.effects) < MOST and parent.key not in self._grown:
-                    self.grow(parent, FITTED_LATER)
+            for parent in self._parents():
+                self.grow(parent, FITTED_LATER)
+            self.polish()
             if self.best is before:
                 break
-        self.polish()
         self.thin(self.best)
         return self.best
+
+    def _parents(self) -> list[Hypothesis]:
+        """Return what is to be grown: the best, and the best with the effect that a good bench would show."""
+        lines = [self.ranked, [one for one in self.ranked if self._likely in one.effects]]
+        parents = [line[0] for line in lines if line]
+        return [
+            one
+            for one in dict.fromkeys(parents)
+            if one.effects and len(one.effects) < MOST and one.key not in self._grown
+        ]
 
     def grow(self, parent: Hypothesis, most: int) -> None:
         """Fit what promises most beside a hypothesis."""
@@ -66,10 +75,12 @@ class Hunt:
         lists = screened(self.problem, parent, left)
         for promise in lists[0]:
             self.twins[promise.candidate] = promise.twins
+        if not parent.effects and lists[1]:
+            self._likely = lists[1][0].candidate
         chosen: dict[Candidate, list[Promise]] = {}
         for rank in range(len(left)):
-            for promises in lists:
-                if rank < len(promises) and len(chosen) < most:
+            for promises, least in zip(lists, (SOFT, WORTH, WORTH), strict=True):
+                if rank < len(promises) and promises[rank].gain > least and len(chosen) < most:
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         for one, promises in chosen.items():
             self.progress(f"trying {one.effect.name} at {one.where}")

@@ -51,6 +51,12 @@ def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
     return dict(zip(one.effects, rms.tolist(), strict=True))
 
 
+def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
+    """Return the largest |change of ln Z| that an effect makes at any point and no constant could."""
+    change = projected(one, [change_by(problem, one, effect)])[:, 0]
+    return float(np.max(np.abs(change)))
+
+
 def uncertainties(one: Hypothesis) -> tuple[Reals, dict[str, Reals]]:
     """Return the covariance of all model parameters, and their standard uncertainty by source."""
     spread = spread_of(one.fit)

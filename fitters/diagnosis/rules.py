@@ -10,11 +10,14 @@ CLASS = 0.9
 """Correlation of what two effects do, less what constants and errors imitate, from which they are look-alikes."""
 CLASS_NATS = 3.0
 """Or: difference of ln evidence up to which a recording does not tell one from the other (odds of twenty)."""
-FITTED_FIRST, FITTED_LATER, PARENTS, POLISHED = 16, 8, 2, 4
-"""How many effects are fitted alone, and beside what is there; and beside how many explanations. A budget."""
+SOFT, WORTH = 10.0, 3.0
+"""Gain in ln likelihood from which an effect is fitted: where all that is left counts as noise, and beside errors (the
+odds against an effect are about as much)."""
+FITTED_FIRST, FITTED_LATER, POLISHED = 10, 5, 2
+"""How many effects are fitted alone, and beside what is there; and how many are fitted to the end. A budget."""
 NEAR = 12.0
 """ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
-MOST = 5
+MOST = 4
 """Effects at once. A budget."""
 INSTRUMENT = 8e-4
 """Error of the instrument, root mean square of ln Z, where nothing else is told."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg import cholesky_banded
-from scipy.linalg.lapack import dtbtrs
+from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.arrays import Complexes, Reals
 from .scales import ROUGH_LENGTH
@@ -50,20 +49,22 @@ def gram(points: Sequence[Points], blocks: Sequence[Complexes], colour: float, r
 
 @dataclass(frozen=True, eq=False)
 class White:
-    """Columns in units of noise: X^T K^-1 Y is the product of `plain` less that of `rough`, Re and Im in turn."""
+    """Columns in units of noise: X^T K^-1 Y is the product of `plain` less what the rough error takes, Re and Im in turn."""
 
     plain: Reals
     rough: Reals | None
+    """V of the rough error."""
+    solved: Reals | None
+    """M^-1 V, M its precision beside noise."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
-        whole = self.plain.T @ self.plain
-        return whole if self.rough is None else whole - self.rough.T @ self.rough
+        return self.times(self)
 
     def times(self, other: "White") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
         whole = self.plain.T @ other.plain
-        return whole if self.rough is None or other.rough is None else whole - self.rough.T @ other.rough
+        return whole if self.rough is None or other.solved is None else whole - self.rough.T @ other.solved
 
 
 class Kernel:
@@ -77,7 +78,12 @@ class Kernel:
         """Return columns in units of noise; `blocks` are those of each recording, complex, shape (N, P)."""
         parts = [one.white(X) for one, X in zip(self._ones, blocks, strict=True)]
         rough = [part.rough for part in parts if part.rough is not None]
-        return White(np.concatenate([part.plain for part in parts]), np.concatenate(rough) if rough else None)
+        solved = [part.solved for part in parts if part.solved is not None]
+        return White(
+            np.concatenate([part.plain for part in parts]),
+            np.concatenate(rough) if rough else None,
+            np.concatenate(solved) if solved else None,
+        )
 
 
 class _One:
@@ -89,8 +95,7 @@ class _One:
         n = noise.size
         self._weight, self._colour = under_colour(colour) / noise, colour
         self.log_det = -2 * float(np.sum(np.log(self._weight))) + (n - 1) * float(np.log(1 - colour**2))
-        self.log_det /= 1.0
-        self._half: Reals | None = None
+        self._factor: tuple[Reals, Reals] | None = None
         if rho == 0:
             return
         scale = 1 / (1 - colour**2)
@@ -102,11 +107,13 @@ class _One:
         T[:-1] += step**2 / between
         T[1:] += step**2 / between
         self._amplitude = rho * felt * self._weight
-        banded = np.zeros((2, n))
-        banded[1] = T + self._amplitude**2 * middle
-        banded[0, 1:] = -step / between - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
-        self._half = cholesky_banded(banded, check_finite=False)
-        self.log_det += 2 * float(np.sum(np.log(self._half[1]))) + float(np.sum(np.log(between)))
+        diagonal = T + self._amplitude**2 * middle
+        beside = -step / between - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
+        d, e, failed = dpttrf(diagonal, beside)
+        if failed:
+            raise np.linalg.LinAlgError("rough error")
+        self._factor = d, e
+        self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def white(self, X: Complexes) -> White:
         X = X[self._kept] if not np.all(self._kept) else X
@@ -115,11 +122,11 @@ class _One:
         np.multiply(X.real, self._weight[:, None], out=both[:, :p])
         np.multiply(X.imag, self._weight[:, None], out=both[:, p:])
         white = _whitened(both, self._colour)
-        if self._half is None:
-            return White(_stacked(white, p), None)
+        if self._factor is None:
+            return White(_stacked(white, p), None, None)
         V = self._amplitude[:, None] * _back(white, self._colour)
-        W, _ = dtbtrs(self._half, V, uplo="U", trans="T", diag="N")
-        return White(_stacked(white, p), _stacked(W, p))
+        solved, _ = dpttrs(*self._factor, V)
+        return White(_stacked(white, p), _stacked(V, p), _stacked(solved, p))
 
 
 def _whitened(X: Reals, colour: float) -> Reals:
