@@ -1,6 +1,7 @@
 """From a minimum to the answer people read."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from .bootstrap import bootstrap
 from .budget import budget_of
 from .covariance import Estimate, estimate
 from .derived import derived_constants
+from .errors.bench import weighed
 from .interface import Constant, Curve, FitResult, Options
 from .intervals import with_draws, with_intervals
 from .joint import Solution
@@ -109,9 +111,14 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     result = estimate(solution.descent, objective)
     covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
+    by = None
+    if options.objective == "log" and options.procedure == "joint":
+        told = weighed(objective, result.x)
+        values, covariance, by = dict(told.values), told.covariance, told.by
+        result = replace(result, x=told.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
-    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance, by)
     derived = derived_constants(layers, values, coordinates.parameters, covariance)
     says = verdict(result, _aspect(solution.build), noise.relative)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)

@@ -54,8 +54,23 @@ class Hunt:
             self.polish()
             if self.best is before:
                 break
+        self.relocate(self.best)
         self.thin(self.best)
         return self.best
+
+    def relocate(self, one: Hypothesis) -> None:
+        """Fit the best with each of its effects at the other places where that could be."""
+        for effect in one.effects:
+            twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
+            rest = tuple(other for other in one.effects if other is not effect)
+            for other in self.candidates:
+                if other.effect.name != effect.effect.name or other in one.effects or (other.where, other.steps) in twins:
+                    continue
+                if frozenset((*rest, other)) in self.found:
+                    continue
+                there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
+                self._take(fitted(self.problem, (*rest, other), {**one.values, **there}, (one.fit.sizes,), fast=self._fast))
+        self.polish()
 
     def _parents(self) -> list[Hypothesis]:
         """Return what is to be grown: the best, and the best with the effect that a good bench would show."""
@@ -134,7 +149,9 @@ class Hunt:
     def thin(self, one: Hypothesis) -> None:
         """Fit the best without each of its effects, as long as one less is better."""
         for effect in one.effects:
-            self.without(one, effect)
+            rest = tuple(other for other in one.effects if other is not effect)
+            self._take(fitted(self.problem, rest, one.values, (one.fit.sizes,), near=True, fast=self._fast))
+        self.polish()
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
 

@@ -14,7 +14,7 @@ from .precision import Points
 from .hyper import Beforehand, Gram, Held, Sizes, Value, chosen
 
 ORDER = ("tau", "slow", "losses", "shape", "fast", "rho", "colour")
-_STEPS = 12
+_STEPS = 25
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1

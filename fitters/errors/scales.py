@@ -32,9 +32,9 @@ TAUS = (0.0, 3e-5, 1e-4, 3e-4)
 """Standard deviation of the smooth relative error of a constant."""
 RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)
 """Standard deviation of the rough relative error."""
-SHARES = (0.0, 0.3, 1.0, 3.0)
+SHARES = (0.0, 0.3, 1.0)
 """Instrument's slow error and fixture, in units of the specification."""
-QUICK = (0.0, 0.1, 0.3, 1.0)
+QUICK = (0.0, 0.1, 0.3)
 """Instrument's fast error in the same units."""
 ON = (0.0, 0.3, 1.0)
 """Losses, in units of their prior scale."""
