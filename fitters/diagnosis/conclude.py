@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from ...models.effects.effect import TERMINALS
+from ..errors.scales import FIXTURE
 from ..errors.sources import Taken, taken_up
 from .flaws import UNKNOWN
 from .hunt import Hunt
@@ -13,7 +15,7 @@ from .hypotheses import Hypothesis
 from .findings import Alternative, Remaining, Verdict
 from .moved import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 from .problem import Candidate
-from .rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING
+from .rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING, TOLERATED
 
 Kind = Literal["finding", "remark"]
 
@@ -70,9 +72,11 @@ def conclude(hunt: Hunt) -> Conclusion:
     named = []
     for one in sorted(final.effects, key=lambda one: -moves[one]):
         without = hunt.without(final, one)
-        error = INSTRUMENT * max(final.fit.sizes.slow, final.fit.sizes.fast)
+        sizes = final.fit.sizes
+        error = INSTRUMENT * max(sizes.slow, sizes.fast)
         matters = largest_of(hunt.problem, final, one) > error
         matters = matters or moves_a_constant(constants_of(hunt.problem, without), after)
+        matters = matters and not (error > 0 and _is_the_fixture(one, final))
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _look_alikes(hunt, final, one)
         named.append(
@@ -81,6 +85,19 @@ def conclude(hunt: Hunt) -> Conclusion:
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
     return Conclusion(null, final, tuple(named), remaining, _something_left(final, taken))
+
+
+def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:
+    """Return whether something at the terminals is no larger than what compensation leaves of any fixture."""
+    limits = {
+        "inductance": FIXTURE["inductance"],
+        "resistance": FIXTURE["resistance"],
+        "skin": FIXTURE["skin"],
+        "capacitance": FIXTURE["capacitance"],
+        "conductance": FIXTURE["conductance"],
+    }
+    known = [(final.values[name], limits[knob.name]) for name, knob in one.sizes if knob.name in limits]
+    return one.where == TERMINALS and bool(known) and all(abs(value) < TOLERATED * limit for value, limit in known)
 
 
 def _rms(one: Hypothesis) -> float:

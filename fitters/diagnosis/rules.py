@@ -21,8 +21,8 @@ MOST = 4
 """Effects at once. A budget."""
 INSTRUMENT = 8e-4
 """Error of the instrument, root mean square of ln Z, where nothing else is told."""
-"""What is left is more than the instrument's error from this."""
-UNKNOWN_LEFT = 2.0
-"""Root mean square of what errors of the model take up, in units of the instrument's, from which something is left."""
-SOMETHING = {"tau": 1e-3, "rho": 3e-4, "slow": 2.0}
+TOLERATED = 2.0
+"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is no
+more than that, where the instrument shows errors: one fixture in twenty has more."""
+SOMETHING = {"tau": 2e-4, "rho": 3e-4, "slow": 2.0}
 """Errors above which they are none of a good device and instrument any more."""

@@ -18,7 +18,7 @@ from .basis import smooth
 from .precision import Points
 
 Part = str
-"""`slow`, `fast`, `tau`, `imaginary`, `losses` or `shape`: what a column belongs to, and is scaled with."""
+"""`slow`, `fast`, `fixture`, `tau`, `imaginary`, `losses` or `shape`: what a column belongs to, and is scaled with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +143,9 @@ def _fixture(add: _Add) -> None:
         "conductance": lambda f: np.ones(f.size, np.complex128),
     }
     for name, law in series.items():
-        add("slow", 0.0, lambda p, s=scales.FIXTURE[name], law=law: s * law(p.recording.sweep.frequency) / p.Z)
+        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: s * law(p.recording.sweep.frequency) / p.Z)
     for name, law in shunt.items():
-        add("slow", 0.0, lambda p, s=scales.FIXTURE[name], law=law: -s * law(p.recording.sweep.frequency) * p.Z)
+        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: -s * law(p.recording.sweep.frequency) * p.Z)
 
 
 def _constants(add: _Add, places: Sequence[Place], functions: Sequence[Reals]) -> None:

@@ -19,6 +19,7 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
     "rho": scales.RHOS,
     "slow": scales.SHARES,
     "fast": scales.QUICK,
+    "fixture": scales.THERE,
     "losses": scales.ON,
     "shape": scales.BENT,
     "colour": scales.COLOURS,
@@ -36,6 +37,7 @@ class Sizes:
     rho: float = 0.0
     slow: float = 0.0
     fast: float = 0.0
+    fixture: float = 0.0
     losses: float = 0.0
     shape: float = 0.0
     colour: float = 0.0
@@ -55,7 +57,7 @@ class Sizes:
 
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
-        return {name: getattr(self, name) for name in ("tau", "slow", "fast", "losses", "shape")}
+        return {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "losses", "shape")}
 
 
 @dataclass(frozen=True, eq=False)

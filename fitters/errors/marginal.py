@@ -13,7 +13,7 @@ from .columns import Columns, columns_of, place_of
 from .precision import Points
 from .hyper import Beforehand, Gram, Held, Sizes, Value, chosen
 
-ORDER = ("tau", "slow", "losses", "shape", "fast", "rho", "colour")
+ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "rho", "colour")
 _STEPS = 25
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""

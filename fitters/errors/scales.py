@@ -34,6 +34,8 @@ RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)
 """Standard deviation of the rough relative error."""
 SHARES = (0.0, 0.3, 1.0)
 """Instrument's slow error and fixture, in units of the specification."""
+THERE = (0.0, 1.0)
+"""The fixture's residual, in units of its prior."""
 QUICK = (0.0, 0.1, 0.3)
 """Instrument's fast error in the same units."""
 ON = (0.0, 0.3, 1.0)
@@ -43,5 +45,5 @@ BENT = (0.0, 0.3, 1.0, 3.0)
 COLOURS = (0.0, 0.3, 0.5, 0.65, 0.8)
 """Correlation of the noise of neighbouring points (first-order autoregression)."""
 
-NONE = {"tau": 0.4, "rho": 0.4, "slow": 0.4, "fast": 0.7, "losses": 0.4, "shape": 0.4, "colour": 0.8}
+NONE = {"tau": 0.4, "rho": 0.4, "slow": 0.4, "fast": 0.7, "fixture": 0.4, "losses": 0.4, "shape": 0.4, "colour": 0.8}
 """Prior probability that a part of the error is not there at all; the other values of its grid share the rest."""

@@ -15,7 +15,7 @@ from .marginal import Fit
 from .precision import Kernel
 
 SOURCES = ("noise", "instrument", "model", "dimensions")
-_INSTRUMENT = ("slow", "fast")
+_INSTRUMENT = ("slow", "fast", "fixture")
 
 
 @dataclass(frozen=True, eq=False)
