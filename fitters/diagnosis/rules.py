@@ -24,5 +24,5 @@ INSTRUMENT = 8e-4
 TOLERATED = 2.0
 """Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is no
 more than that, where the instrument shows errors: one fixture in twenty has more."""
-SOMETHING = {"tau": 2e-4, "rho": 3e-4, "slow": 2.0}
+SOMETHING = {"tau": 1e-3, "rho": 3e-4, "slow": 2.0}
 """Errors above which they are none of a good device and instrument any more."""

@@ -51,9 +51,14 @@ class Sizes:
         """ln of the prior probability on the grids."""
         total = 0.0
         for name, grid in GRIDS.items():
-            none = scales.NONE[name]
+            none = self._none_of_fixture if name == "fixture" else scales.NONE[name]
             total += log(none) if getattr(self, name) == 0 else log((1 - none) / (len(grid) - 1))
         return total
+
+    @property
+    def _none_of_fixture(self) -> float:
+        """Probability that the fixture leaves nothing: an instrument without any error has a fixture without one."""
+        return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
 
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""

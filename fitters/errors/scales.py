@@ -45,5 +45,7 @@ BENT = (0.0, 0.3, 1.0, 3.0)
 COLOURS = (0.0, 0.3, 0.5, 0.65, 0.8)
 """Correlation of the noise of neighbouring points (first-order autoregression)."""
 
-NONE = {"tau": 0.4, "rho": 0.4, "slow": 0.4, "fast": 0.7, "fixture": 0.4, "losses": 0.4, "shape": 0.4, "colour": 0.8}
+NONE = {"tau": 0.4, "rho": 0.4, "slow": 0.4, "fast": 0.7, "fixture": 0.1, "losses": 0.4, "shape": 0.4, "colour": 0.8}
 """Prior probability that a part of the error is not there at all; the other values of its grid share the rest."""
+EXACT_FIXTURE = 0.999
+"""The same of the fixture where the instrument has no error at all: then the recording is no real one."""
