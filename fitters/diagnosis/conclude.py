@@ -9,10 +9,10 @@ import numpy as np
 from ...models.effects.effect import TERMINALS
 from ..errors.scales import FIXTURE
 from ..errors.sources import Taken, taken_up
+from .findings import Alternative, Remaining, Verdict
 from .flaws import UNKNOWN
 from .hunt import Hunt
 from .hypotheses import Hypothesis
-from .findings import Alternative, Remaining, Verdict
 from .moved import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 from .problem import Candidate
 from .rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING, TOLERATED
@@ -69,7 +69,7 @@ def conclude(hunt: Hunt) -> Conclusion:
     final = best if len(sure) == len(best.effects) else hunt.of(sure, best)
     moves = sizes_of(hunt.problem, final)
     after = constants_of(hunt.problem, final)
-    named = []
+    named: list[Named] = []
     for one in sorted(final.effects, key=lambda one: -moves[one]):
         without = hunt.without(final, one)
         sizes = final.fit.sizes
@@ -80,7 +80,16 @@ def conclude(hunt: Hunt) -> Conclusion:
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _look_alikes(hunt, final, one)
         named.append(
-            Named(one, inclusion.get(one, 0.0), moves[one], share, "finding" if matters else "remark", without, same, others)
+            Named(
+                one,
+                inclusion.get(one, 0.0),
+                moves[one],
+                share,
+                "finding" if matters else "remark",
+                without,
+                same,
+                others,
+            )
         )
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
@@ -138,5 +147,7 @@ def _look_alikes(
         alike = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
         entry = Alternative(other.effect.name, other.where, inclusion.get(other, 0.0))
         near = final.log_evidence - rival.log_evidence < CLASS_NATS
-        (same if alike > CLASS and final.log_evidence - rival.log_evidence < 10 * CLASS_NATS or near else others).append(entry)
+        (
+            same if (alike > CLASS and final.log_evidence - rival.log_evidence < 10 * CLASS_NATS) or near else others
+        ).append(entry)
     return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(others))

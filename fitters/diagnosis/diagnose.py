@@ -131,9 +131,7 @@ def _in_two_dimensions(
     )
 
 
-def _finding(
-    problem: Problem, named: Named, found: Conclusion, final: Refit, held: tuple[float, float]
-) -> Finding:
+def _finding(problem: Problem, named: Named, found: Conclusion, final: Refit, held: tuple[float, float]) -> Finding:
     candidate, without = named.candidate, as_refit(problem, named.without)
     fall = excess_of(without.in_noise, final.in_noise)
     bands = [

@@ -64,12 +64,18 @@ class Hunt:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
             for other in self.candidates:
-                if other.effect.name != effect.effect.name or other in one.effects or (other.where, other.steps) in twins:
+                if (
+                    other.effect.name != effect.effect.name
+                    or other in one.effects
+                    or (other.where, other.steps) in twins
+                ):
                     continue
                 if frozenset((*rest, other)) in self.found:
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
-                self._take(fitted(self.problem, (*rest, other), {**one.values, **there}, (one.fit.sizes,), fast=self._fast))
+                self._take(
+                    fitted(self.problem, (*rest, other), {**one.values, **there}, (one.fit.sizes,), fast=self._fast)
+                )
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:

@@ -36,12 +36,12 @@ class Hypothesis:
 
     @property
     def log_evidence(self) -> float:
-        """ln of the marginal likelihood."""
+        """Ln of the marginal likelihood."""
         return self.fit.log_evidence + self.log_tails
 
     @property
     def log_weight(self) -> float:
-        """ln of the marginal likelihood times the prior odds."""
+        """Ln of the marginal likelihood times the prior odds."""
         return self.log_evidence + self.log_odds
 
     @cached_property
@@ -69,7 +69,10 @@ def _start(centre: float, null: float, from_nothing: bool) -> float:
 
 
 def marginal_of(
-    problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float], recordings: Sequence[Recording] | None = None
+    problem: Problem,
+    effects: Sequence[Candidate],
+    values: Mapping[str, float],
+    recordings: Sequence[Recording] | None = None,
 ) -> Marginal:
     """Return the fit of these effects, to start at `values`."""
     coordinates = coordinates_with(problem, effects, values)

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...models.arrays import Complexes, Reals
 from ...models.effects import Device
-from ..assembly import layers_of
 from ..answer import fitted_constants
+from ..assembly import layers_of
 from ..errors.sources import spread_of
 from ..interface import Constant
 from ..recording import log_ratio
@@ -33,13 +33,13 @@ def projected(one: Hypothesis, changes: list[list[Complexes]]) -> Reals:
     free = one.objective.coordinates.free
     knobs = {name for effect in one.effects for name in effect.parameters}
     own = [k for k, name in enumerate(free) if name not in knobs]
-    J = np.concatenate(one.fit.gram.J)[:, own]
-    J = np.concatenate([J.real, J.imag])
-    size = np.linalg.norm(J, axis=0)
-    Q, _ = np.linalg.qr(J[:, size > 0] / size[size > 0])
-    D = np.stack([np.concatenate(change) for change in changes], axis=1)
-    D = np.concatenate([D.real, D.imag])
-    return D - Q @ (Q.T @ D)
+    slopes = np.concatenate(one.fit.gram.J)[:, own]
+    rows = np.concatenate([slopes.real, slopes.imag])
+    size = np.linalg.norm(rows, axis=0)
+    Q, _ = np.linalg.qr(rows[:, size > 0] / size[size > 0])
+    whole = np.stack([np.concatenate(change) for change in changes], axis=1)
+    both = np.concatenate([whole.real, whole.imag])
+    return both - Q @ (Q.T @ both)
 
 
 def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:

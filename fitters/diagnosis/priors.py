@@ -95,6 +95,4 @@ def _per_log(knob: Knob) -> Callable[[float], float]:
 
 def shown(values: Mapping[str, float], one: Candidate) -> dict[str, float]:
     """Return the knobs of an effect among the parameters of a fit, within their limits."""
-    return {
-        knob.name: min(max(values[one.prefix + knob.name], knob.lower), knob.upper) for knob in one.knobs
-    }
+    return {knob.name: min(max(values[one.prefix + knob.name], knob.lower), knob.upper) for knob in one.knobs}

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.arrays import Complexes, Reals
 from ...models.effects import Device, Knob
+from ...models.model import Model
 from ..errors.columns import Columns
 from ..errors.hyper import Sizes
 from ..errors.precision import Points, gram
@@ -60,7 +61,7 @@ def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple
     made: list[tuple[dict[str, float], list[Complexes]]] = []
     curves = parent.objective.curves(parent.fit.x)
     with_one = problem.with_effects([*parent.effects, one])
-    models = []
+    models: list[Model] = []
     for recording in with_one:
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
@@ -157,7 +158,9 @@ def _ranked(starts: Sequence[_Start], gains: Reals, twins: dict[Candidate, Candi
     return sorted(found, key=lambda promise: -promise.gain)
 
 
-def _twins(trials: Sequence[tuple[Candidate, dict[str, float], list[Complexes]]], changes: Sequence[Complexes]) -> dict[Candidate, Candidate]:
+def _twins(
+    trials: Sequence[tuple[Candidate, dict[str, float], list[Complexes]]], changes: Sequence[Complexes]
+) -> dict[Candidate, Candidate]:
     """Return the candidates that do what another of the same effect does, by it."""
     whole = np.concatenate(changes)
     norm = np.linalg.norm(whole, axis=0)

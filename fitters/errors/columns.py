@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from ...models.arrays import Complexes, Frequencies, Impedances, Reals
@@ -35,10 +34,10 @@ class Columns:
 
     def scaled(self, sizes: Mapping[Part, float]) -> Reals:
         """Return the standard deviation of each column's coefficient, shape (C,)."""
-        plain = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
+        plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
         free = np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
         both = np.hypot(scales.IMAGINARY * sizes["tau"], self.losses * sizes["losses"])
-        return plain + free * both
+        return np.asarray(plain + free * both, np.float64)
 
     def only(self, on: NDArray[np.intp]) -> "Columns":
         """Return some of the columns."""
@@ -128,19 +127,19 @@ def _instrument(add: _Add, places: Sequence[Place], grid: _Grid, *, fast: bool) 
         of = _at(places, functions)
         for k in range(functions[0].shape[1]):
             for unit in (1.0, 1j):
-                add(part, 0.0, lambda p, of=of, k=k, unit=unit: scales.INSTRUMENT * unit * of[id(p)][:, k])
+                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(scales.INSTRUMENT * unit * of[id(p)][:, k]))
 
 
 def _fixture(add: _Add) -> None:
     """Add what compensation leaves: a series impedance and a shunt admittance."""
     series: dict[str, Callable[[Frequencies], Complexes]] = {
-        "inductance": lambda f: 2j * np.pi * f,
-        "resistance": lambda f: np.ones(f.size, np.complex128),
+        "inductance": lambda f: _complex(2j * np.pi * f),
+        "resistance": lambda f: _complex(np.ones(f.size)),
         "skin": lambda f: np.asarray((1 + 1j) * np.sqrt(f / 1e6), np.complex128),
     }
     shunt: dict[str, Callable[[Frequencies], Complexes]] = {
-        "capacitance": lambda f: 2j * np.pi * f,
-        "conductance": lambda f: np.ones(f.size, np.complex128),
+        "capacitance": lambda f: _complex(2j * np.pi * f),
+        "conductance": lambda f: _complex(np.ones(f.size)),
     }
     for name, law in series.items():
         add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: s * law(p.recording.sweep.frequency) / p.Z)
@@ -160,20 +159,28 @@ def _constants(add: _Add, places: Sequence[Place], functions: Sequence[Reals]) -
     slopes["shunt"] = [-p.Z / z0 for p in places]
     for name, own in slopes.items():
         centred = _centred(functions, own)
-        of, s = _at(places, centred), _at(places, [c[:, None] for c in own])
+        of, s = _at(places, centred), {id(p): c for p, c in zip(places, own, strict=True)}
         loss = next((p.losses[name] for p in places if name in p.losses), 0.0)
         kind = name.rpartition(".")[2]
-        own_loss = scales.LOSSES.get(kind, 0.4) * (loss if kind != "h33" else _loss_of(places, name)) if loss or kind == "h33" else 0
+        own_loss = (
+            scales.LOSSES.get(kind, 0.4) * (loss if kind != "h33" else _loss_of(places, name))
+            if loss or kind == "h33"
+            else 0
+        )
         few = centred[0].shape[1] if name in names else min(scales.FEW_PATH, centred[0].shape[1])
         for k in range(few):
-            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)][:, 0] * of[id(p)][:, k])
-            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: 1j * s[id(p)][:, 0] * of[id(p)][:, k])
+            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k])
+            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]))
         if kind == "eps33S":
             add(
                 "losses",
                 0.0,
-                lambda p, s=s: scales.FALL * s[id(p)][:, 0] * np.log(p.recording.sweep.frequency / f0),
+                lambda p, s=s: scales.FALL * s[id(p)] * np.log(p.recording.sweep.frequency / f0),
             )
+
+
+def _complex(values: Reals | NDArray[np.complexfloating]) -> Complexes:
+    return np.asarray(values, np.complex128)
 
 
 def _loss_of(places: Sequence[Place], name: str) -> float:

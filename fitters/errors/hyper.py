@@ -48,7 +48,7 @@ class Sizes:
 
     @property
     def log_prior(self) -> float:
-        """ln of the prior probability on the grids."""
+        """Ln of the prior probability on the grids."""
         total = 0.0
         for name, grid in GRIDS.items():
             none = self._none_of_fixture if name == "fixture" else scales.NONE[name]
@@ -137,9 +137,11 @@ def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, size
     """
     if L.size:
         B, _ = dtrtrs(L, np.asfortranarray(GX), lower=1)
-        X = X - B.T @ B
-    H = X[:-1, :-1] + before.P
-    g, q = X[:-1, -1] + before.g, float(X[-1, -1]) + before.q
+        left = X - B.T @ B
+    else:
+        left = X
+    H = left[:-1, :-1] + before.P
+    g, q = left[:-1, -1] + before.g, float(left[-1, -1]) + before.q
     unit = np.sqrt(np.maximum(np.diag(H), 1e-300))
     factor = cho_factor(H / unit / unit[:, None] + _RIDGE * np.eye(len(unit)), check_finite=False)
     step = -cho_solve(factor, g / unit, check_finite=False) / unit
@@ -188,9 +190,7 @@ def chosen(made: Gram, starts: Sequence[Sizes], order: Sequence[str]) -> tuple[S
     return now, value
 
 
-def _around(
-    made: Gram, now: Sizes, value: Value, order: Sequence[str], *, again: bool
-) -> tuple[Sizes, Value]:
+def _around(made: Gram, now: Sizes, value: Value, order: Sequence[str], *, again: bool) -> tuple[Sizes, Value]:
     for name in order:
         now, value = _along(made, now, value, name, again=again)
     return now, value

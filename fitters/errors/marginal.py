@@ -8,10 +8,9 @@ import numpy as np
 
 from ...models.arrays import Complexes, Reals
 from ..objective import LOADS, Objective
-from ..recording import Recording
-from .columns import Columns, columns_of, place_of
-from .precision import Points
+from .columns import Columns, Place, columns_of, place_of
 from .hyper import Beforehand, Gram, Held, Sizes, Value, chosen
+from .precision import Points
 
 ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "rho", "colour")
 _STEPS = 25
@@ -51,9 +50,7 @@ class Marginal:
     shapes: Shapes = field(default_factory=dict[str, tuple[tuple[str, Callable[[float], float]], ...]])
 
     @classmethod
-    def of(
-        cls, objective: Objective, known: Known | None = None, shapes: Shapes | None = None
-    ) -> "Marginal":
+    def of(cls, objective: Objective, known: Known | None = None, shapes: Shapes | None = None) -> "Marginal":
         """Return the marginal fit of an objective, whatever misfit its recordings were softened by."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
@@ -63,7 +60,7 @@ class Marginal:
         """Return the columns of errors at a place."""
         J = self._unweighted(self.objective.jacobian(x).T)
         free = self.objective.coordinates.free
-        places = []
+        places: list[Place] = []
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.objective.models(x), strict=True)):
             shapes = {
                 name: sum(
@@ -143,7 +140,7 @@ class Fit:
 
     @property
     def log_evidence(self) -> float:
-        """ln of the marginal likelihood, up to what all fits of the same recordings share."""
+        """Ln of the marginal likelihood, up to what all fits of the same recordings share."""
         return self.value.log_evidence
 
     @property
@@ -166,8 +163,10 @@ def fit(
     """
     sizes, used = starts[0], 0
     order = [name for name in ORDER if fast or name != "fast"]
+    columns = marginal.columns(x, fast=fast)
     for k in range(rounds):
-        columns = marginal.columns(x, fast=fast)
+        if k > 0:
+            columns = marginal.columns(x, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
             sizes, _ = chosen(made, tuple(starts) if k == 0 else (sizes,), order)
@@ -179,9 +178,7 @@ def fit(
     return Fit(marginal, x, sizes, made, made.value(sizes), used)
 
 
-def _down(
-    marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE
-) -> tuple[Reals, int]:
+def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
     """Go downhill by Levenberg and Marquardt with columns and sizes held; return the place and the steps tried."""
     damping, used = 0.0, 0
     value = marginal.value(x, held)
@@ -206,4 +203,4 @@ def _down(
 
 def _damped(value: Value, damping: float) -> Reals:
     H = value.H + damping * np.diag(np.diag(value.H))
-    return np.linalg.solve(H, value.H @ value.step)
+    return np.asarray(np.linalg.solve(H, value.H @ value.step), np.float64)

@@ -116,11 +116,11 @@ class _One:
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def white(self, X: Complexes) -> White:
-        X = X[self._kept] if not np.all(self._kept) else X
-        n, p = X.shape
+        kept = X if np.all(self._kept) else X[self._kept]
+        n, p = kept.shape
         both = np.empty((n, 2 * p))
-        np.multiply(X.real, self._weight[:, None], out=both[:, :p])
-        np.multiply(X.imag, self._weight[:, None], out=both[:, p:])
+        np.multiply(kept.real, self._weight[:, None], out=both[:, :p])
+        np.multiply(kept.imag, self._weight[:, None], out=both[:, p:])
         white = _whitened(both, self._colour)
         if self._factor is None:
             return White(_stacked(white, p), None, None)

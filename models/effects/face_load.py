@@ -34,7 +34,12 @@ class FaceLoad(Effect):
         resistance = 1e-3 * acoustic_impedance(stack)
         return (
             Knob("resistance", "Rayl", resistance, prior=(1e5, 2.0)),
-            Knob("stiffness", "Pa/m", 2 * np.pi * resonance(stack) * resistance, prior=(0.3 * np.pi * resonance(stack) * 1e5, 2.5)),
+            Knob(
+                "stiffness",
+                "Pa/m",
+                2 * np.pi * resonance(stack) * resistance,
+                prior=(0.3 * np.pi * resonance(stack) * 1e5, 2.5),
+            ),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

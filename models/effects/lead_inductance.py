@@ -25,7 +25,10 @@ class LeadInductance(Effect):
 
     def knobs(self, stack: Stack, where: str) -> tuple[Knob, ...]:
         """Return L in henry and the resistance that comes with it in ohm: no wire has the one without the other."""
-        return (Knob("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)), Knob("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)))
+        return (
+            Knob("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
+            Knob("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""

@@ -42,7 +42,10 @@ class SurfaceLayer(Effect):
         """Return the dead thickness under the back and under the front face in metre."""
         thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
         typical, most = 0.005 * thickness, 0.4 * thickness
-        return (Knob("back", "m", typical, upper=most, prior=_DEAD), Knob("front", "m", typical, upper=most, prior=_DEAD))
+        return (
+            Knob("back", "m", typical, upper=most, prior=_DEAD),
+            Knob("front", "m", typical, upper=most, prior=_DEAD),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer cut into dead and live ones, which share their other constants."""
