@@ -171,6 +171,15 @@ class Held:
         L, log_S = factored(white.squared(), d)
         return cls(sizes, kernel, white, d, L, log_S)
 
+    def here(self, r: Sequence[Complexes], known: float) -> float:
+        """Return `Value.here` at another place from its residuals alone; `known`: sum of squares of what was known."""
+        seen = self.kernel.white([own[:, None] for own in r])
+        total = float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det
+        if self.L.size:
+            b, _ = dtrtrs(self.L, np.asfortranarray(self.d[:, None] * self.white.times(seen)), lower=1)
+            total -= float(np.sum(b**2))
+        return total
+
     def value(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Value:
         """Return the marginal likelihood at another place."""
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, r, strict=True)])

@@ -13,7 +13,7 @@ from .hyper import Beforehand, Gram, Held, Sizes, Value, chosen
 from .precision import Points
 
 ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "rho", "colour")
-_STEPS = 25
+_STEPS = 15
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
@@ -86,6 +86,13 @@ class Marginal:
         """Return ln(Z_model/Z) of each recording, shape (N,)."""
         return [own[:, 0] for own in self._unweighted(self.objective.residual(x)[None, :])]
 
+    def against(self, x: Reals) -> float:
+        """Return the sum of squares of all that is known beforehand."""
+        more, _ = self.known.rows(x)
+        loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
+        parts = (self.objective.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
+        return sum(float(part @ part) for part in parts)
+
     def beforehand(self, x: Reals) -> Beforehand:
         """Return the normal equations of all that is known beforehand."""
         data = 2 * self.objective.points
@@ -109,7 +116,7 @@ class Marginal:
         return made
 
 
-def plain(marginal: Marginal, x: Reals, most: int = 12) -> Reals:
+def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
     """Return where plain least squares lead from `x`: all that is missed counts as white noise, no error is smooth.
 
     From there the marginal likelihood begins: begun where the errors have absorbed an effect, it never finds it.
@@ -187,13 +194,13 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
         if float(step @ value.H @ step) < close:
             break
         used += 1
-        trial = marginal.value(x + step, held)
-        if trial.here < value.here:
-            fall = value.here - trial.here
-            x, value = x + step, trial
+        fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
+        if fall > 0:
+            x = x + step
             damping = 0.0 if damping < 1e-2 else damping * _RELAXED
             if fall < close:
                 break
+            value = marginal.value(x, held)
         else:
             damping = 1e-2 if damping == 0 else damping * _DAMPED
             if damping > 1e6:
