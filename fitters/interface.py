@@ -66,6 +66,9 @@ class Constant:
     interval_re: Interval | None = None
     """From profile likelihood or bootstrap; None where only the standard uncertainty is known."""
     interval_im: Interval | None = None
+    u_by_re: Mapping[str, float] | None = None
+    """`noise`, `instrument`, `model` and `dimensions`: what each contributes; squared they make `u_re` squared."""
+    u_by_im: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)

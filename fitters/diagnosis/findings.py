@@ -48,6 +48,21 @@ class Finding:
     held_out_after: float
     alternatives: tuple[Alternative, ...]
     says: str
+    share: float = float("nan")
+    """Part of the misfit that it takes."""
+    same_as: tuple[Alternative, ...] = ()
+    """Look-alikes that the recordings cannot tell from it."""
+    moves: float = float("nan")
+    """What it does to ln Z that no constant could do, root mean square."""
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What is left of ln Z, root mean square, relative."""
+
+    total: float
+    instrument: float
+    """How much of it the instrument's own error accounts for."""
 
 
 @dataclass(frozen=True)
@@ -156,3 +171,6 @@ class Diagnosis:
     held_out_Hz: tuple[Bands, ...] = ()
     """By recording, as `before` and `after`: where it took no part in the fits that prove the explanation."""
     others: tuple[OtherSample, ...] = ()
+    remaining: Remaining | None = None
+    remarks: tuple[Finding, ...] = ()
+    """Findings that move no constant by its uncertainty and no point by more than the instrument's error."""

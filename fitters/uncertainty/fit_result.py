@@ -1,6 +1,7 @@
 """From a minimum to the answer people read."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..engine.covariance import Estimate, estimate
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
 from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from ..error_model.marginal_estimate import marginal_estimate
 from ..interface import Constant, Curve, FitResult, Options
 from .bootstrap import bootstrap
 from .budget import budget_of
@@ -30,9 +32,21 @@ _MISFIT = 1.5
 
 
 def fitted_constants(
-    layers: tuple[LayerSpec, ...], values: Mapping[str, float], names: tuple[str, ...], covariance: Reals | None
+    layers: tuple[LayerSpec, ...],
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    covariance: Reals | None,
+    by: Mapping[str, Reals] | None = None,
 ) -> dict[str, Constant]:
-    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none."""
+    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none.
+
+    `by`: standard uncertainties of the same parameters by source.
+    """
+    at = {name: k for k, name in enumerate(names)}
+
+    def parts(name: str) -> Mapping[str, float] | None:
+        return None if by is None or name not in at else {source: float(u[at[name]]) for source, u in by.items()}
+
     variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
 
     def u(name: str) -> float | None:
@@ -44,10 +58,17 @@ def fitted_constants(
             full = f"{layer.name}.{name}"
             if name in PIEZO_CONSTANTS:
                 re, im = f"{full}.re", f"{full}.im"
-                constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
+                constants[full] = Constant(
+                    *(values[re], values[im], u(re), u(im), UNITS[name]),
+                    free=u(re) != 0,
+                    u_by_re=parts(re),
+                    u_by_im=parts(im),
+                )
             elif full in values:
                 for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
-                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
+                    constants[one] = Constant(
+                        *(values[one], 0.0, u(one), 0.0, UNITS[name]), free=u(one) != 0, u_by_re=parts(one)
+                    )
     return constants
 
 
@@ -90,9 +111,14 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     result = estimate(solution.descent, objective)
     covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
+    by = None
+    if options.objective == "log" and options.procedure == "joint":
+        told = marginal_estimate(objective, result.x)
+        values, covariance, by = dict(told.values), told.covariance, told.by
+        result = replace(result, x=told.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
-    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance, by)
     derived = derived_constants(layers, values, coordinates.parameters, covariance)
     says = verdict(result, _aspect(solution.build), noise.relative)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)

@@ -25,7 +25,7 @@ class BondLayer(Effect):
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s."""
-        return (EffectParameter("thickness", "m", typical=5e-6, upper=2e-4),)
+        return (EffectParameter("thickness", "m", typical=5e-6, upper=2e-4, prior=(8e-6, 1.0)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the glue in its place."""

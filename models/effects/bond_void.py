@@ -26,7 +26,7 @@ class BondVoid(Effect):
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the part of the area that is not bonded."""
-        return (EffectParameter("fraction", "1", typical=0.01, upper=0.95),)
+        return (EffectParameter("fraction", "1", typical=0.01, upper=0.95, prior=(0.05, 1.3)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the bonded and the free part of the face side by side."""

@@ -38,9 +38,9 @@ class Cable(Effect):
         Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
         """
         return (
-            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5),
+            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),
             EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0),
-            EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0),
+            EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0, prior=(2e-3, 1.5)),
         )
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:

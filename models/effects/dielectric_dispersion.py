@@ -35,9 +35,9 @@ class DielectricDispersion(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, the relaxation's f/resonance."""
         return (
-            EffectParameter("slope", "1", typical=0.01, upper=0.5),
-            EffectParameter("relaxation", "1", typical=0.01, upper=0.5),
-            EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0),
+            EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(7e-3, 1.4)),
+            EffectParameter("relaxation", "1", typical=0.01, upper=0.5, prior=(1e-2, 1.8)),
+            EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0, prior=(0.0, 0.4)),
             EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
         )
 

@@ -48,7 +48,7 @@ class DriveNonlinearity(Effect):
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
-            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH),
+            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
             EffectParameter("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
         )
 

@@ -28,7 +28,7 @@ class ElectrodeMass(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the mass per area in kg/m2."""
         unit = areal_mass(stack)
-        return (EffectParameter("mass", "kg/m2", typical=5e-3 * unit, upper=unit),)
+        return (EffectParameter("mass", "kg/m2", typical=5e-3 * unit, upper=unit, prior=(1.2e-2, 1.3)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the mass in its place."""

@@ -33,8 +33,13 @@ class FaceLoad(Effect):
         """Return the specific resistance in Rayl and the stiffness per area in Pa/m."""
         resistance = 1e-3 * acoustic_impedance(stack)
         return (
-            EffectParameter("resistance", "Rayl", resistance),
-            EffectParameter("stiffness", "Pa/m", 2 * np.pi * resonance(stack) * resistance),
+            EffectParameter("resistance", "Rayl", resistance, prior=(1e5, 2.0)),
+            EffectParameter(
+                "stiffness",
+                "Pa/m",
+                2 * np.pi * resonance(stack) * resistance,
+                prior=(0.3 * np.pi * resonance(stack) * 1e5, 2.5),
+            ),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -25,7 +25,10 @@ class LeadInductance(Effect):
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return L in henry and the resistance that comes with it in ohm: no wire has the one without the other."""
-        return (EffectParameter("inductance", "H", typical=1e-8), EffectParameter("resistance", "ohm", typical=0.05))
+        return (
+            EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
+            EffectParameter("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""

@@ -39,7 +39,7 @@ class LocalMass(Effect):
         unit = areal_mass(stack)
         scan = tuple(height * unit for height in _HEIGHTS)
         return (
-            EffectParameter("fraction", "1", typical=0.01, upper=0.5),
+            EffectParameter("fraction", "1", typical=0.01, upper=0.5, prior=(0.03, 1.3)),
             EffectParameter(
                 "mass",
                 "kg/m2",

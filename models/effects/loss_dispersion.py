@@ -31,10 +31,10 @@ class LossDispersion(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the exponent, and how much of its causal companion the real part has (where the law has none yet)."""
         layer = next(layer for layer in stack.layers if layer.name == layer_at(where))
-        exponent = EffectParameter("exponent", "1", typical=0.3, lower=-1.5, upper=1.5)
+        exponent = EffectParameter("exponent", "1", typical=0.3, lower=-1.5, upper=1.5, prior=(0.0, 0.6))
         if isinstance(_law_of(layer), CausalConstantQ):
             return (exponent,)
-        return (exponent, EffectParameter("companion", "1", typical=1.0, upper=1.0))
+        return (exponent, EffectParameter("companion", "1", typical=1.0, upper=1.0, prior=(0.5, 0.7)))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the loss of that layer as a power of frequency."""

@@ -32,7 +32,10 @@ class SeriesResistance(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the resistance, and the skin effect's share at 1 MHz, in ohm."""
         typical = 3e-3 * reactance(stack)
-        return (EffectParameter("resistance", "ohm", typical), EffectParameter("skin", "ohm", typical))
+        return (
+            EffectParameter("resistance", "ohm", typical, prior=(0.3, 1.5)),
+            EffectParameter("skin", "ohm", typical, prior=(0.1, 1.5)),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a resistance."""

@@ -29,7 +29,7 @@ class SpuriousResonance(Effect):
         """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for a mode of its own)."""
         f0 = resonance(stack)
         return (
-            EffectParameter("strength", "1", typical=1e-3, upper=1.0),
+            EffectParameter("strength", "1", typical=1e-3, upper=1.0, prior=(4e-4, 1.6)),
             EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
             EffectParameter("q", "1", typical=20.0, lower=2.0, upper=1000.0, null=60.0, scan=(25.0, 100.0)),
             EffectParameter("phase", "rad", typical=0.3, lower=-1.5, upper=1.5),

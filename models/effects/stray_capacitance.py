@@ -23,7 +23,7 @@ class StrayCapacitance(Effect):
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return C in farad."""
-        return (EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack)),)
+        return (EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack), prior=(1e-11, 1.8)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device beside a capacitance."""

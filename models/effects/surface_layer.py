@@ -9,6 +9,8 @@ from .base.effect import Effect, EffectParameter, layer_at
 
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
 """What the dead layer has in common with the live one."""
+_DEAD = (4e-6, 1.5)
+"""m, and of its logarithm: ground and lapped ceramics are dead to some micrometres."""
 _MOST = 0.8
 """Of the thickness may be dead."""
 
@@ -40,7 +42,10 @@ class SurfaceLayer(Effect):
         """Return the dead thickness under the back and under the front face in metre."""
         thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
         typical, most = 0.005 * thickness, 0.4 * thickness
-        return (EffectParameter("back", "m", typical, upper=most), EffectParameter("front", "m", typical, upper=most))
+        return (
+            EffectParameter("back", "m", typical, upper=most, prior=_DEAD),
+            EffectParameter("front", "m", typical, upper=most, prior=_DEAD),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer cut into dead and live ones, which share their other constants."""

@@ -37,8 +37,8 @@ class TemperatureDrift(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the relative drift of resonance frequencies and of permittivity over one sweep."""
         return (
-            EffectParameter("relative", "1", typical=2e-4, lower=-0.05, upper=0.05),
-            EffectParameter("permittivity", "1", typical=1e-3, lower=-0.2, upper=0.2),
+            EffectParameter("relative", "1", typical=2e-4, lower=-0.05, upper=0.05, prior=(0.0, 1e-3)),
+            EffectParameter("permittivity", "1", typical=1e-3, lower=-0.2, upper=0.2, prior=(0.0, 3e-3)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

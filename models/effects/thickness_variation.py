@@ -48,11 +48,9 @@ class ThicknessVariation(Effect):
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
         shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
         if thin:
-            return (EffectParameter("variance", "1", typical=0.02, upper=0.3), shape)
-        return (
-            EffectParameter("variance", "1", typical=3e-6 if name == active(stack).name else 1e-4, upper=0.01),
-            shape,
-        )
+            return (EffectParameter("variance", "1", typical=0.02, upper=0.3, prior=(0.02, 1.5)), shape)
+        own = 3e-6 if name == active(stack).name else 1e-4
+        return (EffectParameter("variance", "1", typical=own, upper=0.01, prior=(own, 2.0)), shape)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return half the range of thickness, relative to its mean, of a wedge of this variance.

@@ -22,6 +22,8 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "baseline": _fitted(diagnosis.baseline),
         "final": _fitted(diagnosis.final),
         "findings": [_finding(finding) for finding in diagnosis.findings],
+        "remarks": [_finding(finding) for finding in diagnosis.remarks],
+        "remaining": msgspec.to_builtins(diagnosis.remaining),
         "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
         "data": [_check(check) for check in diagnosis.data],
         "held_out_Hz": msgspec.to_builtins(diagnosis.held_out_Hz),
@@ -49,6 +51,7 @@ def _check(check: DataCheck) -> dict[str, Any]:
 def _finding(finding: Finding) -> dict[str, Any]:
     made = msgspec.to_builtins(finding)
     numbers = ("chi2_per_dof_before", "chi2_per_dof_after", "held_out_before", "held_out_after", "probability")
+    numbers = (*numbers, "share", "moves")
     return made | {name: number(made[name]) for name in numbers}
 
 

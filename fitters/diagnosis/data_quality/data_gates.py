@@ -18,13 +18,15 @@ from .sampling import points_per_linewidth
 from .steps_and_glitches import find_abrupt, repaired
 
 _LEAST = 60
-"""Points below which abruptness and causality cannot be told from noise."""
+"""PointErrors below which abruptness and causality cannot be told from noise."""
 _SMOOTH = 15
 _EXCESS, _LEAST_RMS = 6.0, 2e-3
 """Mean chi2 over `_SMOOTH` points beside the best fit of poles, and root mean square of ln Z: where both are above, no
 linear device could be so. Less than that may be poles that the fit did not get."""
+_FAINT = 3e-3
+"""Relative size up to which a glitch may be a faint line of the device, four times an instrument's own error."""
 _COARSE = 3.0
-"""Points per linewidth below which a resonance is hardly seen at all."""
+"""PointErrors per linewidth below which a resonance is hardly seen at all."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +41,17 @@ class Gated:
     @property
     def bad(self) -> tuple[DataCheck, ...]:
         """Recordings with something abrupt in them that is no physics of a device."""
-        return tuple(check for check in self.checks if check.abrupt)
+        return tuple(check for check in self.checks if any(_told(one) for one in check.abrupt))
 
     @property
     def turned(self) -> dict[str, str]:
         """How recordings were turned, by step."""
         return {check.step: check.turned for check in self.checks if check.turned}
+
+
+def _told(one: DataIssue) -> bool:
+    """Return whether a disturbance is large enough to be told as one: a small glitch may be a faint sharp line."""
+    return one.kind == "step" or (one.size or 0.0) > _FAINT
 
 
 def gate(sweeps: Mapping[str, tuple[Sweep, ...]]) -> Gated:

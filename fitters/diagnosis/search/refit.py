@@ -9,14 +9,12 @@ from ....models.base.arrays import Complexes, Reals
 from ....models.effects import EffectParameter
 from ...engine.descent import Descent, chi2_per_point, descend
 from ...engine.objective import Objective
+from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 
 ROUGH = 1e-3
-_SIZED = 3.0
 AGAIN = 60
 """Evaluations of a fit that begins near its minimum."""
-_AT_THE_END = 0.01
-"""Part of a band, at either end, in which a line shows no top."""
 _ROUGHLY = 25
 """Evaluations that a candidate gets to show what it can do."""
 
@@ -66,6 +64,13 @@ def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
     return Refit(tuple(effects), descent, chi2, float(np.sum(beforehand**2)))
 
 
+def as_refit(problem: Problem, found: Hypothesis) -> Refit:
+    """Return a hypothesis as a fit by noise alone, which pictures, held-out bands and what is left are told by."""
+    objective = problem.objective(found.effects, found.values)
+    x = objective.coordinates.x
+    return finished(found.effects, Descent(objective, x, x, 0.0, converged=True, evaluations=0))
+
+
 def refit(
     problem: Problem,
     effects: Sequence[Candidate],
@@ -100,43 +105,3 @@ def shift_of(objective: Objective, x: Reals, change: Reals) -> dict[str, float]:
     """Return the change of every model parameter that a change of the moving coordinates makes."""
     _, chain = objective.coordinates.forward(x)
     return dict(zip(objective.coordinates.parameters, (chain @ change).tolist(), strict=True))
-
-
-def all_there(found: Refit) -> bool:
-    """Return whether every effect has a size."""
-    return all(is_there(found, one) for one in found.effects)
-
-
-def is_there(found: Refit, effect: Candidate | None = None) -> bool:
-    """Return whether an effect (by default the newest) has a size different from zero.
-
-    All its sizes together are held against null, in standard uncertainties, everything else free; but what only shapes
-    the effect is held: a cable is there although a short one's impedance is open. A line whose top no sweep shows is
-    none: what rises towards the end of a band may be anything.
-    """
-    asked = effect or found.effects[-1]
-    if not _in_sight(found, asked):
-        return False
-    coordinates = found.objective.coordinates
-    columns = [coordinates.free.index(name) for name, _ in asked.sizes]
-    shapes = {one for one, knob in zip(asked.parameters, asked.effect_parameters, strict=True) if not knob.from_nothing}
-    J = found.objective.jacobian(found.descent.x)
-    others = [k for k, name in enumerate(coordinates.free) if k not in columns and name not in shapes]
-    own = J[:, columns] - J[:, others] @ np.linalg.lstsq(J[:, others], J[:, columns], rcond=1e-12)[0]
-    values, chain = coordinates.forward(found.descent.x)
-    # in sizes, not in coordinates, which bend towards null
-    slopes = [chain[coordinates.parameters.index(name), k] for (name, _), k in zip(asked.sizes, columns, strict=True)]
-    away = [values[name] - knob.null for name, knob in asked.sizes]
-    steps = [far / slope if slope else 0.0 for far, slope in zip(away, slopes, strict=True)]
-    return float(np.linalg.norm(own @ np.array(steps))) > _SIZED
-
-
-def _in_sight(found: Refit, effect: Candidate) -> bool:
-    """Return whether the frequencies of an effect lie within a sweep that shows it, and not at its very end."""
-    bands = [
-        (float(recording.sweep.frequency[0]), float(recording.sweep.frequency[-1]))
-        for recording in found.objective.recordings
-        if recording.step in effect.steps
-    ]
-    own = [found.values[name] for name in effect.resonance_parameters]
-    return all(any(_AT_THE_END * (b - a) < f - a < (1 - _AT_THE_END) * (b - a) for a, b in bands) for f in own)

@@ -51,12 +51,23 @@ class EffectParameter:
     null: float = 0.0
     """The value at which the effect is absent; for a parameter other than the first, its value while absent."""
     scan: tuple[float, ...] = ()
-    """Start values, where the effect is too far from linear in this parameter to find them (a delay, a share)."""
+    """Values to start from where the effect is too far from linear in this knob to find them (a delay, a share)."""
+    prior: tuple[float, float] | None = None
+    """How large it is in nature, before any recording: median and standard deviation of its logarithm, where it grows
+    from nothing; else mean and standard deviation. None: three typical sizes within a factor of five (or around null).
+    """
 
     @property
     def from_nothing(self) -> bool:
         """Whether it grows from nothing: it is never negative, and zero where there is none."""
         return self.lower == self.null == 0
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        """Median and standard deviation of the logarithm; of a knob that does not grow from nothing, mean and width."""
+        if self.prior is not None:
+            return self.prior
+        return (3 * self.typical, 1.6) if self.from_nothing else (self.null, 3 * self.typical)
 
 
 class Effect(ABC):

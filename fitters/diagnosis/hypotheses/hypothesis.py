@@ -1,0 +1,108 @@
+"""Hypotheses: sets of effects, each fitted by its marginal likelihood, and what they weigh."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ...engine.objective import Objective
+from ...engine.parameters.assembly import coordinates_of
+from ...engine.parameters.coordinates import Coordinates
+from ...engine.recording import Recording
+from ...error_model.error_sizes import ErrorSizes
+from ...error_model.marginal_fit import MarginalFit, Marginal, fit, plain
+from ..inference.decision_rules import ODDS
+from .problem import Candidate, Problem
+from .size_priors import SizePriors, block_of, slopes_by_size
+
+_EMPTY = ErrorSizes()
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """These effects and no others, with the constants and errors that go best with them."""
+
+    effects: tuple[Candidate, ...]
+    fit: MarginalFit
+    log_tails: float
+    log_odds: float
+
+    @property
+    def key(self) -> frozenset[Candidate]:
+        """The effects as a set."""
+        return frozenset(self.effects)
+
+    @property
+    def log_evidence(self) -> float:
+        """Ln of the marginal likelihood."""
+        return self.fit.log_evidence + self.log_tails
+
+    @property
+    def log_weight(self) -> float:
+        """Ln of the marginal likelihood times the prior odds."""
+        return self.log_evidence + self.log_odds
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Every model parameter."""
+        return self.fit.values
+
+    @property
+    def objective(self) -> Objective:
+        """The objective, weighted by noise alone."""
+        return self.fit.marginal.objective
+
+
+def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
+    """Return the coordinates of a fit with effects, their effect_parameters in coordinates of unit normal prior."""
+    base = coordinates_of(problem.build, problem.steps, values, problem.free)
+    pairs = [(name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
+    blocks = [*base.blocks, *(block_of(name, knob) for name, knob in pairs)]
+    start = {**{name: _start(knob.expected[0], knob.null, knob.from_nothing) for name, knob in pairs}, **values}
+    return Coordinates(tuple(blocks), start, (*base.free, *(name for name, _ in pairs)))
+
+
+def _start(centre: float, null: float, from_nothing: bool) -> float:
+    return centre if from_nothing else null
+
+
+def marginal_of(
+    problem: Problem,
+    effects: Sequence[Candidate],
+    values: Mapping[str, float],
+    recordings: Sequence[Recording] | None = None,
+) -> Marginal:
+    """Return the fit of these effects, to start at `values`."""
+    coordinates = coordinates_with(problem, effects, values)
+    objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
+    return Marginal.of(objective, SizePriors(effects, coordinates.free), slopes_by_size(effects))
+
+
+def fitted(
+    problem: Problem,
+    effects: Sequence[Candidate],
+    values: Mapping[str, float],
+    starts: Sequence[ErrorSizes] = (_EMPTY,),
+    *,
+    near: bool = False,
+    rounds: int = 3,
+    fast: bool = True,
+) -> Hypothesis:
+    """Return a hypothesis fitted from `values`; `near`: they are a minimum but for little."""
+    marginal = marginal_of(problem, effects, values)
+    x = marginal.objective.coordinates.x
+    if not near:
+        x = plain(marginal, x)
+    found = fit(marginal, x, starts, rounds, fast=fast)
+    priors = SizePriors(effects, marginal.objective.coordinates.free)
+    odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
+    return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
+
+
+def probabilities(found: Sequence[Hypothesis], temper: float) -> Reals:
+    """Return the posterior probability of each hypothesis, their evidence taken to the power 1/`temper`."""
+    weight = np.array([one.log_evidence / temper + one.log_odds for one in found])
+    part = np.exp(weight - np.max(weight))
+    return part / np.sum(part)

@@ -1,0 +1,102 @@
+"""The sizes that effects have in nature, as coordinates of unit normal prior."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.effects import EffectParameter
+from ...engine.parameters.coordinates import Block, between
+from .problem import Candidate
+
+_LOGISTIC = 1.7
+"""Standard deviation of the normal density that is nearest to the logistic one: a coordinate of `between`."""
+_DEEPEST = 6.0
+"""Standard deviations below its median at which a size counts as nothing."""
+_TAIL, _SHARE = 4.0, 0.1
+"""Of the sizes met, one in ten is from a density four times as wide: nobody's list of sizes is complete."""
+
+
+def block_of(name: str, knob: EffectParameter) -> Block:
+    """Return a knob's block: its coordinate has a normal prior of mean zero and the width that `width` gives."""
+    centre, spread = knob.expected
+    if knob.from_nothing:
+        return _log_normal(name, centre, spread, knob.upper)
+    if np.isfinite(knob.upper) and knob.lower > 0:
+        return between(name, knob.lower, knob.upper)
+    return _normal(name, centre, spread, (knob.lower, knob.upper))
+
+
+def _log_normal(name: str, median: float, spread: float, upper: float) -> Block:
+    highest = (np.log(upper / median) / spread) if np.isfinite(upper) else np.inf
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        p = median * np.exp(spread * np.minimum(x, highest))
+        return p, (spread * p)[:, None]
+
+    def inverse(p: Reals) -> Reals:
+        return np.maximum(np.log(np.maximum(p / median, 1e-300)) / spread, -_DEEPEST)
+
+    return Block((name,), (name,), forward, inverse)
+
+
+def _normal(name: str, mean: float, spread: float, limits: tuple[float, float]) -> Block:
+    low, high = limits
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        return np.clip(mean + spread * x, low, high), np.array([[spread]])
+
+    def inverse(p: Reals) -> Reals:
+        return (p - mean) / spread
+
+    return Block((name,), (name,), forward, inverse)
+
+
+def width(knob: EffectParameter) -> float:
+    """Return the standard deviation of a knob's coordinate before any recording."""
+    return _LOGISTIC if not knob.from_nothing and np.isfinite(knob.upper) and knob.lower > 0 else 1.0
+
+
+class SizePriors:
+    """What is known of the sizes of some effects beforehand, for the coordinates of a fit."""
+
+    def __init__(self, effects: Sequence[Candidate], free: Sequence[str]) -> None:
+        pairs = [
+            (name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+        ]
+        self._at = np.array([free.index(name) for name, _ in pairs], dtype=np.intp)
+        self._width = np.array([width(knob) for _, knob in pairs])
+        self._count = len(free)
+
+    def rows(self, x: Reals) -> tuple[Reals, Reals]:
+        """Return residuals of unit variance, shape (K,), and their derivatives, shape (K, M)."""
+        J = np.zeros((self._at.size, self._count))
+        J[np.arange(self._at.size), self._at] = 1 / self._width
+        return x[self._at] / self._width, J
+
+    def log_volume(self) -> float:
+        """Return ln of the densities' height, apart from powers of 2 pi that Laplace's integral gives back."""
+        return -float(np.sum(np.log(self._width)))
+
+    def log_tails(self, x: Reals) -> float:
+        """Return what the wide tails add to ln of the normal densities at `x`."""
+        z2 = (x[self._at] / self._width) ** 2
+        mixed = (1 - _SHARE) * np.exp(-z2 / 2) + _SHARE / _TAIL * np.exp(-z2 / 2 / _TAIL**2)
+        return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z2 / 2))
+
+
+def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:
+    """Return, by effect, its sizes among the coordinates and d coordinate / d ln size at a value of the coordinate."""
+    return {one.prefix: tuple((name, _per_log(knob)) for name, knob in one.sizes) for one in effects}
+
+
+def _per_log(knob: EffectParameter) -> Callable[[float], float]:
+    _, spread = knob.expected
+    return (lambda x: 1 / spread) if knob.from_nothing else (lambda x: x)
+
+
+def shown(values: Mapping[str, float], one: Candidate) -> dict[str, float]:
+    """Return the effect_parameters of an effect among the parameters of a fit, within their limits."""
+    return {
+        knob.name: min(max(values[one.prefix + knob.name], knob.lower), knob.upper) for knob in one.effect_parameters
+    }

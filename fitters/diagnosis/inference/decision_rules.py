@@ -1,0 +1,28 @@
+"""Every number that decides in a diagnosis, with where it comes from."""
+
+ODDS = 0.08
+"""Prior odds of an effect of the catalogue at one place: of two dozen places, one or two have one in a laboratory."""
+TEMPER = 1.0
+"""Power by which evidence is divided."""
+NAMED = 0.5
+"""Posterior probability from which an effect is named: it is then more likely there than not."""
+CLASS = 0.9
+"""Correlation of what two effects do, less what constants and errors imitate, from which they are look-alikes."""
+CLASS_NATS = 3.0
+"""Or: difference of ln evidence up to which a recording does not tell one from the other (odds of twenty)."""
+SOFT, WORTH = 10.0, 3.0
+"""Gain in ln likelihood from which an effect is fitted: where all that is left counts as noise, and beside errors (the
+odds against an effect are about as much)."""
+FITTED_FIRST, FITTED_LATER, POLISHED = 10, 5, 2
+"""How many effects are fitted alone, and beside what is there; and how many are fitted to the end. A budget."""
+NEAR = 12.0
+"""ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
+MOST = 4
+"""Effects at once. A budget."""
+INSTRUMENT = 8e-4
+"""Error of the instrument, root mean square of ln Z, where nothing else is told."""
+TOLERATED = 2.0
+"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is no
+more than that, where the instrument shows errors: one fixture in twenty has more."""
+SOMETHING = {"tau": 1e-3, "rho": 3e-4, "slow": 2.0}
+"""Errors above which they are none of a good device and instrument any more."""

@@ -1,0 +1,85 @@
+"""How much an effect moves: the recordings, less what constants could do instead, and the constants themselves."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Reals
+from ....models.effects import Device
+from ...engine.parameters.assembly import layers_of
+from ...engine.recording import log_ratio
+from ...error_model.uncertainty_sources import spread_of
+from ...interface import Constant
+from ...uncertainty.fit_result import fitted_constants
+from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.problem import Candidate, Problem
+
+
+def change_by(problem: Problem, one: Hypothesis, effect: Candidate) -> list[Complexes]:
+    """Return ln(Z with / Z without the effect), everything else the same, of each recording, shape (N,)."""
+    without = [other for other in one.effects if other is not effect]
+    curves = one.objective.curves(one.fit.x)
+    made: list[Complexes] = []
+    for recording, Z in zip(problem.with_effects(without), curves, strict=True):
+        model = recording.model
+        there = {recording.renamed.get(name, name): name for name in model.parameters()}
+        bare = model.replace({own: one.values[n] for n, own in there.items() if n in one.values})
+        made.append(log_ratio(Z, bare.impedance(recording.sweep.frequency)) if isinstance(bare, Device) else 0 * Z)
+    return made
+
+
+def projected(one: Hypothesis, changes: list[list[Complexes]]) -> Reals:
+    """Return changes of ln Z less what the constants alone could do, as columns, shape (2N, K)."""
+    free = one.objective.coordinates.free
+    effect_parameters = {name for effect in one.effects for name in effect.parameters}
+    own = [k for k, name in enumerate(free) if name not in effect_parameters]
+    slopes = np.concatenate(one.fit.gram.J)[:, own]
+    rows = np.concatenate([slopes.real, slopes.imag])
+    size = np.linalg.norm(rows, axis=0)
+    Q, _ = np.linalg.qr(rows[:, size > 0] / size[size > 0])
+    whole = np.stack([np.concatenate(change) for change in changes], axis=1)
+    both = np.concatenate([whole.real, whole.imag])
+    return both - Q @ (Q.T @ both)
+
+
+def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
+    """Return, by effect, the root mean square of what it does to ln Z that no constant could do."""
+    if not one.effects:
+        return {}
+    changes = projected(one, [change_by(problem, one, effect) for effect in one.effects])
+    rms = np.sqrt(2 * np.mean(changes**2, axis=0))
+    return dict(zip(one.effects, rms.tolist(), strict=True))
+
+
+def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
+    """Return the largest |change of ln Z| that an effect makes at any point and no constant could."""
+    change = projected(one, [change_by(problem, one, effect)])[:, 0]
+    return float(np.max(np.abs(change)))
+
+
+def uncertainties(one: Hypothesis) -> tuple[Reals, dict[str, Reals]]:
+    """Return the covariance of all model parameters, and their standard uncertainty by source."""
+    spread = spread_of(one.fit)
+    _, chain = one.objective.coordinates.forward(one.fit.x)
+    return chain @ spread.whole @ chain.T, spread.of(chain)
+
+
+def constants_of(problem: Problem, one: Hypothesis) -> dict[str, Constant]:
+    """Return the constants with standard uncertainties, by source."""
+    covariance, by = uncertainties(one)
+    names = one.objective.coordinates.parameters
+    layers = layers_of(problem.build, problem.steps)
+    return fitted_constants(layers, one.values, names, covariance, by)
+
+
+def moves_a_constant(before: Mapping[str, Constant], after: Mapping[str, Constant]) -> bool:
+    """Return whether any constant lies elsewhere by more than its standard uncertainty."""
+    for name, own in after.items():
+        other = before.get(name)
+        if other is None or not own.free:
+            continue
+        if own.u_re and abs(own.re - other.re) > own.u_re:
+            return True
+        if own.u_im and abs(own.im - other.im) > own.u_im:
+            return True
+    return False

@@ -1,0 +1,185 @@
+"""Which effects promise something: each at a few plausible sizes against what is left of a fit, without fitting it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Reals
+from ....models.base.model import Model
+from ....models.effects import Device, EffectParameter
+from ...engine.recording import log_ratio
+from ...error_model.error_columns import ErrorColumns
+from ...error_model.error_sizes import ErrorSizes
+from ...error_model.point_covariance import PointErrors, gram
+from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.problem import Candidate, Problem
+
+MODEST = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, losses=0.3)
+"""Errors of a good device and a good instrument."""
+_SPREADS = (-2.0, -0.7, 0.7)
+"""ErrorSizes tried, in standard deviations of their logarithm."""
+_SIGNED = (-0.5, 0.5)
+_STRETCH = 0.4, 2.5
+"""How far a change may be stretched in a straight line."""
+_LINES = 100
+"""Frequencies at which a further resonance is looked for."""
+_SCANS = 160
+_SAME = 0.999999
+
+
+@dataclass(frozen=True)
+class ScreenedCandidate:
+    """What an effect would bring."""
+
+    candidate: Candidate
+    gain: float
+    """Fall of minus ln of the likelihood."""
+    start: dict[str, float]
+    twins: tuple[Candidate, ...] = ()
+    """The same elsewhere: by symmetry it does the same."""
+
+
+def screened(
+    problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]
+) -> tuple[list[ScreenedCandidate], ...]:
+    """Return what candidates promise beside a hypothesis, best first: against all that it leaves as if that were noise,
+    beside the errors of a good device and instrument, and beside the hypothesis's own errors.
+    """
+    trials = [(one, values, change) for one in candidates for values, change in _changes(problem, parent, one)]
+    if not trials:
+        return [], [], []
+    changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]
+    twins = _twins(trials, changes)
+    starts = [(one, values) for one, values, _ in trials]
+    modest = replace(MODEST, colour=parent.fit.sizes.colour)
+    soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, modest, parent.fit.sizes))
+    return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
+
+
+def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple[dict[str, float], list[Complexes]]]:
+    """Return the effect_parameters tried and what each makes of ln Z in every recording."""
+    made: list[tuple[dict[str, float], list[Complexes]]] = []
+    curves = parent.objective.curves(parent.fit.x)
+    with_one = problem.with_effects([*parent.effects, one])
+    models: list[Model] = []
+    for recording in with_one:
+        model = recording.model
+        renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
+        models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
+    for effect_parameters in _trials(problem, one):
+        values = {one.prefix + name: value for name, value in effect_parameters.items()}
+        change: list[Complexes] = []
+        for recording, model, Z in zip(with_one, models, curves, strict=True):
+            if recording.step in one.steps and isinstance(model, Device):
+                seen = model.replace(values).impedance(recording.sweep.frequency)
+                change.append(log_ratio(seen, Z))
+            else:
+                change.append(np.zeros(Z.size, np.complex128))
+        if all(np.all(np.isfinite(own)) for own in change):
+            made.append((values, change))
+    return made
+
+
+def _trials(problem: Problem, one: Candidate) -> list[dict[str, float]]:
+    sizes, others = one.effect_parameters[: one.effect.sizes], one.effect_parameters[one.effect.sizes :]
+    grids = [_scan(problem, knob) for knob in others]
+    rest = [dict(zip((k.name for k in others), values, strict=True)) for values in product(*grids)]
+    far = len(rest) > 1
+    made: list[dict[str, float]] = []
+    null = {knob.name: 1e-4 * knob.expected[0] if knob.from_nothing else knob.null for knob in sizes}
+    for knob in sizes:
+        centre, spread = knob.expected
+        steps = (_SPREADS if not far else (-0.7,)) if knob.from_nothing else _SIGNED
+        for z in steps:
+            value = centre * np.exp(spread * z) if knob.from_nothing else centre + spread * z
+            value = float(np.clip(value, knob.lower, 0.5 * knob.upper if np.isfinite(knob.upper) else knob.upper))
+            made += [{**null, **other, knob.name: value} for other in rest]
+    return made[:: max(1, len(made) // _SCANS)]
+
+
+def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
+    if knob.scan:
+        return knob.scan
+    if knob.unit == "Hz":
+        low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
+        high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+        return tuple(np.geomspace(low, high, _LINES + 2)[1:-1].tolist())
+    return (knob.expected[0] if knob.from_nothing else knob.null,)
+
+
+def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> Reals:
+    """Return by how much minus ln likelihood falls along each change, stretched as it fits best; shape (T,).
+
+    `sizes` of the errors; None: what is left counts as noise.
+    """
+    made = parent.fit.gram
+    columns = made.columns
+    if sizes is None:
+        misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in made.r]
+        points = tuple(
+            PointErrors(own.log_f, np.hypot(own.noise, misfit), own.felt)
+            for own, misfit in zip(columns.points, misfits, strict=True)
+        )
+        columns, sizes = ErrorColumns((), np.zeros(0), tuple(b[:, :0] for b in columns.blocks), points), ErrorSizes()
+    scale = columns.scaled(sizes.of_columns()) if columns.parts else np.zeros(0)
+    on = np.flatnonzero(scale > 0)
+    J = made.J
+    blocks = [
+        np.concatenate([c[:, on] * scale[on], j, d, r[:, None]], axis=1)
+        for c, j, d, r in zip(columns.blocks, J, changes, made.r, strict=True)
+    ]
+    G, _ = gram(columns.points, blocks, sizes.colour, sizes.rho)
+    C, M = on.size, J[0].shape[1]
+    own = G[: C + M, : C + M].copy()
+    own[:C, :C] += np.eye(C)
+    own[C:, C:] += made.before.P
+    right = G[: C + M, C + M :].copy()
+    right[C:, -1] += made.before.g
+    unit = np.sqrt(np.maximum(np.diag(own), 1e-300))
+    solved = np.linalg.solve(own / unit / unit[:, None] + 1e-11 * np.eye(C + M), right / unit[:, None])
+    right = right / unit[:, None]
+    c = np.diag(G)[C + M : -1] - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
+    b = -(G[C + M : -1, -1] - right[:, :-1].T @ solved[:, -1])
+    c = np.maximum(c, 1e-30)
+    a = np.clip(b / c, *_STRETCH)
+    return a * b - a**2 * c / 2
+
+
+_Start = tuple[Candidate, dict[str, float]]
+
+
+def _ranked(starts: Sequence[_Start], gains: Reals, twins: dict[Candidate, Candidate]) -> list[ScreenedCandidate]:
+    best: dict[Candidate, tuple[float, dict[str, float]]] = {}
+    for (one, values), gain in zip(starts, gains.tolist(), strict=True):
+        if one not in twins and (one not in best or gain > best[one][0]):
+            best[one] = gain, values
+    same = {one: tuple(t for t, of in twins.items() if of == one) for one in best}
+    found = [ScreenedCandidate(one, gain, values, same[one]) for one, (gain, values) in best.items()]
+    return sorted(found, key=lambda promise: -promise.gain)
+
+
+def _twins(
+    trials: Sequence[tuple[Candidate, dict[str, float], list[Complexes]]], changes: Sequence[Complexes]
+) -> dict[Candidate, Candidate]:
+    """Return the candidates that do what another of the same effect does, by it."""
+    whole = np.concatenate(changes)
+    norm = np.linalg.norm(whole, axis=0)
+    first: dict[Candidate, list[int]] = {}
+    for k, (one, _, _) in enumerate(trials):
+        first.setdefault(one, []).append(k)
+    found: dict[Candidate, Candidate] = {}
+    for one, own in first.items():
+        for other, its in first.items():
+            if other is one:
+                break
+            if other.effect.name != one.effect.name or other in found or len(own) != len(its):
+                continue
+            if all(
+                abs(np.vdot(whole[:, a], whole[:, b]).real) >= _SAME * norm[a] * norm[b] > 0
+                for a, b in zip(own, its, strict=True)
+            ):
+                found[one] = other
+                break
+    return found

@@ -1,0 +1,218 @@
+"""The error model as unit-prior columns of d ln Z: instrument and fixture, the model's own constants, its effects."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ...models.base.model import Model
+from ...models.effects import Device
+from ...models.effects.base.scale import active, reactance, resonance
+from ...models.stack import Elastic, Piezo, Stack
+from ..engine.recording import Recording
+from . import prior_scales as scales
+from .point_covariance import PointErrors
+from .smooth_basis import smooth
+
+Part = str
+"""`slow`, `fast`, `fixture`, `tau`, `imaginary`, `losses` or `shape`: what a column belongs to, and is scaled with."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorColumns:
+    """The columns at one place of a fit."""
+
+    parts: tuple[Part, ...]
+    """Of each column, shape (C,)."""
+    losses: Reals
+    """Of columns of an imaginary part: how far that loss may change over the band, shape (C,)."""
+    blocks: tuple[Complexes, ...]
+    """Of each recording, d ln Z per unit of each column's scale, shape (N, C)."""
+    points: tuple[PointErrors, ...]
+
+    def scaled(self, sizes: Mapping[Part, float]) -> Reals:
+        """Return the standard deviation of each column's coefficient, shape (C,)."""
+        plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
+        free = np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
+        both = np.hypot(scales.IMAGINARY * sizes["tau"], self.losses * sizes["losses"])
+        return np.asarray(plain + free * both, np.float64)
+
+    def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
+        """Return some of the columns."""
+        parts = tuple(self.parts[k] for k in on.tolist())
+        return ErrorColumns(parts, self.losses[on], tuple(b[:, on] for b in self.blocks), self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedRecording:
+    """A recording, what the model says of it, and the model's derivatives there."""
+
+    recording: Recording
+    Z: Impedances
+    felt: Mapping[str, Complexes]
+    """d ln Z / d ln constant, complex, by constant (`disk.c33D`), shape (N,)."""
+    losses: Mapping[str, float]
+    """Loss tangent of the same constants."""
+    shapes: Mapping[str, Complexes]
+    """d ln Z / d ln size of each effect, shape (N,)."""
+
+
+def stack_of(model: Model) -> Stack:
+    """Return the stack of a device or of itself."""
+    stack = model.nominal or model.bare if isinstance(model, Device) else model
+    if not isinstance(stack, Stack):
+        raise TypeError(f"no stack in {type(stack).__name__}")
+    return stack
+
+
+def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> LinearisedRecording:
+    """Return a recording with the derivatives of its model, which has the values of the fit."""
+    model, f = recording.model, recording.sweep.frequency
+    stack = model.bare if isinstance(model, Device) else stack_of(model)
+    names: list[tuple[str, str, complex, float]] = []
+    for layer in stack.layers:
+        own = layer.name
+        if isinstance(layer, Piezo):
+            values = {"c33D": layer.c33D, "h33": layer.h33, "eps33S": layer.eps33S}
+            losses = {"c33D": layer.c33D.imag / layer.c33D.real, "eps33S": -layer.eps33S.imag / layer.eps33S.real}
+            names += [(f"{own}.{k}", f"{own}.{k}.re", v, losses.get(k, 0.0)) for k, v in values.items()]
+        elif isinstance(layer, Elastic):
+            names += [(f"{own}.z", f"{own}.z", complex(layer.z), 1 / layer.q)]
+            names += [(f"{own}.c", f"{own}.c", complex(layer.c), 1 / layer.q)]
+    Z, slopes = model.jacobian(f, [parameter for _, parameter, _, _ in names])
+    felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
+    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes)
+
+
+def columns_of(places: Sequence[LinearisedRecording], *, fast: bool = True) -> ErrorColumns:
+    """Return all columns over all recordings of a session, which has one instrument and one fixture."""
+    edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
+    ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
+    parts: list[Part] = []
+    of_losses: list[float] = []
+    made: list[list[Complexes]] = [[] for _ in places]
+
+    def add(part: Part, loss: float, column: Callable[[LinearisedRecording], Complexes]) -> None:
+        parts.append(part)
+        of_losses.append(loss)
+        for own, place in zip(made, places, strict=True):
+            own.append(column(place))
+
+    def grid(length: float, most: int) -> list[Reals]:
+        return [smooth(np.log(place.recording.sweep.frequency), ends, length, most) for place in places]
+
+    _instrument(add, places, grid, fast=fast)
+    _fixture(add)
+    _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
+    _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
+    blocks = tuple(np.stack(own, axis=1) for own in made)
+    return ErrorColumns(tuple(parts), np.array(of_losses), blocks, tuple(_points(place) for place in places))
+
+
+_Add = Callable[[Part, float, Callable[[LinearisedRecording], Complexes]], None]
+_Grid = Callable[[float, int], list[Reals]]
+
+
+def _at(places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> dict[int, Reals]:
+    return {id(place): own for place, own in zip(places, functions, strict=True)}
+
+
+def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid, *, fast: bool) -> None:
+    """Add gain and phase, slow and fast, the same in all sweeps."""
+    kinds = [("slow", scales.SLOW, scales.FEW_SLOW), ("fast", scales.FAST, scales.FEW_FAST)]
+    for part, length, most in kinds if fast else kinds[:1]:
+        functions = grid(length, most)
+        of = _at(places, functions)
+        for k in range(functions[0].shape[1]):
+            for unit in (1.0, 1j):
+                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(scales.INSTRUMENT * unit * of[id(p)][:, k]))
+
+
+def _fixture(add: _Add) -> None:
+    """Add what compensation leaves: a series impedance and a shunt admittance."""
+    series: dict[str, Callable[[Frequencies], Complexes]] = {
+        "inductance": lambda f: _complex(2j * np.pi * f),
+        "resistance": lambda f: _complex(np.ones(f.size)),
+        "skin": lambda f: np.asarray((1 + 1j) * np.sqrt(f / 1e6), np.complex128),
+    }
+    shunt: dict[str, Callable[[Frequencies], Complexes]] = {
+        "capacitance": lambda f: _complex(2j * np.pi * f),
+        "conductance": lambda f: _complex(np.ones(f.size)),
+    }
+    for name, law in series.items():
+        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: s * law(p.recording.sweep.frequency) / p.Z)
+    for name, law in shunt.items():
+        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: -s * law(p.recording.sweep.frequency) * p.Z)
+
+
+def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
+    """Add smooth errors of every constant, of a series impedance and of a shunt; and of the losses by themselves."""
+    names = list(dict.fromkeys(name for place in places for name in place.felt))
+    stack = stack_of(places[-1].recording.model)
+    z0, f0 = reactance(stack), resonance(stack)
+    slopes: dict[str, list[Complexes]] = {
+        name: [p.felt.get(name, np.zeros(p.Z.size, np.complex128)) for p in places] for name in names
+    }
+    slopes["series"] = [z0 / p.Z for p in places]
+    slopes["shunt"] = [-p.Z / z0 for p in places]
+    for name, own in slopes.items():
+        centred = _centred(functions, own)
+        of, s = _at(places, centred), {id(p): c for p, c in zip(places, own, strict=True)}
+        loss = next((p.losses[name] for p in places if name in p.losses), 0.0)
+        kind = name.rpartition(".")[2]
+        own_loss = (
+            scales.LOSSES.get(kind, 0.4) * (loss if kind != "h33" else _loss_of(places, name))
+            if loss or kind == "h33"
+            else 0
+        )
+        few = centred[0].shape[1] if name in names else min(scales.FEW_PATH, centred[0].shape[1])
+        for k in range(few):
+            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k])
+            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]))
+        if kind == "eps33S":
+            add(
+                "losses",
+                0.0,
+                lambda p, s=s: scales.FALL * s[id(p)] * np.log(p.recording.sweep.frequency / f0),
+            )
+
+
+def _complex(values: Reals | NDArray[np.complexfloating]) -> Complexes:
+    return np.asarray(values, np.complex128)
+
+
+def _loss_of(places: Sequence[LinearisedRecording], name: str) -> float:
+    layer = name.partition(".")[0]
+    return next((p.losses[f"{layer}.c33D"] for p in places if f"{layer}.c33D" in p.losses), 0.0)
+
+
+def _centred(functions: Sequence[Reals], weights: Sequence[Complexes]) -> list[Reals]:
+    """Return the functions less their mean weighted by what the recordings feel: that is the constant's own."""
+    total = sum(float(np.sum(np.abs(w) ** 2)) for w in weights)
+    if total <= 0:
+        return list(functions)
+    mean = sum(((np.abs(w) ** 2) @ b for b, w in zip(functions, weights, strict=True)), np.zeros(functions[0].shape[1]))
+    return [b - mean / total for b in functions]
+
+
+def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
+    """Add smooth errors of the effects' own formulas."""
+    of = _at(places, functions)
+    for name in dict.fromkeys(name for place in places for name in place.shapes):
+        own = {id(p): p.shapes.get(name, np.zeros(p.Z.size, np.complex128)) for p in places}
+        for k in range(functions[0].shape[1]):
+            for unit in (1.0, 1j):
+                add("shape", 0.0, lambda p, k=k, unit=unit, own=own: scales.SHAPE * unit * own[id(p)] * of[id(p)][:, k])
+
+
+def _points(place: LinearisedRecording) -> PointErrors:
+    stack = stack_of(place.recording.model)
+    disk = active(stack).name
+    squares = sum(
+        (np.abs(slope) ** 2 for name, slope in place.felt.items() if name.startswith(f"{disk}.")),
+        np.zeros(place.Z.size),
+    )
+    felt = np.sqrt(scales.ROUGH_FLOOR**2 + squares)
+    return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt)

@@ -1,0 +1,218 @@
+"""How large each part of the error is: chosen by the recording itself, by marginal likelihood on grids with zero."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import log
+from typing import Self
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dtrtrs
+
+from ...models.base.arrays import Complexes, Reals
+from . import prior_scales as scales
+from .error_columns import ErrorColumns
+from .point_covariance import Kernel, WhitenedColumns, gram
+
+GRIDS: Mapping[str, tuple[float, ...]] = {
+    "tau": scales.TAUS,
+    "rho": scales.RHOS,
+    "slow": scales.SHARES,
+    "fast": scales.QUICK,
+    "fixture": scales.THERE,
+    "losses": scales.ON,
+    "shape": scales.BENT,
+    "colour": scales.COLOURS,
+}
+_ROUNDS = 3
+_RIDGE = 1e-10
+_DEAR = ("rho", "colour")
+
+
+@dataclass(frozen=True)
+class ErrorSizes:
+    """How large each part of the error is; all zero is an exact model and white noise."""
+
+    tau: float = 0.0
+    rho: float = 0.0
+    slow: float = 0.0
+    fast: float = 0.0
+    fixture: float = 0.0
+    losses: float = 0.0
+    shape: float = 0.0
+    colour: float = 0.0
+
+    def at(self, name: str, value: float) -> Self:
+        """Return the same with another size of one part."""
+        return replace(self, **{name: value})
+
+    @property
+    def log_prior(self) -> float:
+        """Ln of the prior probability on the grids."""
+        total = 0.0
+        for name, grid in GRIDS.items():
+            none = self._none_of_fixture if name == "fixture" else scales.NONE[name]
+            total += log(none) if getattr(self, name) == 0 else log((1 - none) / (len(grid) - 1))
+        return total
+
+    @property
+    def _none_of_fixture(self) -> float:
+        """Probability that the fixture leaves nothing: an instrument without any error has a fixture without one."""
+        return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
+
+    def of_columns(self) -> dict[str, float]:
+        """Return the scale of each part that has columns."""
+        return {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "losses", "shape")}
+
+
+@dataclass(frozen=True, eq=False)
+class Beforehand:
+    """What is known before: its normal equations."""
+
+    P: Reals
+    g: Reals
+    q: float
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """The marginal likelihood at one place, quadratic around it."""
+
+    log_evidence: float
+    """ln of the integral over constants, sizes of effects and errors."""
+    here: float
+    """Twice minus ln of the joint density of the place itself, apart from constants."""
+    H: Reals
+    """Information on the coordinates, shape (M, M)."""
+    step: Reals
+    """To the minimum, shape (M,)."""
+
+
+@dataclass(eq=False)
+class Gram:
+    """Inner products of columns, derivatives and residual, by colour and roughness; made when first asked for."""
+
+    columns: ErrorColumns
+    J: Sequence[Complexes]
+    r: Sequence[Complexes]
+    before: Beforehand
+    _known: dict[tuple[float, float], tuple[Reals, float]] = field(
+        default_factory=dict[tuple[float, float], tuple[Reals, float]]
+    )
+
+    def value(self, sizes: ErrorSizes) -> Value:
+        """Return the marginal likelihood with errors of these sizes."""
+        G, log_det = self._gram(sizes.colour, sizes.rho)
+        scale = self.columns.scaled(sizes.of_columns())
+        on = np.flatnonzero(scale > 0)
+        C = len(scale)
+        d = scale[on]
+        L, log_S = factored(G[np.ix_(on, on)], d)
+        return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
+
+    def _gram(self, colour: float, rho: float) -> tuple[Reals, float]:
+        if (colour, rho) not in self._known:
+            blocks = [
+                np.concatenate([c, j, r[:, None]], axis=1)
+                for c, j, r in zip(self.columns.blocks, self.J, self.r, strict=True)
+            ]
+            self._known[colour, rho] = gram(self.columns.points, blocks, colour, rho)
+        return self._known[colour, rho]
+
+
+def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
+    """Return the Cholesky factor of 1 + d G d, and ln of its determinant."""
+    if not d.size:
+        return np.zeros((0, 0)), 0.0
+    L, failed = dpotrf(np.eye(d.size) + d[:, None] * G * d, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("errors' columns")
+    return L, 2 * float(np.sum(np.log(np.diag(L))))
+
+
+def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
+    """Return the marginal likelihood from products of derivatives and residual, `X`, and of these with columns, `GX`.
+
+    `log_K` is ln of the determinant of the whole covariance, `L` from `factored`.
+    """
+    if L.size:
+        B, _ = dtrtrs(L, np.asfortranarray(GX), lower=1)
+        left = X - B.T @ B
+    else:
+        left = X
+    H = left[:-1, :-1] + before.P
+    g, q = left[:-1, -1] + before.g, float(left[-1, -1]) + before.q
+    unit = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    factor = cho_factor(H / unit / unit[:, None] + _RIDGE * np.eye(len(unit)), check_finite=False)
+    step = -cho_solve(factor, g / unit, check_finite=False) / unit
+    log_H = 2 * float(np.sum(np.log(np.diag(factor[0])) + np.log(unit)))
+    here = q + log_K
+    return Value(-0.5 * (here + float(g @ step) + log_H) + sizes.log_prior, here, H, step)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """ErrorColumns at sizes that stay, while derivatives and residual change."""
+
+    sizes: ErrorSizes
+    kernel: Kernel
+    white: WhitenedColumns
+    d: Reals
+    L: Reals
+    log_S: float
+
+    @classmethod
+    def of(cls, columns: ErrorColumns, sizes: ErrorSizes) -> Self:
+        """Return the columns that are there at these sizes."""
+        scale = columns.scaled(sizes.of_columns())
+        on = columns.only(np.flatnonzero(scale > 0))
+        kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+        white, d = kernel.white(on.blocks), scale[scale > 0]
+        L, log_S = factored(white.squared(), d)
+        return cls(sizes, kernel, white, d, L, log_S)
+
+    def here(self, r: Sequence[Complexes], known: float) -> float:
+        """Return `Value.here` at another place from its residuals alone; `known`: sum of squares of what was known."""
+        seen = self.kernel.white([own[:, None] for own in r])
+        total = float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det
+        if self.L.size:
+            b, _ = dtrtrs(self.L, np.asfortranarray(self.d[:, None] * self.white.times(seen)), lower=1)
+            total -= float(np.sum(b**2))
+        return total
+
+    def value(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Value:
+        """Return the marginal likelihood at another place."""
+        seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, r, strict=True)])
+        GX = self.d[:, None] * self.white.times(seen)
+        return valued(seen.squared(), self.L, GX, self.log_S + self.kernel.log_det, before, self.sizes)
+
+
+def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tuple[ErrorSizes, Value]:
+    """Return the sizes of largest marginal likelihood: along one part after the other, from the best of the starts."""
+    found = [_around(made, start, made.value(start), order, again=False) for start in dict.fromkeys(starts)]
+    now, value = max(found, key=lambda pair: pair[1].log_evidence)
+    for _ in range(_ROUNDS):
+        before = now
+        now, value = _around(made, now, value, order, again=True)
+        if now == before:
+            break
+    return now, value
+
+
+def _around(
+    made: Gram, now: ErrorSizes, value: Value, order: Sequence[str], *, again: bool
+) -> tuple[ErrorSizes, Value]:
+    for name in order:
+        now, value = _along(made, now, value, name, again=again)
+    return now, value
+
+
+def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
+    """Return the best along one grid; of what takes another product of all columns, only the neighbours."""
+    if name == "shape" and "shape" not in made.columns.parts:
+        return now, value
+    grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
+    near = name in _DEAR or again
+    trials = [now.at(name, size) for k, size in enumerate(grid) if k != at and (not near or abs(k - at) == 1)]
+    found = [(now, value), *((trial, made.value(trial)) for trial in trials)]
+    return max(found, key=lambda pair: pair[1].log_evidence)

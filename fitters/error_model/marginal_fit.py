@@ -1,0 +1,213 @@
+"""Fits by the marginal likelihood: errors of instrument and model integrated out, their sizes chosen on the way."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Reals
+from ..engine.objective import LOADS, Objective
+from .error_columns import ErrorColumns, LinearisedRecording, columns_of, place_of
+from .error_sizes import Beforehand, ErrorSizes, Gram, Held, Value, chosen
+from .point_covariance import PointErrors
+
+ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "rho", "colour")
+_STEPS = 15
+_CLOSE = 0.02
+"""Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
+_DAMPED, _RELAXED = 10.0, 0.1
+
+
+Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
+"""Of each effect: its sizes among the coordinates, and d coordinate / d ln size at a value of the coordinate."""
+
+
+class Known(Protocol):
+    """What is known beforehand besides what an objective knows."""
+
+    def rows(self, x: Reals) -> tuple[Reals, Reals]:
+        """Return residuals of unit variance, shape (K,), and their derivatives, shape (K, M)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Nothing:
+    """Nothing more is known."""
+
+    def rows(self, x: Reals) -> tuple[Reals, Reals]:
+        """Return no rows."""
+        return np.zeros(0), np.zeros((0, x.size))
+
+
+@dataclass(eq=False)
+class Marginal:
+    """A fit whose residuals carry the errors of instrument, fixture and model."""
+
+    objective: Objective
+    """Weighted by noise alone."""
+    known: Known = field(default_factory=Nothing)
+    shapes: Shapes = field(default_factory=dict[str, tuple[tuple[str, Callable[[float], float]], ...]])
+
+    @classmethod
+    def of(cls, objective: Objective, known: Known | None = None, shapes: Shapes | None = None) -> "Marginal":
+        """Return the marginal fit of an objective, whatever misfit its recordings were softened by."""
+        plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
+        bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
+        return cls(bare, known or Nothing(), shapes or {})
+
+    def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
+        """Return the columns of errors at a place."""
+        J = self._unweighted(self.objective.jacobian(x).T)
+        free = self.objective.coordinates.free
+        places: list[LinearisedRecording] = []
+        for k, (recording, model) in enumerate(zip(self.objective.recordings, self.objective.models(x), strict=True)):
+            shapes = {
+                name: sum(
+                    (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in sizes),
+                    np.zeros(len(J[k]), np.complex128),
+                )
+                for name, sizes in self.shapes.items()
+            }
+            places.append(place_of(replace(recording, model=model), shapes))
+        return columns_of(places, fast=fast)
+
+    def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
+        """Return everything that the marginal likelihood at `x` takes."""
+        J = self._unweighted(self.objective.jacobian(x).T)
+        r = self.residuals(x)
+        return Gram(columns, J, r, self.beforehand(x))
+
+    def value(self, x: Reals, held: Held) -> Value:
+        """Return the marginal likelihood at a place, the columns of errors being held."""
+        return held.value(self._unweighted(self.objective.jacobian(x).T), self.residuals(x), self.beforehand(x))
+
+    def residuals(self, x: Reals) -> list[Complexes]:
+        """Return ln(Z_model/Z) of each recording, shape (N,)."""
+        return [own[:, 0] for own in self._unweighted(self.objective.residual(x)[None, :])]
+
+    def against(self, x: Reals) -> float:
+        """Return the sum of squares of all that is known beforehand."""
+        more, _ = self.known.rows(x)
+        loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
+        parts = (self.objective.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
+        return sum(float(part @ part) for part in parts)
+
+    def beforehand(self, x: Reals) -> Beforehand:
+        """Return the normal equations of all that is known beforehand."""
+        data = 2 * self.objective.points
+        more, slopes = self.known.rows(x)
+        loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
+        more = np.concatenate([more, x[loads] - 1])
+        slopes = np.concatenate([slopes, np.eye(x.size)[loads]])
+        r = np.concatenate([self.objective.residual(x)[data:], more])
+        J = np.concatenate([self.objective.jacobian(x)[data:], slopes])
+        return Beforehand(J.T @ J, J.T @ r, float(r @ r))
+
+    def _unweighted(self, rows: Reals) -> list[Complexes]:
+        """Return rows (P, R) of weighted real residuals as complex ln Z, for each recording (N, P)."""
+        made: list[Complexes] = []
+        at = 0
+        for recording in self.objective.recordings:
+            n = recording.sweep.frequency.size
+            sigma = np.where(np.isfinite(recording.sigma), recording.sigma, 0.0)[:, None]
+            made.append((rows[:, at : at + n].T + 1j * rows[:, at + n : at + 2 * n].T) * sigma)
+            at += 2 * n
+        return made
+
+
+def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
+    """Return where plain least squares lead from `x`: all that is missed counts as white noise, no error is smooth.
+
+    From there the marginal likelihood begins: begun where the errors have absorbed an effect, it never finds it.
+    """
+    none = tuple(np.zeros((r.noise.size, 0), np.complex128) for r in marginal.objective.recordings)
+    for _ in range(3):
+        misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in marginal.residuals(x)]
+        points = tuple(
+            PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), np.ones(own.noise.size))
+            for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
+        )
+        x, steps = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, points), ErrorSizes()), most, 0.3)
+        if steps <= 1:
+            break
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class MarginalFit:
+    """A minimum of the marginal likelihood."""
+
+    marginal: Marginal
+    x: Reals
+    sizes: ErrorSizes
+    gram: Gram
+    value: Value
+    evaluations: int
+
+    @property
+    def log_evidence(self) -> float:
+        """Ln of the marginal likelihood, up to what all fits of the same recordings share."""
+        return self.value.log_evidence
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every model parameter."""
+        return self.marginal.objective.coordinates.forward(self.x)[0]
+
+
+def fit(
+    marginal: Marginal,
+    x: Reals,
+    starts: Sequence[ErrorSizes] = (ErrorSizes(),),
+    rounds: int = 3,
+    fixed: bool = False,
+    fast: bool = True,
+) -> MarginalFit:
+    """MarginalFit from `x`: choose the sizes of the errors, go downhill with them, and once more.
+
+    `fixed`: the sizes are those of the first start; `fast`: whether the instrument's error may be fast at all.
+    """
+    sizes, used = starts[0], 0
+    order = [name for name in ORDER if fast or name != "fast"]
+    columns = marginal.columns(x, fast=fast)
+    for k in range(rounds):
+        if k > 0:
+            columns = marginal.columns(x, fast=fast)
+        if not fixed:
+            made = marginal.gram(x, columns)
+            sizes, _ = chosen(made, tuple(starts) if k == 0 else (sizes,), order)
+        x, steps = _down(marginal, x, Held.of(columns, sizes))
+        used += steps
+        if steps <= 1 and k > 0:
+            break
+    made = marginal.gram(x, columns)
+    return MarginalFit(marginal, x, sizes, made, made.value(sizes), used)
+
+
+def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
+    """Go downhill by Levenberg and Marquardt with columns and sizes held; return the place and the steps tried."""
+    damping, used = 0.0, 0
+    value = marginal.value(x, held)
+    for _ in range(most):
+        step = value.step if damping == 0 else _damped(value, damping)
+        if float(step @ value.H @ step) < close:
+            break
+        used += 1
+        fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
+        if fall > 0:
+            x = x + step
+            damping = 0.0 if damping < 1e-2 else damping * _RELAXED
+            if fall < close:
+                break
+            value = marginal.value(x, held)
+        else:
+            damping = 1e-2 if damping == 0 else damping * _DAMPED
+            if damping > 1e6:
+                break
+    return x, used
+
+
+def _damped(value: Value, damping: float) -> Reals:
+    H = value.H + damping * np.diag(np.diag(value.H))
+    return np.asarray(np.linalg.solve(H, value.H @ value.step), np.float64)

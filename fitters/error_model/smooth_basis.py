@@ -1,0 +1,31 @@
+"""Smooth random functions of ln f as a few unit-prior columns: the Karhunen-Loeve expansion of a Matern-5/2 process."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+
+_NODES = 120
+_NEGLIGIBLE = 1e-5
+"""Part of the largest variance below which a function is dropped."""
+
+
+def smooth(u: Reals, ends: tuple[float, float], length: float, most: int) -> Reals:
+    """Return functions b(u), shape (N, K), such that sum a_k b_k with unit normal a is the process.
+
+    `u` is ln f, shape (N,), within `ends`; the process has standard deviation 1 and this correlation length in ln f.
+    """
+    nodes, functions = _expanded(round(ends[0], 6), round(ends[1], 6), length, most)
+    return np.stack([np.interp(u, nodes, function) for function in np.ascontiguousarray(functions.T)], axis=1)
+
+
+@lru_cache(maxsize=32)
+def _expanded(low: float, high: float, length: float, most: int) -> tuple[Reals, Reals]:
+    nodes = np.linspace(low, max(high, low + 1e-6), _NODES)
+    distance = np.sqrt(5.0) * np.abs(nodes[:, None] - nodes) / length
+    kernel = (1 + distance + distance**2 / 3) * np.exp(-distance)
+    variance, functions = np.linalg.eigh(kernel)
+    order = np.argsort(variance)[::-1][:most]
+    kept = order[variance[order] > _NEGLIGIBLE * variance[order[0]]]
+    return nodes, functions[:, kept] * np.sqrt(variance[kept])

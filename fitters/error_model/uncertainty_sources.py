@@ -1,0 +1,102 @@
+"""Uncertainties by source: what noise, instrument, the model's own error, and dimensions contribute. Squared they add.
+
+The estimate is linear in what the recordings hold: x = A y, A = H^-1 J^T K^-1 with K the covariance of everything that
+is no constant. So its covariance H^-1 is A K A^T and the share of what was known beforehand, and K is a sum.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Reals
+from .error_sizes import ErrorSizes
+from .marginal_fit import MarginalFit
+from .point_covariance import Kernel
+
+SOURCES = ("noise", "instrument", "model", "dimensions")
+_INSTRUMENT = ("slow", "fast", "fixture")
+
+
+@dataclass(frozen=True, eq=False)
+class CovarianceBySource:
+    """Covariance of the moving coordinates of a fit, by source; each of shape (M, M)."""
+
+    by: Mapping[str, Reals]
+
+    @property
+    def whole(self) -> Reals:
+        """The sum, shape (M, M)."""
+        return sum(self.by.values(), np.zeros_like(self.by["noise"]))
+
+    def of(self, chain: Reals) -> dict[str, Reals]:
+        """Return the standard uncertainty of parameters by source, d parameter / d x = `chain`, shape (P, M)."""
+        return {name: np.sqrt(np.maximum(np.einsum("pm,mn,pn->p", chain, C, chain), 0)) for name, C in self.by.items()}
+
+
+def spread_of(found: MarginalFit) -> CovarianceBySource:
+    """Return the covariance at a minimum by source."""
+    sizes, made = found.sizes, found.gram
+    scale = made.columns.scaled(sizes.of_columns())
+    on = np.flatnonzero(scale > 0)
+    columns, d = made.columns.only(on), scale[on]
+    kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+    c, j = kernel.white(columns.blocks), kernel.white(made.J)
+    CC = d[:, None] * c.squared() * d
+    CJ = d[:, None] * c.times(j)
+    JJ = j.squared()
+    H = found.value.H
+    inverse = np.linalg.inv(H + 1e-14 * np.diag(np.diag(H)))
+    # A C: what a unit of each column does to x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
+    felt = inverse @ np.linalg.solve(np.eye(on.size) + CC, CJ).T if on.size else np.zeros((len(H), 0))
+    instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
+    by = {
+        "instrument": felt[:, instrument] @ felt[:, instrument].T,
+        "model": felt[:, ~instrument] @ felt[:, ~instrument].T,
+        "dimensions": inverse @ made.before.P @ inverse,
+    }
+    rest = inverse - sum(by.values(), np.zeros_like(inverse))
+    rough = 0.0 if sizes.rho == 0 else _rough_share(found, JJ)
+    by["noise"] = (1 - rough) * rest
+    by["model"] = by["model"] + rough * rest
+    return CovarianceBySource({name: by[name] for name in SOURCES})
+
+
+def _rough_share(found: MarginalFit, JJ: Reals) -> float:
+    """Return the part of the information that the rough error takes: how much more noise alone would have told."""
+    kernel = Kernel(found.gram.columns.points, found.sizes.colour, 0.0)
+    alone = np.diag(kernel.white(found.gram.J).squared())
+    return float(np.clip(1 - np.median(np.diag(JJ) / np.maximum(alone, 1e-300)), 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class AttributedErrors:
+    """What the errors take up at a minimum, by recording, as ln Z, each of shape (N,)."""
+
+    instrument: tuple[Complexes, ...]
+    model: tuple[Complexes, ...]
+    left: tuple[Complexes, ...]
+    """ln(Z_model/Z) less both."""
+
+
+def taken_up(found: MarginalFit) -> AttributedErrors:
+    """Return the posterior mean of instrument's and model's error."""
+    sizes, made = found.sizes, found.gram
+    scale = made.columns.scaled(sizes.of_columns())
+    on = np.flatnonzero(scale > 0)
+    columns, d = made.columns.only(on), scale[on]
+    none = tuple(np.zeros_like(r) for r in made.r)
+    if not on.size:
+        return AttributedErrors(none, none, tuple(made.r))
+    kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+    c, r = kernel.white(columns.blocks), kernel.white([own[:, None] for own in made.r])
+    S = np.eye(on.size) + d[:, None] * c.squared() * d
+    a = d * np.linalg.solve(S, d * c.times(r)[:, 0])
+    instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
+    parts = [tuple(b @ np.where(which, a, 0.0) for b in columns.blocks) for which in (instrument, ~instrument)]
+    left = tuple(own - p - q for own, p, q in zip(made.r, *parts, strict=True))
+    return AttributedErrors(parts[0], parts[1], left)
+
+
+EXACT = ErrorSizes()
+"""No error of any kind but white noise."""
