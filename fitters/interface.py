@@ -66,9 +66,6 @@ class Constant:
     interval_re: Interval | None = None
     """From profile likelihood or bootstrap; None where only the standard uncertainty is known."""
     interval_im: Interval | None = None
-    u_by_re: Mapping[str, float] | None = None
-    """`noise`, `instrument`, `model` and `dimensions`: what each contributes; squared they make `u_re` squared."""
-    u_by_im: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,11 +81,15 @@ class Share:
     """From values held as exact, at their nominal tolerances. Not contained in `u`."""
     largest: tuple[str, float]
     """The single dimension, piece of knowledge or assumption that gives most, and how much."""
+    instrument: float = 0.0
+    """From errors of the analyzer's gain and phase, and of what compensation leaves of the fixture."""
+    model: float = 0.0
+    """From errors of the model: smooth ones of each constant, and scatter that no constant makes."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The uncertainty budget: noise, dimensions and knowledge squared make `u` squared; assumptions stand beside it."""
+    """The uncertainty budget: its parts squared make `u` squared; only assumptions stand beside it."""
 
     re: Mapping[str, Share]
     im: Mapping[str, Share]

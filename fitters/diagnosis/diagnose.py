@@ -20,7 +20,7 @@ from .hypotheses.problem import Candidate, Problem
 from .hypotheses.size_priors import shown
 from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.decision_rules import FITTED_LATER
-from .inference.effect_size import constants_of, uncertainties
+from .inference.effect_size import constants_of, covariance_of
 from .inference.undetectable import not_decidable
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
@@ -170,7 +170,7 @@ def _finding(
 def _sizes(candidate: Candidate, final: Hypothesis) -> dict[str, Size]:
     """Return the effect_parameters of an effect as people are shown them, with standard uncertainties."""
     names = final.objective.coordinates.parameters
-    covariance, _ = uncertainties(final)
+    covariance = covariance_of(final)
     values = shown(final.values, candidate)
     u = {
         knob.name: float(np.sqrt(max(0.0, covariance[k, k])))

@@ -41,7 +41,7 @@ class ErrorColumns:
 
     def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
         """Return some of the columns."""
-        parts = tuple(self.parts[k] for k in on.tolist())
+        parts = tuple(self.parts[int(k)] for k in on)
         return ErrorColumns(parts, self.losses[on], tuple(b[:, on] for b in self.blocks), self.points)
 
 
@@ -215,4 +215,5 @@ def _points(place: LinearisedRecording) -> PointErrors:
         np.zeros(place.Z.size),
     )
     felt = np.sqrt(scales.ROUGH_FLOOR**2 + squares)
-    return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt)
+    bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.shapes.values()), np.zeros(place.Z.size)))
+    return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt, bent)

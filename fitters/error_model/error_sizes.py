@@ -12,7 +12,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 from ...models.base.arrays import Complexes, Reals
 from . import prior_scales as scales
 from .error_columns import ErrorColumns
-from .point_covariance import Kernel, WhitenedColumns, gram
+from .point_covariance import Kernel, Rough, WhitenedColumns, gram
 
 GRIDS: Mapping[str, tuple[float, ...]] = {
     "tau": scales.TAUS,
@@ -22,11 +22,14 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
     "fixture": scales.THERE,
     "losses": scales.ON,
     "shape": scales.BENT,
+    "bend": scales.BENDS,
     "colour": scales.COLOURS,
 }
 _ROUNDS = 3
 _RIDGE = 1e-10
-_DEAR = ("rho", "colour")
+_RIDGES = (0.0, 1e-12, 1e-9)
+"""Added to a matrix of unit diagonal that rounding has left without a Cholesky factor."""
+_DEAR = ("rho", "bend", "colour")
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class ErrorSizes:
     fixture: float = 0.0
     losses: float = 0.0
     shape: float = 0.0
+    bend: float = 0.0
     colour: float = 0.0
 
     def at(self, name: str, value: float) -> Self:
@@ -59,6 +63,11 @@ class ErrorSizes:
     def _none_of_fixture(self) -> float:
         """Probability that the fixture leaves nothing: an instrument without any error has a fixture without one."""
         return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
+
+    @property
+    def rough(self) -> Rough:
+        """Sizes of what is rough."""
+        return self.rho, self.bend
 
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
@@ -96,13 +105,13 @@ class Gram:
     J: Sequence[Complexes]
     r: Sequence[Complexes]
     before: Beforehand
-    _known: dict[tuple[float, float], tuple[Reals, float]] = field(
-        default_factory=dict[tuple[float, float], tuple[Reals, float]]
+    _known: dict[tuple[float, Rough], tuple[Reals, float]] = field(
+        default_factory=dict[tuple[float, Rough], tuple[Reals, float]]
     )
 
     def value(self, sizes: ErrorSizes) -> Value:
         """Return the marginal likelihood with errors of these sizes."""
-        G, log_det = self._gram(sizes.colour, sizes.rho)
+        G, log_det = self._gram(sizes.colour, sizes.rough)
         scale = self.columns.scaled(sizes.of_columns())
         on = np.flatnonzero(scale > 0)
         C = len(scale)
@@ -110,24 +119,28 @@ class Gram:
         L, log_S = factored(G[np.ix_(on, on)], d)
         return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
 
-    def _gram(self, colour: float, rho: float) -> tuple[Reals, float]:
-        if (colour, rho) not in self._known:
+    def _gram(self, colour: float, rough: Rough) -> tuple[Reals, float]:
+        if (colour, rough) not in self._known:
             blocks = [
                 np.concatenate([c, j, r[:, None]], axis=1)
                 for c, j, r in zip(self.columns.blocks, self.J, self.r, strict=True)
             ]
-            self._known[colour, rho] = gram(self.columns.points, blocks, colour, rho)
-        return self._known[colour, rho]
+            self._known[colour, rough] = gram(self.columns.points, blocks, colour, rough)
+        return self._known[colour, rough]
 
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
     """Return the Cholesky factor of 1 + d G d, and ln of its determinant."""
     if not d.size:
         return np.zeros((0, 0)), 0.0
-    L, failed = dpotrf(np.eye(d.size) + d[:, None] * G * d, lower=1)
-    if failed:
-        raise np.linalg.LinAlgError("errors' columns")
-    return L, 2 * float(np.sum(np.log(np.diag(L))))
+    S = np.eye(d.size) + d[:, None] * G * d
+    unit = np.sqrt(np.diag(S))
+    for ridge in _RIDGES:
+        L, failed = dpotrf(S / unit / unit[:, None] + ridge * np.eye(d.size), lower=1)
+        if not failed:
+            scaled = unit[:, None] * L
+            return scaled, 2 * float(np.sum(np.log(np.diag(scaled))))
+    raise np.linalg.LinAlgError("errors' columns")
 
 
 def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
@@ -166,7 +179,7 @@ class Held:
         """Return the columns that are there at these sizes."""
         scale = columns.scaled(sizes.of_columns())
         on = columns.only(np.flatnonzero(scale > 0))
-        kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+        kernel = Kernel(columns.points, sizes.colour, sizes.rough)
         white, d = kernel.white(on.blocks), scale[scale > 0]
         L, log_S = factored(white.squared(), d)
         return cls(sizes, kernel, white, d, L, log_S)
@@ -185,6 +198,17 @@ class Held:
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, r, strict=True)])
         GX = self.d[:, None] * self.white.times(seen)
         return valued(seen.squared(), self.L, GX, self.log_S + self.kernel.log_det, before, self.sizes)
+
+
+def rough_guess(made: Gram) -> ErrorSizes:
+    """Return sizes with which all that is left is rough error of the model: where to begin far from any explanation."""
+    excess, felt = 0.0, 0.0
+    for points, r in zip(made.columns.points, made.r, strict=True):
+        kept = np.isfinite(points.noise)
+        excess += float(np.sum(np.abs(r[kept]) ** 2 / 2 - points.noise[kept] ** 2))
+        felt += float(np.sum(points.felt[kept] ** 2))
+    size = np.sqrt(max(excess, 0.0) / max(felt, 1e-300))
+    return ErrorSizes(rho=min(scales.RHOS, key=lambda one: abs(one - size)))
 
 
 def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tuple[ErrorSizes, Value]:
@@ -209,7 +233,7 @@ def _around(
 
 def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
     """Return the best along one grid; of what takes another product of all columns, only the neighbours."""
-    if name == "shape" and "shape" not in made.columns.parts:
+    if name in ("shape", "bend") and "shape" not in made.columns.parts:
         return now, value
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again

@@ -9,14 +9,16 @@ import numpy as np
 from ...models.base.arrays import Complexes, Reals
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, columns_of, place_of
-from .error_sizes import Beforehand, ErrorSizes, Gram, Held, Value, chosen
-from .point_covariance import PointErrors
+from .error_sizes import Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
+from .point_covariance import Kernel, PointErrors
 
-ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "rho", "colour")
+ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
+_FURTHEST = 1.5
+"""Longest step in any coordinate (a logarithm, or standard deviations of a prior): what is linear ends there."""
 
 
 Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
@@ -125,7 +127,7 @@ def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
     for _ in range(3):
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in marginal.residuals(x)]
         points = tuple(
-            PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), np.ones(own.noise.size))
+            PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), *(np.zeros(own.noise.size),) * 2)
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
         x, steps = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, points), ErrorSizes()), most, 0.3)
@@ -149,6 +151,14 @@ class MarginalFit:
     def log_evidence(self) -> float:
         """Ln of the marginal likelihood, up to what all fits of the same recordings share."""
         return self.value.log_evidence
+
+    @property
+    def shortfall(self) -> float:
+        """How much less ln likelihood it has than an explanation that leaves white noise alone; 0 for one as good."""
+        points = self.gram.columns.points
+        numbers = 2 * sum(int(np.count_nonzero(np.isfinite(own.noise))) for own in points)
+        perfect = numbers + Kernel(points, self.sizes.colour, (0.0, 0.0)).log_det
+        return max(0.0, 0.5 * (self.value.here - perfect))
 
     @property
     def values(self) -> dict[str, float]:
@@ -176,7 +186,7 @@ def fit(
             columns = marginal.columns(x, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
-            sizes, _ = chosen(made, tuple(starts) if k == 0 else (sizes,), order)
+            sizes, _ = chosen(made, (*starts, rough_guess(made)) if k == 0 else (sizes,), order)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
         if steps <= 1 and k > 0:
@@ -193,6 +203,7 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
         step = value.step if damping == 0 else _damped(value, damping)
         if float(step @ value.H @ step) < close:
             break
+        step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
         fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
         if fall > 0:

@@ -14,6 +14,9 @@ from scipy.linalg.lapack import dpttrf, dpttrs
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
 
+Rough = tuple[float, float]
+"""Sizes of the rough error of the model, and of the effects' formulas."""
+
 _ORDER = 5
 """Order of the differences from which the noise of a recording was found."""
 
@@ -26,7 +29,9 @@ class PointErrors:
     noise: Reals
     """Standard deviation of Re and Im of ln Z as white noise would have it, shape (N,); infinite: takes no part."""
     felt: Reals
-    """Rough error of unit size, shape (N,)."""
+    """Rough error of the model of unit size, shape (N,)."""
+    bent: Reals
+    """Rough error of the effects' formulas of unit size, shape (N,)."""
 
 
 def under_colour(colour: float) -> float:
@@ -36,20 +41,22 @@ def under_colour(colour: float) -> float:
     return float(np.sqrt(signs @ colour**lags @ signs / comb(2 * _ORDER, _ORDER)))
 
 
-def gram(points: Sequence[PointErrors], blocks: Sequence[Complexes], colour: float, rho: float) -> tuple[Reals, float]:
+def gram(
+    points: Sequence[PointErrors], blocks: Sequence[Complexes], colour: float, rough: Rough
+) -> tuple[Reals, float]:
     """Return X^T K^-1 X over Re and Im, shape (P, P), and ln |K| of both.
 
-    `blocks`: X of each recording, complex, shape (N, P). K is the covariance of noise of this `colour` plus `rho` times
-    the rough error.
+    `blocks`: X of each recording, complex, shape (N, P). K is the covariance of noise of this `colour` plus rough
+    errors of these sizes.
     """
-    kernel = Kernel(points, colour, rho)
+    kernel = Kernel(points, colour, rough)
     seen = kernel.white(blocks)
     return seen.squared(), kernel.log_det
 
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """ErrorColumns in units of noise: X^T K^-1 Y is the product of `plain` less what the rough error takes, Re and Im in turn."""
+    """Columns in units of noise, Re and Im in turn: X^T K^-1 Y is `plain^T plain` less what the rough error takes."""
 
     plain: Reals
     rough: Reals | None
@@ -70,8 +77,8 @@ class WhitenedColumns:
 class Kernel:
     """K of all recordings, ready to be applied."""
 
-    def __init__(self, points: Sequence[PointErrors], colour: float, rho: float) -> None:
-        self._ones = [_One(own, colour, rho) for own in points]
+    def __init__(self, points: Sequence[PointErrors], colour: float, rough: Rough) -> None:
+        self._ones = [_One(own, colour, rough) for own in points]
         self.log_det = 2 * sum(one.log_det for one in self._ones)
 
     def white(self, blocks: Sequence[Complexes]) -> WhitenedColumns:
@@ -89,14 +96,15 @@ class Kernel:
 class _One:
     """K of one recording."""
 
-    def __init__(self, own: PointErrors, colour: float, rho: float) -> None:
+    def __init__(self, own: PointErrors, colour: float, rough: Rough) -> None:
         self._kept = np.isfinite(own.noise)
-        log_f, noise, felt = (part[self._kept] for part in (own.log_f, own.noise, own.felt))
+        size = np.hypot(rough[0] * own.felt, rough[1] * own.bent)[self._kept]
+        log_f, noise = own.log_f[self._kept], own.noise[self._kept]
         n = noise.size
         self._weight, self._colour = under_colour(colour) / noise, colour
         self.log_det = -2 * float(np.sum(np.log(self._weight))) + (n - 1) * float(np.log(1 - colour**2))
         self._factor: tuple[Reals, Reals] | None = None
-        if rho == 0:
+        if not np.any(size):
             return
         scale = 1 / (1 - colour**2)
         middle = np.full(n, (1 + colour**2) * scale)
@@ -106,7 +114,7 @@ class _One:
         T = np.ones(n)
         T[:-1] += step**2 / between
         T[1:] += step**2 / between
-        self._amplitude = rho * felt * self._weight
+        self._amplitude = size * self._weight
         diagonal = T + self._amplitude**2 * middle
         beside = -step / between - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)

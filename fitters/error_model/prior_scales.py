@@ -4,7 +4,7 @@ All are standard deviations of ln Z (or of ln of a constant) unless a unit stand
 """
 
 INSTRUMENT = 8e-4
-"""Gain (ln |Z|) and phase (rad) of an analyzer: a 4294A specifies 7.5e-4 between 800 Hz and 1 MHz, 1e-3 per MHz above."""
+"""Gain (ln |Z|) and phase (rad) of an analyzer. A 4294A specifies 7.5e-4 up to 1 MHz, and 1e-3 per MHz more above."""
 SLOW, FAST = 1.0, 0.25
 """Correlation lengths in ln f of gain and phase: a calibration error, and what a fixture or a ripple of it makes."""
 FIXTURE = {"inductance": 1e-9, "resistance": 1e-2, "skin": 5e-3, "capacitance": 2e-14, "conductance": 3e-9}
@@ -18,7 +18,7 @@ LOSSES = {"c33D": 0.4, "eps33S": 0.4, "h33": 0.2}
 FALL = 2e-3
 """Slope of permittivity against ln f that any ceramic has."""
 SHAPE = 0.1
-"""Smooth error of an effect's own formula, relative to the effect: skin effect in a lead, loss in a stray capacitance."""
+"""Smooth error of an effect's formula, relative to the effect: skin effect in a lead, loss in a stray capacitance."""
 SHAPE_LENGTH = 1.0
 ROUGH_LENGTH = 0.015
 """Correlation length in ln f of what no smooth correction describes: faint lines and scatter."""
@@ -28,9 +28,9 @@ ROUGH_FLOOR = 0.5
 FEW_SMOOTH, FEW_PATH, FEW_SLOW, FEW_FAST, FEW_SHAPE = 5, 3, 5, 14, 4
 """Functions of each process that are kept; what is left of its variance is below 1e-3 over a decade."""
 
-TAUS = (0.0, 3e-5, 1e-4, 3e-4)
+TAUS = (0.0, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """Standard deviation of the smooth relative error of a constant."""
-RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)
+RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 """Standard deviation of the rough relative error."""
 SHARES = (0.0, 0.3, 1.0)
 """Instrument's slow error and fixture, in units of the specification."""
@@ -42,10 +42,22 @@ ON = (0.0, 0.3, 1.0)
 """Losses, in units of their prior scale."""
 BENT = (0.0, 0.3, 1.0, 3.0)
 """Effects' shapes, in units of their prior scale."""
+BENDS = (0.0, 0.003, 0.01, 0.03, 0.1)
+"""Rough error of the effects' formulas, relative to the effect: what differs from the formula near a resonance."""
 COLOURS = (0.0, 0.3, 0.5, 0.65, 0.8)
 """Correlation of the noise of neighbouring points (first-order autoregression)."""
 
-NONE = {"tau": 0.4, "rho": 0.4, "slow": 0.4, "fast": 0.7, "fixture": 0.1, "losses": 0.4, "shape": 0.4, "colour": 0.8}
+NONE = {
+    "tau": 0.4,
+    "rho": 0.4,
+    "slow": 0.4,
+    "fast": 0.7,
+    "fixture": 0.1,
+    "losses": 0.4,
+    "shape": 0.4,
+    "bend": 0.4,
+    "colour": 0.8,
+}
 """Prior probability that a part of the error is not there at all; the other values of its grid share the rest."""
 EXACT_FIXTURE = 0.999
 """The same of the fixture where the instrument has no error at all: then the recording is no real one."""

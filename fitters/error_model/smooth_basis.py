@@ -17,7 +17,10 @@ def smooth(u: Reals, ends: tuple[float, float], length: float, most: int) -> Rea
     `u` is ln f, shape (N,), within `ends`; the process has standard deviation 1 and this correlation length in ln f.
     """
     nodes, functions = _expanded(round(ends[0], 6), round(ends[1], 6), length, most)
-    return np.stack([np.interp(u, nodes, function) for function in np.ascontiguousarray(functions.T)], axis=1)
+    made = np.empty((u.size, functions.shape[1]))
+    for k in range(functions.shape[1]):
+        made[:, k] = np.interp(u, nodes, functions[:, k])
+    return made
 
 
 @lru_cache(maxsize=32)

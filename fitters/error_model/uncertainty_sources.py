@@ -40,7 +40,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     scale = made.columns.scaled(sizes.of_columns())
     on = np.flatnonzero(scale > 0)
     columns, d = made.columns.only(on), scale[on]
-    kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+    kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, j = kernel.white(columns.blocks), kernel.white(made.J)
     CC = d[:, None] * c.squared() * d
     CJ = d[:, None] * c.times(j)
@@ -56,7 +56,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
         "dimensions": inverse @ made.before.P @ inverse,
     }
     rest = inverse - sum(by.values(), np.zeros_like(inverse))
-    rough = 0.0 if sizes.rho == 0 else _rough_share(found, JJ)
+    rough = 0.0 if not any(sizes.rough) else _rough_share(found, JJ)
     by["noise"] = (1 - rough) * rest
     by["model"] = by["model"] + rough * rest
     return CovarianceBySource({name: by[name] for name in SOURCES})
@@ -64,7 +64,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
 
 def _rough_share(found: MarginalFit, JJ: Reals) -> float:
     """Return the part of the information that the rough error takes: how much more noise alone would have told."""
-    kernel = Kernel(found.gram.columns.points, found.sizes.colour, 0.0)
+    kernel = Kernel(found.gram.columns.points, found.sizes.colour, (0.0, 0.0))
     alone = np.diag(kernel.white(found.gram.J).squared())
     return float(np.clip(1 - np.median(np.diag(JJ) / np.maximum(alone, 1e-300)), 0.0, 1.0))
 
@@ -88,7 +88,7 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     none = tuple(np.zeros_like(r) for r in made.r)
     if not on.size:
         return AttributedErrors(none, none, tuple(made.r))
-    kernel = Kernel(columns.points, sizes.colour, sizes.rho)
+    kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, r = kernel.white(columns.blocks), kernel.white([own[:, None] for own in made.r])
     S = np.eye(on.size) + d[:, None] * c.squared() * d
     a = d * np.linalg.solve(S, d * c.times(r)[:, 0])

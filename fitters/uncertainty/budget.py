@@ -6,6 +6,7 @@ much of it as the recordings would let pass.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,8 +35,11 @@ _LOSS = 0.3
 thickness never more than a micrometer."""
 
 
-def budget_of(solution: Solution) -> Budget:
-    """Return the budget of every constant that moved."""
+def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budget:
+    """Return the budget of every constant that moved.
+
+    `by`: standard uncertainties of all parameters by source, shape (P,), where the error model told them.
+    """
     now, x = solution.judged, solution.descent.x
     steps = tuple(dict.fromkeys(recording.step for recording in now.recordings))
     objective = Objective(now.recordings, now.coordinates, priors_of(solution.build, steps))
@@ -48,7 +52,7 @@ def budget_of(solution: Solution) -> Budget:
     held, tolerances = _held(objective.coordinates, values)
     assumed = _assumed(bent, _columns(objective, held, values)[: bent.data] / bent.scale, tolerances)
     parts = np.hstack([moved[:, bent.data :], chain @ assumed])
-    share = _Shares(objective.coordinates.parameters, noise, parts, [*names, *tolerances], len(names))
+    share = _Shares(objective.coordinates.parameters, noise, parts, [*names, *tolerances], len(names), by or {})
     return Budget(re=share.of(".re"), im=share.of(".im"), tolerances=tolerances)
 
 
@@ -68,11 +72,20 @@ def _assumed(bent: Curvature, columns: Reals, tolerances: Mapping[str, float]) -
 class _Shares:
     """The parts of every parameter's uncertainty, shape (P, parts), and what each part is called."""
 
-    def __init__(self, parameters: Sequence[str], noise: Reals, parts: Reals, names: Sequence[str], known: int) -> None:
+    def __init__(
+        self,
+        parameters: Sequence[str],
+        noise: Reals,
+        parts: Reals,
+        names: Sequence[str],
+        known: int,
+        by: Mapping[str, Reals],
+    ) -> None:
         self._parameters, self._noise, self._parts, self._names = parameters, noise, np.abs(parts), names
         self._dimensions = np.array([_is_dimension(name) for name in names], dtype=bool)
         self._dimensions[known:] = False
         self._assumed = np.arange(len(names)) >= known
+        self._by = by
 
     def of(self, part: str) -> dict[str, Share]:
         """Return the shares of all constants' real or imaginary part (`.re`, `.im`)."""
@@ -86,12 +99,26 @@ class _Shares:
     def _share(self, k: int) -> Share:
         parts = self._parts[k]
         largest = int(np.argmax(parts)) if parts.size else -1
-        return Share(
+        share = Share(
             noise=float(self._noise[k]),
             dimensions=float(np.linalg.norm(parts[self._dimensions])),
             knowledge=float(np.linalg.norm(parts[~self._dimensions & ~self._assumed])),
             assumptions=float(np.linalg.norm(parts[self._assumed])),
             largest=(self._names[largest], float(parts[largest])) if parts.size else ("noise", float(self._noise[k])),
+        )
+        if not self._by:
+            return share
+        # The error model gives what was known beforehand as one part; least squares say how it is divided.
+        u = {source: float(values[k]) for source, values in self._by.items()}
+        known = float(np.hypot(share.dimensions, share.knowledge))
+        scale = u["dimensions"] / known if known else 0.0
+        return replace(
+            share,
+            noise=u["noise"],
+            instrument=u["instrument"],
+            model=u["model"],
+            dimensions=scale * share.dimensions if known else u["dimensions"],
+            knowledge=scale * share.knowledge,
         )
 
 

@@ -38,15 +38,7 @@ def fitted_constants(
     covariance: Reals | None,
     by: Mapping[str, Reals] | None = None,
 ) -> dict[str, Constant]:
-    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none.
-
-    `by`: standard uncertainties of the same parameters by source.
-    """
-    at = {name: k for k, name in enumerate(names)}
-
-    def parts(name: str) -> Mapping[str, float] | None:
-        return None if by is None or name not in at else {source: float(u[at[name]]) for source, u in by.items()}
-
+    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none."""
     variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
 
     def u(name: str) -> float | None:
@@ -58,17 +50,10 @@ def fitted_constants(
             full = f"{layer.name}.{name}"
             if name in PIEZO_CONSTANTS:
                 re, im = f"{full}.re", f"{full}.im"
-                constants[full] = Constant(
-                    *(values[re], values[im], u(re), u(im), UNITS[name]),
-                    free=u(re) != 0,
-                    u_by_re=parts(re),
-                    u_by_im=parts(im),
-                )
+                constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
             elif full in values:
                 for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
-                    constants[one] = Constant(
-                        *(values[one], 0.0, u(one), 0.0, UNITS[name]), free=u(one) != 0, u_by_re=parts(one)
-                    )
+                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
     return constants
 
 
@@ -111,14 +96,14 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     result = estimate(solution.descent, objective)
     covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
-    by = None
+    by: Mapping[str, Reals] | None = None
     if options.objective == "log" and options.procedure == "joint":
         told = marginal_estimate(objective, result.x)
         values, covariance, by = dict(told.values), told.covariance, told.by
         result = replace(result, x=told.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
-    constants = fitted_constants(layers, values, coordinates.parameters, covariance, by)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
     derived = derived_constants(layers, values, coordinates.parameters, covariance)
     says = verdict(result, _aspect(solution.build), noise.relative)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
@@ -146,7 +131,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         seconds=solution.seconds,
         says=says,
         curves=curves_of(objective, coordinates.inverse(solution.begun), result.x),
-        budget=budget_of(solution) if options.procedure != "frozen" and options.objective != "kt2" else None,
+        budget=budget_of(solution, by) if options.procedure != "frozen" and options.objective != "kt2" else None,
     )
 
 

@@ -11,31 +11,35 @@ from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class LeadInductance(Effect):
-    """Z + R + jwL: grows with frequency, largest relative effect where |Z| is least."""
+    """Z + R + R_s (1+j) sqrt(f/MHz) + jwL: grows with frequency, largest relative effect where |Z| is least."""
 
     name = "lead-inductance"
     stage = Stage.TERMINALS
     says = "The wire or clip between analyzer and device adds a series inductance that was not compensated."
     separates = "sweep a short circuit in the same clip, or compensate with it"
-    references = ("Keysight Impedance Measurement Handbook, section 4",)
+    references = (
+        "Keysight Impedance Measurement Handbook, section 4",
+        "Ramo, Whinnery and Van Duzer, Fields and Waves in Communication Electronics, chapter 3 (skin effect)",
+    )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `terminals`."""
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return L in henry and the resistance that comes with it in ohm: no wire has the one without the other."""
+        """Return L in henry and what comes with it in ohm: the resistance, and the skin effect's share at 1 MHz."""
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)),
+            EffectParameter("skin", "ohm", typical=0.01, prior=(0.015, 1.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""
-        L, R = values["inductance"], values["resistance"]
+        L, R, skin = values["inductance"], values["resistance"], values["skin"]
 
         def wire(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
-            return Z + R + jw * L, np.ones_like(Z)
+            return Z + R + skin * (1 + 1j) * np.sqrt(jw.imag / (2e6 * np.pi)) + jw * L, np.ones_like(Z)
 
         return assembly.behind(wire)
 

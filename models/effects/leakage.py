@@ -7,11 +7,11 @@ import numpy as np
 from ..stack import Stack
 from .base.assembly import Assembly
 from .base.effect import TERMINALS, Effect, EffectParameter, Stage
-from .base.scale import reactance
+from .base.scale import reactance, resonance
 
 
 class Leakage(Effect):
-    """Y + G, the same at all frequencies: felt at low frequency and at the antiresonance."""
+    """Y + G (f/f0)^n: felt at low frequency and at the antiresonance."""
 
     name = "leakage"
     stage = Stage.TERMINALS
@@ -24,13 +24,17 @@ class Leakage(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return G in siemens."""
-        return (EffectParameter("conductance", "S", typical=1e-4 / reactance(stack)),)
+        """Return G at resonance in siemens, and with which power of frequency it grows."""
+        return (
+            EffectParameter("conductance", "S", typical=1e-4 / reactance(stack)),
+            EffectParameter("exponent", "1", typical=0.1, lower=-0.5, upper=1.0, prior=(0.1, 0.15)),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device beside a conductance."""
-        G = values["conductance"]
-        return assembly.beside(lambda jw: np.full_like(jw, G))
+        G, w0 = values["conductance"], 2 * np.pi * resonance(assembly.nominal)
+        exponent = values["exponent"]
+        return assembly.beside(lambda jw: G * (jw / w0 / 1j) ** exponent)
 
 
 EFFECT = Leakage()

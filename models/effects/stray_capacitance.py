@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..stack import Stack
 from .base.assembly import Assembly
 from .base.effect import TERMINALS, Effect, EffectParameter, Stage
-from .base.scale import capacitance
+from .base.scale import capacitance, resonance
 
 
 class StrayCapacitance(Effect):
@@ -22,13 +24,17 @@ class StrayCapacitance(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return C in farad."""
-        return (EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack), prior=(1e-11, 1.8)),)
+        """Return C in farad and the loss tangent of its insulation."""
+        return (
+            EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack), prior=(1e-11, 1.8)),
+            EffectParameter("loss", "1", typical=0.01, upper=0.3, prior=(0.008, 1.0)),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device beside a capacitance."""
-        C = values["capacitance"]
-        return assembly.beside(lambda jw: jw * C)
+        C, w0 = values["capacitance"], 2 * np.pi * resonance(assembly.nominal)
+        power = 2 / np.pi * np.arctan(values["loss"])  # a constant loss angle: a constant-phase element is causal
+        return assembly.beside(lambda jw: jw * C * (jw / w0) ** -power)
 
 
 EFFECT = StrayCapacitance()

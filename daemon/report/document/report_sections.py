@@ -87,7 +87,7 @@ def budget(fit: FitResult) -> str:
         (
             f"{name}{suffix}",
             fit.constants[name].unit,
-            *(_two_digits(part) for part in (s.noise, s.dimensions, s.knowledge, s.assumptions)),
+            *(_two_digits(part) for part in (s.noise, s.instrument, s.model, s.dimensions, s.knowledge, s.assumptions)),
             _most(s),
         )
         for suffix, shares in (("", fit.budget.re), (" (imaginary)", fit.budget.im))
@@ -98,6 +98,8 @@ def budget(fit: FitResult) -> str:
         "constant",
         "unit",
         "noise",
+        "instrument",
+        "model",
         "dimensions",
         "data sheets",
         "held values, if off by their tolerance",

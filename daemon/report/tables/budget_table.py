@@ -16,7 +16,7 @@ def print_budget(console: Console, result: FitResult) -> None:
         return
     table = Table(header_style="bold", title="uncertainty budget, standard uncertainties")
     table.add_column("constant")
-    for column in ("noise", "dimensions", "data sheets", "assumptions (not in u)"):
+    for column in ("noise", "instrument", "model", "dimensions", "data sheets", "assumptions (not in u)"):
         table.add_column(column, justify="right")
     table.add_column("largest, beside noise")
     _rows(table, result, budget.re, "")
@@ -33,6 +33,6 @@ def _rows(table: Table, result: FitResult, shares: Mapping[str, Share], suffix: 
         if constant is None:
             continue
         value = constant.im if suffix else constant.re
-        parts = (share.noise, share.dimensions, share.knowledge, share.assumptions)
+        parts = (share.noise, share.instrument, share.model, share.dimensions, share.knowledge, share.assumptions)
         percent = [f"{100 * part / abs(value):.2g} %" if value else f"{part:.2g}" for part in parts]
         table.add_row(f"{name}{suffix}", *percent, share.largest[0])

@@ -12,8 +12,8 @@ from ...engine.parameters.assembly import coordinates_of
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
-from ...error_model.marginal_fit import MarginalFit, Marginal, fit, plain
-from ..inference.decision_rules import ODDS
+from ...error_model.marginal_fit import Marginal, MarginalFit, fit, plain
+from ..inference.decision_rules import COARSENED, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, slopes_by_size
 
@@ -101,8 +101,15 @@ def fitted(
     return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
 
 
-def probabilities(found: Sequence[Hypothesis], temper: float) -> Reals:
-    """Return the posterior probability of each hypothesis, their evidence taken to the power 1/`temper`."""
+def probabilities(found: Sequence[Hypothesis]) -> Reals:
+    """Return the posterior probability of each hypothesis, shape (H,), as coarse as the best of them is wrong.
+
+    Where even the best falls short of leaving noise alone, the formulas are not exact, and by as much evidence as is
+    missing they may favour a wrong one. So evidence is taken to a power (Miller and Dunson, J. Am. Stat. Assoc. 114
+    (2019) 1113: a posterior given that the model is near the truth), 1 where nothing is missing.
+    """
+    best = max(found, key=lambda one: one.log_weight)
+    temper = 1 + COARSENED * best.fit.shortfall
     weight = np.array([one.log_evidence / temper + one.log_odds for one in found])
     part = np.exp(weight - np.max(weight))
     return part / np.sum(part)

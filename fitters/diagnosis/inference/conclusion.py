@@ -65,7 +65,7 @@ def conclude(search: GreedySearch) -> Conclusion:
     """Return what follows from the hypotheses that were fitted."""
     null, best = search.found[frozenset()], search.best
     inclusion = search.inclusion()
-    sure = [one for one in best.effects if inclusion.get(one, 0.0) >= NAMED]
+    sure = [one for one in best.effects if inclusion.get(one.effect.name, 0.0) >= NAMED]
     final = best if len(sure) == len(best.effects) else search.of(sure, best)
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
@@ -82,7 +82,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         named.append(
             NamedEffect(
                 one,
-                inclusion.get(one, 0.0),
+                inclusion.get(one.effect.name, 0.0),
                 moves[one],
                 share,
                 "finding" if matters else "remark",
@@ -145,7 +145,7 @@ def _look_alikes(
         columns = projected(final, [own, its])
         norm = np.linalg.norm(columns, axis=0)
         alike = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
-        entry = Alternative(other.effect.name, other.where, inclusion.get(other, 0.0))
+        entry = Alternative(other.effect.name, other.where, inclusion.get(other.effect.name, 0.0))
         near = final.log_evidence - rival.log_evidence < CLASS_NATS
         (
             same if (alike > CLASS and final.log_evidence - rival.log_evidence < 10 * CLASS_NATS) or near else others

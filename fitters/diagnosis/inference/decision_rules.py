@@ -2,8 +2,9 @@
 
 ODDS = 0.08
 """Prior odds of an effect of the catalogue at one place: of two dozen places, one or two have one in a laboratory."""
-TEMPER = 1.0
-"""Power by which evidence is divided."""
+COARSENED = 0.3
+"""Of the evidence that the best explanation lacks, the part that counts as one nat: fitted by log score on generated
+recordings with effects taken out of the catalogue."""
 NAMED = 0.5
 """Posterior probability from which an effect is named: it is then more likely there than not."""
 CLASS = 0.9
@@ -17,6 +18,8 @@ FITTED_FIRST, FITTED_LATER, POLISHED = 10, 5, 2
 """How many effects are fitted alone, and beside what is there; and how many are fitted to the end. A budget."""
 NEAR = 12.0
 """ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
+SUBSTITUTES = 2
+"""How many others are fitted in place of each effect of the best. A budget."""
 MOST = 4
 """Effects at once. A budget."""
 INSTRUMENT = 8e-4

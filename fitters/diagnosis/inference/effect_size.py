@@ -57,19 +57,18 @@ def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
     return float(np.max(np.abs(change)))
 
 
-def uncertainties(one: Hypothesis) -> tuple[Reals, dict[str, Reals]]:
-    """Return the covariance of all model parameters, and their standard uncertainty by source."""
-    spread = spread_of(one.fit)
+def covariance_of(one: Hypothesis) -> Reals:
+    """Return the covariance of all model parameters."""
     _, chain = one.objective.coordinates.forward(one.fit.x)
-    return chain @ spread.whole @ chain.T, spread.of(chain)
+    return np.asarray(chain @ spread_of(one.fit).whole @ chain.T, np.float64)
 
 
 def constants_of(problem: Problem, one: Hypothesis) -> dict[str, Constant]:
-    """Return the constants with standard uncertainties, by source."""
-    covariance, by = uncertainties(one)
+    """Return the constants with standard uncertainties."""
+    covariance = covariance_of(one)
     names = one.objective.coordinates.parameters
     layers = layers_of(problem.build, problem.steps)
-    return fitted_constants(layers, one.values, names, covariance, by)
+    return fitted_constants(layers, one.values, names, covariance)
 
 
 def moves_a_constant(before: Mapping[str, Constant], after: Mapping[str, Constant]) -> bool:

@@ -9,7 +9,7 @@ from ....models.base.errors import PzctlError
 from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.decision_rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, TEMPER, WORTH
+from ..inference.decision_rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, SUBSTITUTES, WORTH
 from .screening import ScreenedCandidate, screened
 
 
@@ -56,7 +56,19 @@ class GreedySearch:
                 break
         self.relocate(self.best)
         self.thin(self.best)
+        self.substitute(self.best)
         return self.best
+
+    def substitute(self, one: Hypothesis) -> None:
+        """Fit the best with another effect in place of each: what looks alike, and what was never tried beside it."""
+        if len(one.effects) < 2:
+            return
+        for effect in one.effects:
+            rest = self.without(one, effect)
+            self.grow(rest, SUBSTITUTES)
+        self.polish()
+        if self.best is not one and len(self.best.effects) >= len(one.effects):
+            self.substitute(self.best)
 
     def relocate(self, one: Hypothesis) -> None:
         """Fit the best with each of its effects at the other places where that could be."""
@@ -92,7 +104,11 @@ class GreedySearch:
         """Fit what promises most beside a hypothesis."""
         self._grown.add(parent.key)
         taken = {(one.effect.name, one.where) for one in parent.effects}
-        left = [one for one in self.candidates if (one.effect.name, one.where) not in taken]
+        left = [
+            one
+            for one in self.candidates
+            if (one.effect.name, one.where) not in taken and frozenset((*parent.effects, one)) not in self.found
+        ]
         lists = screened(self.problem, parent, left)
         for promise in lists[0]:
             self.twins[promise.candidate] = promise.twins
@@ -161,12 +177,10 @@ class GreedySearch:
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
 
-    def inclusion(self) -> dict[Candidate, float]:
-        """Return the posterior probability of every effect at its place."""
-        found = self.ranked
-        parts = probabilities(found, TEMPER)
-        total: dict[Candidate, float] = {}
-        for one, part in zip(found, parts.tolist(), strict=True):
-            for effect in one.effects:
-                total[effect] = total.get(effect, 0.0) + part
+    def inclusion(self) -> dict[str, float]:
+        """Return the posterior probability of every effect, wherever it is, by name."""
+        total: dict[str, float] = {}
+        for one, part in zip(self.ranked, probabilities(self.ranked).tolist(), strict=True):
+            for name in {effect.effect.name for effect in one.effects}:
+                total[name] = total.get(name, 0.0) + part
         return total

@@ -21,8 +21,10 @@ MODEST = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, losses=0.3)
 _SPREADS = (-2.0, -0.7, 0.7)
 """ErrorSizes tried, in standard deviations of their logarithm."""
 _SIGNED = (-0.5, 0.5)
-_STRETCH = 0.4, 2.5
-"""How far a change may be stretched in a straight line."""
+_STRETCH = 2.5
+"""How far a change may be stretched in a straight line; shrunk, it stays one."""
+_LEAST = 1e-2
+"""Part of a size tried from which a fit begins at least."""
 _LINES = 100
 """Frequencies at which a further resonance is looked for."""
 _SCANS = 160
@@ -44,8 +46,9 @@ class ScreenedCandidate:
 def screened(
     problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[list[ScreenedCandidate], ...]:
-    """Return what candidates promise beside a hypothesis, best first: against all that it leaves as if that were noise,
-    beside the errors of a good device and instrument, and beside the hypothesis's own errors.
+    """Return three lists of what candidates promise beside a hypothesis, best first.
+
+    They count all that it leaves as noise, or errors of a good device and instrument, or the hypothesis's own errors.
     """
     trials = [(one, values, change) for one in candidates for values, change in _changes(problem, parent, one)]
     if not trials:
@@ -109,8 +112,8 @@ def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     return (knob.expected[0] if knob.from_nothing else knob.null,)
 
 
-def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> Reals:
-    """Return by how much minus ln likelihood falls along each change, stretched as it fits best; shape (T,).
+def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> tuple[Reals, Reals]:
+    """Return by how much minus ln likelihood falls along each change, and how far it is stretched then; shape (T,).
 
     `sizes` of the errors; None: what is left counts as noise.
     """
@@ -119,7 +122,7 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     if sizes is None:
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in made.r]
         points = tuple(
-            PointErrors(own.log_f, np.hypot(own.noise, misfit), own.felt)
+            PointErrors(own.log_f, np.hypot(own.noise, misfit), own.felt, own.bent)
             for own, misfit in zip(columns.points, misfits, strict=True)
         )
         columns, sizes = ErrorColumns((), np.zeros(0), tuple(b[:, :0] for b in columns.blocks), points), ErrorSizes()
@@ -130,7 +133,7 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
         np.concatenate([c[:, on] * scale[on], j, d, r[:, None]], axis=1)
         for c, j, d, r in zip(columns.blocks, J, changes, made.r, strict=True)
     ]
-    G, _ = gram(columns.points, blocks, sizes.colour, sizes.rho)
+    G, _ = gram(columns.points, blocks, sizes.colour, sizes.rough)
     C, M = on.size, J[0].shape[1]
     own = G[: C + M, : C + M].copy()
     own[:C, :C] += np.eye(C)
@@ -143,21 +146,35 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     c = np.diag(G)[C + M : -1] - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
     b = -(G[C + M : -1, -1] - right[:, :-1].T @ solved[:, -1])
     c = np.maximum(c, 1e-30)
-    a = np.clip(b / c, *_STRETCH)
-    return a * b - a**2 * c / 2
+    a = np.clip(b / c, 0.0, _STRETCH)
+    return a * b - a**2 * c / 2, a
 
 
 _Start = tuple[Candidate, dict[str, float]]
 
 
-def _ranked(starts: Sequence[_Start], gains: Reals, twins: dict[Candidate, Candidate]) -> list[ScreenedCandidate]:
+def _ranked(
+    starts: Sequence[_Start], gains: tuple[Reals, Reals], twins: dict[Candidate, Candidate]
+) -> list[ScreenedCandidate]:
     best: dict[Candidate, tuple[float, dict[str, float]]] = {}
-    for (one, values), gain in zip(starts, gains.tolist(), strict=True):
+    for (one, values), gain, stretch in zip(starts, gains[0].tolist(), gains[1].tolist(), strict=True):
         if one not in twins and (one not in best or gain > best[one][0]):
-            best[one] = gain, values
+            best[one] = gain, _stretched(one, values, stretch)
     same = {one: tuple(t for t, of in twins.items() if of == one) for one in best}
     found = [ScreenedCandidate(one, gain, values, same[one]) for one, (gain, values) in best.items()]
     return sorted(found, key=lambda promise: -promise.gain)
+
+
+def _stretched(one: Candidate, values: dict[str, float], stretch: float) -> dict[str, float]:
+    """Return the sizes tried, as large as they would fit best; never quite null, where nothing moves."""
+    sizes = {name: knob for name, knob in one.sizes if name in values}
+    factor = max(stretch, _LEAST)
+    return {
+        name: float(np.clip(knob.null + factor * (value - knob.null), knob.lower, knob.upper))
+        if (knob := sizes.get(name)) is not None
+        else value
+        for name, value in values.items()
+    }
 
 
 def _twins(

@@ -29,7 +29,7 @@ def test_intervals_and_budget_are_in_the_json(disk: list[str]) -> None:
     assert c33D["interval_im"]["p68"][0] < c33D["im"]
     assert answer["constants"]["disk.density"]["free"] is False
     share = answer["budget"]["re"]["disk.c33D"]
-    assert set(share) == {"noise", "dimensions", "knowledge", "assumptions", "largest"}
+    assert set(share) == {"noise", "instrument", "model", "dimensions", "knowledge", "assumptions", "largest"}
     assert answer["budget"]["tolerances"]["disk.density"] == pytest.approx(77.0)
 
 

@@ -107,7 +107,9 @@ def test_the_budget_adds_up_and_foretells_what_a_wrong_area_does() -> None:
     for name, share in budget.re.items():
         u = result.constants[name].u_re
         assert u is not None
-        assert np.hypot(np.hypot(share.noise, share.dimensions), share.knowledge) == pytest.approx(u, rel=1e-6)
+        assert np.linalg.norm(
+            [share.noise, share.instrument, share.model, share.dimensions, share.knowledge]
+        ) == pytest.approx(u, rel=1e-6)
     off = 1 + budget.tolerances["area"] / task.build.area.re
     wrong = replace(task.build, area=replace(task.build.area, re=off * task.build.area.re))
     moved = Mason().fit(replace(task, build=wrong)).constants["disk.eps33S"].re - result.constants["disk.eps33S"].re
