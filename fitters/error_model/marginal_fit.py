@@ -17,6 +17,8 @@ _STEPS = 15
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
+_WEIGHTED, _SETTLED = 10, 0.02
+"""How often weights of plain least squares are taken from what is left; relative fall below which no more."""
 _FURTHEST = 1.5
 """Longest step in any coordinate (a logarithm, or standard deviations of a prior): what is linear ends there."""
 
@@ -124,15 +126,17 @@ def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
     From there the marginal likelihood begins: begun where the errors have absorbed an effect, it never finds it.
     """
     none = tuple(np.zeros((r.noise.size, 0), np.complex128) for r in marginal.objective.recordings)
-    for _ in range(3):
+    last = np.inf
+    for _ in range(_WEIGHTED):
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in marginal.residuals(x)]
+        if float(np.sum(np.log(misfits))) > last - _SETTLED * len(misfits):
+            break
+        last = float(np.sum(np.log(misfits)))
         points = tuple(
             PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), *(np.zeros(own.noise.size),) * 2)
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
-        x, steps = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, points), ErrorSizes()), most, 0.3)
-        if steps <= 1:
-            break
+        x, _ = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, points), ErrorSizes()), most, 0.3)
     return x
 
 
@@ -146,6 +150,7 @@ class MarginalFit:
     gram: Gram
     value: Value
     evaluations: int
+    converged: bool
 
     @property
     def log_evidence(self) -> float:
@@ -178,7 +183,7 @@ def fit(
 
     `fixed`: the sizes are those of the first start; `fast`: whether the instrument's error may be fast at all.
     """
-    sizes, used = starts[0], 0
+    sizes, used, steps = starts[0], 0, 0
     order = [name for name in ORDER if fast or name != "fast"]
     columns = marginal.columns(x, fast=fast)
     for k in range(rounds):
@@ -192,7 +197,7 @@ def fit(
         if steps <= 1 and k > 0:
             break
     made = marginal.gram(x, columns)
-    return MarginalFit(marginal, x, sizes, made, made.value(sizes), used)
+    return MarginalFit(marginal, x, sizes, made, made.value(sizes), used, converged=steps < _STEPS)
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:

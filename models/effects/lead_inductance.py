@@ -31,7 +31,7 @@ class LeadInductance(Effect):
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)),
-            EffectParameter("skin", "ohm", typical=0.01, prior=(0.015, 1.0)),
+            EffectParameter("skin", "ohm", typical=0.01, prior=(5e-3, 1.6)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

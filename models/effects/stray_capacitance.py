@@ -27,7 +27,7 @@ class StrayCapacitance(Effect):
         """Return C in farad and the loss tangent of its insulation."""
         return (
             EffectParameter("capacitance", "F", typical=2e-3 * capacitance(stack), prior=(1e-11, 1.8)),
-            EffectParameter("loss", "1", typical=0.01, upper=0.3, prior=(0.008, 1.0)),
+            EffectParameter("loss", "1", typical=0.01, upper=0.3, prior=(3e-3, 1.6)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -101,6 +101,11 @@ def fitted(
     return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
 
 
+def coarseness(shortfall: float) -> float:
+    """Return how much ln evidence counts as one nat where the best explanation falls short by this much."""
+    return 1 + COARSENED * max(0.0, shortfall)
+
+
 def probabilities(found: Sequence[Hypothesis]) -> Reals:
     """Return the posterior probability of each hypothesis, shape (H,), as coarse as the best of them is wrong.
 
@@ -108,8 +113,7 @@ def probabilities(found: Sequence[Hypothesis]) -> Reals:
     missing they may favour a wrong one. So evidence is taken to a power (Miller and Dunson, J. Am. Stat. Assoc. 114
     (2019) 1113: a posterior given that the model is near the truth), 1 where nothing is missing.
     """
-    best = max(found, key=lambda one: one.log_weight)
-    temper = 1 + COARSENED * best.fit.shortfall
+    temper = coarseness(max(found, key=lambda one: one.log_weight).fit.shortfall)
     weight = np.array([one.log_evidence / temper + one.log_odds for one in found])
     part = np.exp(weight - np.max(weight))
     return part / np.sum(part)

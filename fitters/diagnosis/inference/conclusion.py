@@ -1,6 +1,6 @@
 """From all hypotheses to a verdict: what is named, with which probability, what looks alike, what is left."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,11 +10,11 @@ from ....models.effects.base.effect import TERMINALS
 from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import AttributedErrors, taken_up
 from ..findings import Alternative, Remaining, Verdict
-from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.hypothesis import Hypothesis, coarseness
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
-from .decision_rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, SOMETHING, TOLERATED
+from .decision_rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, RIVALS, SOMETHING, TOLERATED
 from .effect_size import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 
 Kind = Literal["finding", "remark"]
@@ -64,9 +64,11 @@ class Conclusion:
 def conclude(search: GreedySearch) -> Conclusion:
     """Return what follows from the hypotheses that were fitted."""
     null, best = search.found[frozenset()], search.best
-    inclusion = search.inclusion()
-    sure = [one for one in best.effects if inclusion.get(one.effect.name, 0.0) >= NAMED]
-    final = best if len(sure) == len(best.effects) else search.of(sure, best)
+    sure = _certainty(search, best)
+    while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
+        best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
+        sure = _certainty(search, best)
+    final = best
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     named: list[NamedEffect] = []
@@ -78,11 +80,11 @@ def conclude(search: GreedySearch) -> Conclusion:
         matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(one, final))
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
-        same, others = _look_alikes(search, final, one)
+        same, others = _alternatives(search, final, one, sure[one].alike)
         named.append(
             NamedEffect(
                 one,
-                inclusion.get(one.effect.name, 0.0),
+                sure[one].of_effect,
                 moves[one],
                 share,
                 "finding" if matters else "remark",
@@ -94,6 +96,38 @@ def conclude(search: GreedySearch) -> Conclusion:
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
     return Conclusion(null, final, tuple(named), remaining, _something_left(final, taken))
+
+
+@dataclass(frozen=True)
+class _Certainty:
+    """How probable an effect is, and that it or one of its look-alikes is there."""
+
+    of_effect: float
+    of_class: float
+    alike: frozenset[Candidate]
+
+
+def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certainty]:
+    """Return how probable each effect of a hypothesis is.
+
+    That is its inclusion in all hypotheses, times the chance that it is the effect, and not something that no name
+    explains, that moves ln Z so: of two causes of random shape the larger one is the likelier, as their squares.
+    """
+    taken = taken_up(one.fit)
+    model, left = (projected(one, [list(parts)]) for parts in (taken.model, taken.left))
+    noise = np.concatenate([own.noise for own in one.fit.gram.columns.points])
+    rough = float(2 * np.mean(left**2) - 2 * np.mean(noise[np.isfinite(noise)] ** 2))
+    other = float(2 * np.mean(model**2)) + max(0.0, rough)
+    found: dict[Candidate, _Certainty] = {}
+    for effect, size in sizes_of(search.problem, one).items():
+        alike = _look_alikes(search, one, effect)
+        rest = {its.effect.name for its in one.effects if its is not effect}
+        names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
+        itself = size**2 / (size**2 + other)
+        found[effect] = _Certainty(
+            search.inclusion({effect.effect.name}) * itself, search.inclusion(names) * itself, frozenset(alike)
+        )
+    return found
 
 
 def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:
@@ -127,27 +161,40 @@ def _something_left(final: Hypothesis, taken: AttributedErrors) -> bool:
     ) > INSTRUMENT
 
 
-def _look_alikes(
-    search: GreedySearch, final: Hypothesis, one: Candidate
-) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
-    """Return what the recordings do not tell from an effect, and what else was marginal_estimate in its place."""
-    rest = final.key - {one}
-    rivals = [h for h in search.ranked if rest < h.key and len(h.key) == len(final.key) and one not in h.key]
-    own = change_by(search.problem, final, one)
-    inclusion = search.inclusion()
-    same: list[Alternative] = [Alternative(one.effect.name, twin.where, 0.0) for twin in search.twins.get(one, ())]
-    others: list[Alternative] = []
-    for rival in rivals[:6]:
-        (other,) = rival.key - rest
-        if other.effect.name == UNKNOWN or (other.effect.name, other.where) == (one.effect.name, one.where):
-            continue
-        its = change_by(search.problem, rival, other)
-        columns = projected(final, [own, its])
+def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tuple[Hypothesis, Candidate]]:
+    """Return the best hypotheses that have another effect in place of one, and that other effect."""
+    rest = one.key - {effect}
+    instead = [h for h in search.ranked if rest < h.key and len(h.key) == len(one.key) and effect not in h.key]
+    pairs = [(h, next(iter(h.key - rest))) for h in instead[:RIVALS]]
+    here = effect.effect.name, effect.where
+    return [
+        (h, other) for h, other in pairs if other.effect.name != UNKNOWN and (other.effect.name, other.where) != here
+    ]
+
+
+def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
+    """Return what does to ln Z nearly what an effect does, or what the recordings do not tell from it."""
+    own = change_by(search.problem, one, effect)
+    within = CLASS_NATS * coarseness(one.fit.shortfall)
+    alike: set[Candidate] = set()
+    for rival, other in _rivals(search, one, effect):
+        behind = one.log_evidence - rival.log_evidence
+        columns = projected(one, [own, change_by(search.problem, rival, other)])
         norm = np.linalg.norm(columns, axis=0)
-        alike = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
-        entry = Alternative(other.effect.name, other.where, inclusion.get(other.effect.name, 0.0))
-        near = final.log_evidence - rival.log_evidence < CLASS_NATS
-        (
-            same if (alike > CLASS and final.log_evidence - rival.log_evidence < 10 * CLASS_NATS) or near else others
-        ).append(entry)
-    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(others))
+        correlation = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
+        if behind < within or (correlation > CLASS and behind < 10 * within):
+            alike.add(other)
+    return alike
+
+
+def _alternatives(
+    search: GreedySearch, final: Hypothesis, one: Candidate, alike: Collection[Candidate]
+) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
+    """Return what the recordings do not tell from an effect, and what else was tried in its place."""
+    said = [
+        (other in alike, Alternative(other.effect.name, other.where, search.inclusion({other.effect.name})))
+        for _, other in _rivals(search, final, one)
+    ]
+    twins = [Alternative(one.effect.name, twin.where, 0.0) for twin in search.twins.get(one, ())]
+    same = [*twins, *(entry for is_alike, entry in said if is_alike)]
+    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(entry for is_alike, entry in said if not is_alike))

@@ -2,7 +2,7 @@
 
 ODDS = 0.08
 """Prior odds of an effect of the catalogue at one place: of two dozen places, one or two have one in a laboratory."""
-COARSENED = 0.3
+COARSENED = 0.2
 """Of the evidence that the best explanation lacks, the part that counts as one nat: fitted by log score on generated
 recordings with effects taken out of the catalogue."""
 NAMED = 0.5
@@ -14,12 +14,16 @@ CLASS_NATS = 3.0
 SOFT, WORTH = 10.0, 3.0
 """Gain in ln likelihood from which an effect is fitted: where all that is left counts as noise, and beside errors (the
 odds against an effect are about as much)."""
-FITTED_FIRST, FITTED_LATER, POLISHED = 10, 5, 2
+FITTED_FIRST, FITTED_LATER, POLISHED = 8, 4, 2
 """How many effects are fitted alone, and beside what is there; and how many are fitted to the end. A budget."""
+UNFINISHED = 5
+"""How many of the best are fitted on where they had not come to an end. A budget."""
 NEAR = 12.0
 """ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
 SUBSTITUTES = 2
 """How many others are fitted in place of each effect of the best. A budget."""
+RIVALS = 6
+"""Explanations with another effect in place of a named one that are held against it. A budget."""
 MOST = 4
 """Effects at once. A budget."""
 INSTRUMENT = 8e-4

@@ -1,15 +1,25 @@
 """The search: nothing, each effect, pairs and greedy further ones, look-alikes instead; all by one log evidence."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ....models.base.errors import PzctlError
 from ...error_model.error_sizes import ErrorSizes
-from ..hypotheses.hypothesis import Hypothesis, fitted, probabilities
+from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.decision_rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, SUBSTITUTES, WORTH
+from ..inference.decision_rules import (
+    FITTED_FIRST,
+    FITTED_LATER,
+    MOST,
+    NEAR,
+    POLISHED,
+    SOFT,
+    SUBSTITUTES,
+    UNFINISHED,
+    WORTH,
+)
 from .screening import ScreenedCandidate, screened
 
 
@@ -115,9 +125,12 @@ class GreedySearch:
         if not parent.effects and lists[1]:
             self._likely = lists[1][0].candidate
         chosen: dict[Candidate, list[ScreenedCandidate]] = {}
+        shortfall = parent.fit.shortfall
         for rank in range(len(left)):
             for promises, least in zip(lists, (SOFT, WORTH, WORTH), strict=True):
-                if rank < len(promises) and promises[rank].gain > least and len(chosen) < most:
+                if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
+                    continue
+                if not parent.effects or promises[rank].gain > WORTH * coarseness(shortfall - promises[rank].gain):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         for one, promises in chosen.items():
             self.progress(f"trying {one.effect.name} at {one.where}")
@@ -149,13 +162,17 @@ class GreedySearch:
 
     def polish(self) -> None:
         """Fit those again that are near the best, to the end."""
-        for one in self.ranked[:POLISHED]:
-            if one.key not in self._fine and one.log_weight > self.best.log_weight - NEAR:
+        for _ in range(POLISHED):
+            likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
+            unfinished = [one for one in self.ranked[:UNFINISHED] if not one.fit.converged]
+            again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
+            if not again:
+                break
+            for one in again:
                 self._fine.add(one.key)
-                again = fitted(
-                    self.problem, one.effects, one.values, (one.fit.sizes,), near=True, rounds=4, fast=self._fast
-                )
-                self._take(again)
+                start = (one.fit.sizes,) if one.fit.converged else (ErrorSizes(colour=one.fit.sizes.colour),)
+                finer = fitted(self.problem, one.effects, one.values, start, near=True, rounds=4, fast=self._fast)
+                self._take(finer)
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""
@@ -177,10 +194,11 @@ class GreedySearch:
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
 
-    def inclusion(self) -> dict[str, float]:
-        """Return the posterior probability of every effect, wherever it is, by name."""
-        total: dict[str, float] = {}
-        for one, part in zip(self.ranked, probabilities(self.ranked).tolist(), strict=True):
-            for name in {effect.effect.name for effect in one.effects}:
-                total[name] = total.get(name, 0.0) + part
-        return total
+    def inclusion(self, names: Collection[str]) -> float:
+        """Return the posterior probability that any of these effects is there, wherever it is."""
+        parts = probabilities(self.ranked).tolist()
+        return sum(
+            part
+            for one, part in zip(self.ranked, parts, strict=True)
+            if any(effect.effect.name in names for effect in one.effects)
+        )

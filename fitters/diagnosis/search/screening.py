@@ -18,13 +18,11 @@ from ..hypotheses.problem import Candidate, Problem
 
 MODEST = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, losses=0.3)
 """Errors of a good device and a good instrument."""
-_SPREADS = (-2.0, -0.7, 0.7)
-"""ErrorSizes tried, in standard deviations of their logarithm."""
-_SIGNED = (-0.5, 0.5)
-_STRETCH = 2.5
-"""How far a change may be stretched in a straight line; shrunk, it stays one."""
-_LEAST = 1e-2
-"""Part of a size tried from which a fit begins at least."""
+_SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
+"""Sizes tried, in standard deviations of their logarithm."""
+_SIGNED = (-0.5, -0.1, -0.02, 0.02, 0.1, 0.5)
+_STRETCH = 0.4, 2.5
+"""How far a change may be stretched in a straight line."""
 _LINES = 100
 """Frequencies at which a further resonance is looked for."""
 _SCANS = 160
@@ -94,7 +92,7 @@ def _trials(problem: Problem, one: Candidate) -> list[dict[str, float]]:
     null = {knob.name: 1e-4 * knob.expected[0] if knob.from_nothing else knob.null for knob in sizes}
     for knob in sizes:
         centre, spread = knob.expected
-        steps = (_SPREADS if not far else (-0.7,)) if knob.from_nothing else _SIGNED
+        steps = (_SPREADS if not far else (-1.0,)) if knob.from_nothing else _SIGNED
         for z in steps:
             value = centre * np.exp(spread * z) if knob.from_nothing else centre + spread * z
             value = float(np.clip(value, knob.lower, 0.5 * knob.upper if np.isfinite(knob.upper) else knob.upper))
@@ -146,7 +144,7 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     c = np.diag(G)[C + M : -1] - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
     b = -(G[C + M : -1, -1] - right[:, :-1].T @ solved[:, -1])
     c = np.maximum(c, 1e-30)
-    a = np.clip(b / c, 0.0, _STRETCH)
+    a = np.clip(b / c, *_STRETCH)
     return a * b - a**2 * c / 2, a
 
 
@@ -166,11 +164,10 @@ def _ranked(
 
 
 def _stretched(one: Candidate, values: dict[str, float], stretch: float) -> dict[str, float]:
-    """Return the sizes tried, as large as they would fit best; never quite null, where nothing moves."""
+    """Return the sizes tried, as large as they would fit best."""
     sizes = {name: knob for name, knob in one.sizes if name in values}
-    factor = max(stretch, _LEAST)
     return {
-        name: float(np.clip(knob.null + factor * (value - knob.null), knob.lower, knob.upper))
+        name: float(np.clip(knob.null + stretch * (value - knob.null), knob.lower, knob.upper))
         if (knob := sizes.get(name)) is not None
         else value
         for name, value in values.items()
