@@ -28,7 +28,7 @@ ROUGH_FLOOR = 0.5
 FEW_SMOOTH, FEW_PATH, FEW_SLOW, FEW_FAST, FEW_SHAPE = 5, 3, 5, 14, 4
 """Functions of each process that are kept; what is left of its variance is below 1e-3 over a decade."""
 
-TAUS = (0.0, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+TAUS = (0.0, 3e-5, 1e-4, 3e-4, 1e-3)
 """Standard deviation of the smooth relative error of a constant."""
 RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 """Standard deviation of the rough relative error."""

@@ -182,7 +182,7 @@ def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> se
         columns = projected(one, [own, change_by(search.problem, rival, other)])
         norm = np.linalg.norm(columns, axis=0)
         correlation = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
-        if behind < within or (correlation > CLASS and behind < 10 * within):
+        if correlation > CLASS and behind < within:
             alike.add(other)
     return alike
 
