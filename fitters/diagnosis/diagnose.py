@@ -19,7 +19,6 @@ from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .hypotheses.size_priors import shown
 from .inference.conclusion import Conclusion, NamedEffect, conclude
-from .inference.decision_rules import FITTED_LATER
 from .inference.effect_size import constants_of, covariance_of
 from .inference.undetectable import not_decidable
 from .search.greedy_search import GreedySearch
@@ -54,14 +53,9 @@ def diagnose(
     progress("fitting without effects")
     problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
     choice = candidates(problem, effects)
-    search = GreedySearch(problem, choice, progress)
+    search = GreedySearch(problem, (*choice, *flaws(problem)), progress)
     search.run()
     found = conclude(search)
-    if found.something_left:
-        search.candidates = (*search.candidates, *flaws(problem))
-        search.grow(found.final, FITTED_LATER)
-        search.polish()
-        found = conclude(search)
     progress("proving on what took no part")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
@@ -88,7 +82,7 @@ def diagnose(
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),
         leftover=left,
-        says=_says(verdict, findings),
+        says=(*_says(verdict, findings), *_nearest(found)) if verdict == "unexplained" else _says(verdict, findings),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=curves_of(final.objective, final.descent.x, final.descent.x),
         data=gated.checks,
@@ -98,6 +92,14 @@ def diagnose(
         remarks=tuple(said for one, said in told if one.kind == "remark"),
         seconds=time.perf_counter() - began,
     )
+
+
+def _nearest(found: Conclusion) -> tuple[str, ...]:
+    """Return a sentence on the effect that explains most, but not so well that it could be named."""
+    if found.nearest is None:
+        return ()
+    one, share = found.nearest
+    return (f"Nearest comes {one.effect.name} at {one.where}: it takes away {100 * share:.0f} % of the misfit.",)
 
 
 def _in_two_dimensions(

@@ -225,5 +225,6 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
 
 
 def _damped(value: Value, damping: float) -> Reals:
-    H = value.H + damping * np.diag(np.diag(value.H))
-    return np.asarray(np.linalg.solve(H, value.H @ value.step), np.float64)
+    unit = np.sqrt(np.where(np.diag(value.H) > 0, np.diag(value.H), 1.0))
+    H = value.H / unit / unit[:, None]
+    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), H @ (value.step * unit)) / unit, np.float64)

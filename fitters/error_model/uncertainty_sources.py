@@ -46,7 +46,8 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     CJ = d[:, None] * c.times(j)
     JJ = j.squared()
     H = found.value.H
-    inverse = np.linalg.inv(H + 1e-14 * np.diag(np.diag(H)))
+    unit = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
+    inverse = np.linalg.pinv(H / unit / unit[:, None], rcond=1e-13, hermitian=True) / unit / unit[:, None]
     # A C: what a unit of each column does to x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
     felt = inverse @ np.linalg.solve(np.eye(on.size) + CC, CJ).T if on.size else np.zeros((len(H), 0))
     instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)

@@ -8,13 +8,13 @@ import numpy as np
 
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.prior_scales import FIXTURE
-from ...error_model.uncertainty_sources import AttributedErrors, taken_up
+from ...error_model.uncertainty_sources import taken_up
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.hypothesis import Hypothesis, coarseness
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
-from .decision_rules import CLASS, CLASS_NATS, INSTRUMENT, NAMED, RIVALS, SOMETHING, TOLERATED
+from .decision_rules import CLASS, CLASS_NATS, INSTRUMENT, LEFT, NAMED, RIVALS, TOLERATED
 from .effect_size import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 
 Kind = Literal["finding", "remark"]
@@ -45,6 +45,8 @@ class Conclusion:
     remaining: Remaining
     something_left: bool
     """Whether more than the instrument's error is left that no effect explains."""
+    nearest: tuple[Candidate, float] | None
+    """The effect that alone comes nearest, and the part of the misfit that it takes; None where none takes half."""
 
     @property
     def findings(self) -> tuple[NamedEffect, ...]:
@@ -95,7 +97,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         )
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
-    return Conclusion(null, final, tuple(named), remaining, _something_left(final, taken))
+    return Conclusion(null, final, tuple(named), remaining, _unexplained(final) > LEFT, _nearest(search, null))
 
 
 @dataclass(frozen=True)
@@ -113,21 +115,34 @@ def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certai
     That is its inclusion in all hypotheses, times the chance that it is the effect, and not something that no name
     explains, that moves ln Z so: of two causes of random shape the larger one is the likelier, as their squares.
     """
-    taken = taken_up(one.fit)
-    model, left = (projected(one, [list(parts)]) for parts in (taken.model, taken.left))
-    noise = np.concatenate([own.noise for own in one.fit.gram.columns.points])
-    rough = float(2 * np.mean(left**2) - 2 * np.mean(noise[np.isfinite(noise)] ** 2))
-    other = float(2 * np.mean(model**2)) + max(0.0, rough)
+    other = _unexplained(one)
     found: dict[Candidate, _Certainty] = {}
     for effect, size in sizes_of(search.problem, one).items():
         alike = _look_alikes(search, one, effect)
         rest = {its.effect.name for its in one.effects if its is not effect}
         names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
-        itself = size**2 / (size**2 + other)
+        itself = size**2 / (size**2 + other**2)
         found[effect] = _Certainty(
             search.inclusion({effect.effect.name}) * itself, search.inclusion(names) * itself, frozenset(alike)
         )
     return found
+
+
+def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] | None:
+    alone = [h for h in search.ranked if len(h.effects) == 1 and h.effects[0].effect.name != UNKNOWN]
+    if not alone:
+        return None
+    share = 1 - _rms(alone[0]) ** 2 / max(_rms(null) ** 2, 1e-300)
+    return (alone[0].effects[0], share) if share > NAMED else None
+
+
+def _unexplained(one: Hypothesis) -> float:
+    """Return the root mean square of what the model's own error makes of ln Z, less what constants could do."""
+    taken = taken_up(one.fit)
+    model, left = (projected(one, [list(parts)]) for parts in (taken.model, taken.left))
+    noise = np.concatenate([own.noise for own in one.fit.gram.columns.points])
+    rough = float(2 * np.mean(left**2) - 2 * np.mean(noise[np.isfinite(noise)] ** 2))
+    return float(np.sqrt(2 * np.mean(model**2) + max(0.0, rough)))
 
 
 def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:
@@ -149,16 +164,6 @@ def _rms(one: Hypothesis) -> float:
 
 def _size(parts: Sequence[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.abs(np.concatenate(parts)) ** 2)))
-
-
-def _something_left(final: Hypothesis, taken: AttributedErrors) -> bool:
-    """Return whether the errors of the model had to be larger than a good device's are."""
-    noise = float(np.sqrt(2 * np.mean(np.concatenate([p.noise for p in final.fit.gram.columns.points]) ** 2)))
-    model = np.hypot(_size(taken.model), np.sqrt(max(0.0, _size(taken.left) ** 2 - noise**2)))
-    sizes = final.fit.sizes
-    return (sizes.tau > SOMETHING["tau"] or sizes.rho > SOMETHING["rho"] or sizes.slow > SOMETHING["slow"]) and float(
-        model
-    ) > INSTRUMENT
 
 
 def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tuple[Hypothesis, Candidate]]:

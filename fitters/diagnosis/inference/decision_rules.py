@@ -31,5 +31,6 @@ INSTRUMENT = 8e-4
 TOLERATED = 2.0
 """Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is no
 more than that, where the instrument shows errors: one fixture in twenty has more."""
-SOMETHING = {"tau": 1e-3, "rho": 3e-4, "slow": 2.0}
-"""Errors above which they are none of a good device and instrument any more."""
+LEFT = 1.5e-3
+"""Root mean square of ln Z that the imperfections of a good device make, all together: weak lines, scatter of its
+thickness, losses that change over the band. More of the model's own error than that has a cause."""

@@ -87,7 +87,7 @@ class GreedySearch:
             rest = tuple(other for other in one.effects if other is not effect)
             for other in self.candidates:
                 if (
-                    other.effect.name != effect.effect.name
+                    other.effect is not effect.effect
                     or other in one.effects
                     or (other.where, other.steps) in twins
                 ):

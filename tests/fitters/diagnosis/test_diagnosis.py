@@ -105,21 +105,32 @@ def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
     assert "inverted" in diagnosis.findings[0].says
 
 
-@pytest.mark.parametrize("step", [4e-4, 1.2e-3])  # two and six times the noise
-def test_an_instrument_artefact_is_not_called_physics(cases: Path, step: float) -> None:
+def stepped(cases: Path, step: float) -> tuple[Diagnosis, float]:
+    """Return the diagnosis of a disk that hides nothing, its gain off by `step` above a frequency, and this."""
     sweep = read_recording(cases / "null" / "disk.csv")
     upper = sweep.frequency > 0.6 * sweep.frequency[-1]
-    stepped = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + step, 1.0))
-    diagnosis = diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (stepped,)}))
+    off = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + step, 1.0))
+    task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (off,)})
+    return diagnose(task), float(sweep.frequency[upper][0])
+
+
+@pytest.mark.parametrize("step", [4e-4, 1.2e-3])  # two and six times the noise
+def test_an_error_that_an_analyzer_may_have_is_no_mismatch(cases: Path, step: float) -> None:
+    diagnosis, _ = stepped(cases, step)
+    assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
+
+
+def test_an_instrument_artefact_is_not_called_physics(cases: Path) -> None:
+    diagnosis, at = stepped(cases, 1e-2)
     assert diagnosis.verdict == "unexplained"
     (finding,) = diagnosis.findings
     assert (finding.effect, finding.where) == ("unknown", "any")
     assert "range" in finding.says
-    assert abs(finding.parameters["frequency"].value / sweep.frequency[upper][0] - 1) < 0.02
+    assert abs(finding.bands_Hz[0][0] / at - 1) < 0.02
 
 
 def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
-    diagnosis = diagnose(given(cases, "lead")[0], effects=("leakage",))
+    diagnosis = diagnose(given(cases, "lead-and-taper")[0], effects=("leakage",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert diagnosis.verdict == "unexplained"
 
@@ -127,7 +138,7 @@ def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
 def test_what_explains_most_but_not_all_is_told_and_not_named(cases: Path) -> None:
     diagnosis = diagnose(given(cases, "void")[0], effects=("local-mass",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
-    assert "Nearest comes local-mass at face:front: it takes away 89" in diagnosis.says[-1]
+    assert "Nearest comes local-mass at face:front: it takes away" in diagnosis.says[-1]
 
 
 def bare_disk(cases: Path) -> tuple[Sweep, Reals, Complexes]:
@@ -157,7 +168,7 @@ def test_what_rises_towards_the_end_of_a_band_is_no_line(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     leaking = 1e-3 * float(np.median(np.abs(admittance))) * f[0] / f
     diagnosis = with_admittance(cases, sweep, admittance + leaking, "spurious-resonance", "dielectric-dispersion")
-    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
+    assert "spurious-resonance" not in [finding.effect for finding in diagnosis.findings]
 
 
 def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:

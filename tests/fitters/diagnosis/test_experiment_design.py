@@ -95,13 +95,13 @@ def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosi
     [
         ("drive-nonlinearity", 60.0, ["drive-nonlinearity"], "level", "softening", 60.0),
         ("sweep-lag", 4e-3, [], "", "lag", 4e-3 * 2e6 / (160 * 0.16)),
-        ("temperature-drift", 1e-3, ["lead-inductance"], "", "relative", None),
+        ("temperature-drift", 1e-3, [], "", "relative", None),
     ],
 )
 def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for(
     hidden: str, size: float, at_first: list[str], kind: str, parameter: str, value: float | None
 ) -> None:
-    """The first sweep shows it by its shape alone, or nothing, or something that looks like it."""
+    """The first sweep shows it by its shape alone, or nothing."""
     plan = SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5)
     instrument = InstrumentLimits(plan_seconds, lambda plan, f, Z: np.full(f.size, NOISE))
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})

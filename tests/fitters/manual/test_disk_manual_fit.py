@@ -111,7 +111,7 @@ def test_an_effect_at_the_terminals_is_found_with_its_size(
     build: Build, device: BothModes, thin: RadialDisk, swept: Callable[..., Sweep], fitter: str
 ) -> None:
     model, held = (thin, "disk.eps33T") if fitter == "radial" else (device, "disk.eps33S")
-    stray = Added(find_effect(STRAY[0]), STRAY[1], {"capacitance": 3e-11})
+    stray = Added(find_effect(STRAY[0]), STRAY[1], {"capacitance": 3e-11, "loss": 0.0})
     behind = TerminalEffects(model, stack_of(build, build.steps[0]), (stray,))
     sweeps = tuple(swept(behind, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
     hand = ManualFit(FitTask(build, {"disk": sweeps}), fitter)
