@@ -8,7 +8,10 @@ import msgspec
 
 from ...models.build import Build
 from ..wire.events import SampleStep
-from .store import JournalError, Place, digest_of, open_store
+from .array_file import Description, Row
+from .migrations import COLUMNS
+from .open_store import open_store
+from .store import JournalError, Place, digest_of
 
 
 @dataclass(frozen=True)
@@ -163,9 +166,26 @@ class JournalReader:
         """Return the ids of the events that have an array."""
         return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
 
+    def described(self, event: str) -> Description:
+        """Return what the tables say of an event that has an array."""
+        rows = {name: self._row(name, event) for name in ("events", "measurements", "builds")}
+        return Description(rows["events"], rows["measurements"], rows["builds"])
+
+    def _row(self, table: str, event: str) -> Row:
+        """Return the row of a table that an event stands in or belongs to, by column; empty where there is none."""
+        of = {
+            "events": "id = ?",
+            "measurements": "id = (SELECT measurement FROM events WHERE id = ?)",
+            "builds": "hash = (SELECT build FROM measurements JOIN events ON measurement = measurements.id"
+            " WHERE events.id = ?)",
+        }
+        row = self._one(f"SELECT {COLUMNS[table]} FROM {table} WHERE {of[table]}", event)  # noqa: S608
+        told = (value.decode() if isinstance(value, bytes) else value for value in row or ())
+        return dict(zip(COLUMNS[table].split(", "), told, strict=True)) if row else {}
+
     def verify(self) -> list[str]:
         """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
-        wrong: list[str] = []
+        wrong = [f"the database: {said}" for said in self.store.damage()]
         last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
         for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
             expected = last.get(station, 0) + 1

@@ -1,6 +1,6 @@
 """Writing the record of everything that was announced, in a folder or on a server.
 
-A sweep's bytes and its row are on disk, whole, before it may be published; see `folderstore` and `pgstore`.
+A sweep's bytes and its row are on disk, whole, before it may be published; see `folder_store` and `postgres_store`.
 """
 
 import hashlib
@@ -18,7 +18,8 @@ from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
 from .folder_lock import take_lock
 from .journal_reader import JournalMeasurement, JournalReader
-from .store import JournalError, Store, digest_of, open_store
+from .open_store import open_store
+from .store import JournalError, Store, digest_of
 
 E = TypeVar("E", bound=Event)
 
@@ -39,7 +40,7 @@ class JournalWriter(JournalReader):
             self.store.claim(station)
             self.last_seq = self.newest
             self.run = uuid7()
-            self.store.tidy()
+            self.set_aside = self.store.set_aside()
             with self.store.transaction():
                 self.store.run("INSERT INTO runs VALUES (?, ?, ?)", self.run, now_utc(), station)
             stack.pop_all()
@@ -61,7 +62,7 @@ class JournalWriter(JournalReader):
         with self.store.transaction():
             self._insert(stamped, frames, digest_of(data) if payload else None)
             if payload:
-                self.store.write_array(stamped.id, data)
+                self.store.write_array(stamped.id, data, self.described(stamped.id))
         self.last_seq += 1
         return stamped, frames
 
