@@ -37,6 +37,7 @@ from ..wire.replies import FitterState
 from .access.access_control import AccessControl
 from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
 from .acquisition import Acquisition, AnalyzerThread
+from .plan_limits import PlanLimits
 from .publishing.durable_publisher import DurablePublisher
 from .publishing.event_publisher import EventPublisher
 from .publishing.spool import Spool
@@ -179,6 +180,7 @@ class Daemon:
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,
+            plan_limits=PlanLimits(options.max_bias_V, options.max_oscillator_V),
         )
         self._reception = RequestServer(requests, desk, gate, intake)
 

@@ -10,6 +10,7 @@ from importlib.metadata import entry_points, version
 from typing import Any
 
 from ....models.base.names import among
+from ....models.sweep_plan import PlanError
 from ...journal.journal_reader import History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...wire import replies as reply
@@ -18,6 +19,7 @@ from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, Sta
 from ...wire.metrics import Metrics
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
+from ..plan_limits import PlanLimits
 from ..workers.fitter_worker import GROUP
 from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
@@ -51,6 +53,7 @@ class RequestHandlers:
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
     metrics: Metrics
+    plan_limits: PlanLimits
     lease: Lease = field(default_factory=Lease)
 
     @singledispatchmethod
@@ -140,6 +143,12 @@ class RequestHandlers:
                 f"neither the request nor build {request.build.name!r} says what to sweep",
                 "give a plan, or a [sweep] table in build.toml",
             )
+        try:
+            self.plan_limits.check(plan, self.acquisition.seconds)
+        except PlanError as error:
+            raise RequestError(
+                "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
+            ) from error
         if request.decides is not None:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
         self.lease.check(request.lease)
