@@ -13,6 +13,9 @@ from .migrations import COLUMNS
 from .open_store import open_store
 from .store import JournalError, Place, digest_of
 
+MOST_REPLAYED = 16 << 20
+"""Bytes of one answer, but for its last event."""
+
 
 @dataclass(frozen=True)
 class JournalMeasurement:
@@ -70,9 +73,19 @@ class JournalReader:
         return row[0] or 0 if row else 0
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
-        """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""
+        """Return the frames of the events `since` .. `until`, both included, at most `most` of them.
+
+        Those behind the first `MOST_REPLAYED` bytes are left for the next time.
+        """
         rows = "station = ? AND seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
-        return self._frames(rows, self.station, since, self.newest if until is None else until, most)
+        events: list[list[bytes]] = []
+        size = 0
+        for event in self._each(rows, self.station, since, self.newest if until is None else until, most):
+            events.append(event)
+            size += sum(map(len, event))
+            if size > MOST_REPLAYED:
+                break
+        return events
 
     def sweeps(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of the sweep events of a measurement, in order."""
@@ -202,8 +215,13 @@ class JournalReader:
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
         """Return the frames of the events for which the SQL condition holds."""
+        return list(self._each(where, *values))
+
+    def _each(self, where: str, *values: str | int) -> Iterator[list[bytes]]:
+        """Yield the frames of the events for which the SQL condition holds; their arrays are read one by one."""
         rows = self._all(f"SELECT id, topic, header, lengths, hash FROM events WHERE {where}", *values)  # noqa: S608
-        return [[topic, header, *self._read_array(i, lengths, digest)] for i, topic, header, lengths, digest in rows]
+        for i, topic, header, lengths, digest in rows:
+            yield [topic, header, *self._read_array(i, lengths, digest)]
 
     def _read_array(self, event: str, lengths: str, digest: str | None) -> Iterator[bytes]:
         """Yield an event's raw columns."""

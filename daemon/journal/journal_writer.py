@@ -106,14 +106,16 @@ class JournalWriter(JournalReader):
     def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
         """Record that a measurement was accepted; return its id, and False where this request was accepted before.
 
-        Raises JournalError where there is no room for what it will bring.
+        Raises JournalError where there is no room for what it will bring, or where the request was for something else.
         """
-        known = self._one("SELECT id FROM measurements WHERE request = ?", request)
-        if known:
-            return str(known[0]), False
-        self.store.check_room()
         text, new = to_json(build), uuid7()
         digest = hashlib.sha256(text).hexdigest()
+        known = self._one("SELECT id, step, build FROM measurements WHERE request = ?", request)
+        if known:
+            if (known[1], known[2]) != (step, digest):
+                raise JournalError(f"id {request!r} was another measurement's; give every request an id of its own")
+            return str(known[0]), False
+        self.store.check_room()
         with self.store.transaction():
             # one that is there already is written again, so that nobody who prunes removes it under our hands
             self.store.run(

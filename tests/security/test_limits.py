@@ -13,6 +13,8 @@ import pytest
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.journal import journal_reader
+from pzctl.daemon.wire.events import decode
 from pzctl.models.build import Build
 from pzctl.models.sweep_plan import Segment
 from pzctl.sim.server import SimOptions, running
@@ -75,3 +77,22 @@ def test_an_empty_or_short_token_opens_the_page_to_nobody(tmp_path: Path, token:
     )
     assert done.returncode == 2
     assert "at least 16 characters are needed" in done.stderr
+
+
+def test_a_replay_comes_in_answers_of_bounded_size(
+    start_daemon: Callable[..., object], build: Build, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    start_daemon()
+    with connect() as lab:
+        for _ in range(3):
+            lab.measure(build, "disk")
+        whole = list(lab.replay(1))
+    monkeypatch.setattr(journal_reader, "MOST_REPLAYED", 1000)
+    journal = journal_reader.JournalReader(tmp_path / "journal")
+    events, since = [], 1
+    while found := journal.replay(since, None, 1000):
+        assert sum(len(frame) for event in found[:-1] for frame in event) <= 1000
+        events += found
+        since += len(found)
+    journal.close()
+    assert [decode(event).event for event in events] == [one.event for one in whole]
