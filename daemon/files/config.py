@@ -95,6 +95,8 @@ SETTINGS: Mapping[str, Setting] = {
     "station": Setting("the name of this bench", _text),
     "time_scale": Setting("a number from 0 up", _not_negative),
     "seed": Setting("a whole number", int),
+    "max_bias_V": Setting("volts from 0 up", _not_negative),
+    "max_oscillator_V": Setting("volts from 0 up", _not_negative),
     "fit_seconds": Setting("seconds above 0", _positive),
     "fit_memory_MB": Setting("megabytes above 0", lambda value: int(_positive(value))),
     "diagnose": Setting("auto or asked", _when),
@@ -148,7 +150,7 @@ def options(found: Mapping[str, Any]) -> "DaemonOptions":
     simulator = {"time_scale": found.get("time_scale", 1.0), "seed": found.get("seed", 0)}
     own = {
         name: found[name]
-        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose")
+        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose", "max_bias_V", "max_oscillator_V")
         if name in found
     }
     own["journal"], own["station"] = journal_of(found)

@@ -28,5 +28,8 @@ class DaemonOptions:
     """Fields of `SimOptions` for the simulated 4294A, such as `{"time_scale": 0}`."""
     limits: Limits = field(default_factory=Limits)
     """What each fitter may use."""
+    max_bias_V: float | None = None
+    max_oscillator_V: float | None = None
+    """The most that this bench allows, besides the analyzer's own limits."""
     diagnose: str = AUTO
     """`auto`: a diagnosis follows a fit of the first fitter that leaves a mismatch; `asked`: only a request."""

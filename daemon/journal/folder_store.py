@@ -1,24 +1,25 @@
 """A journal in a folder: SQLite (WAL) beside a folder of arrays.
 
-An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file no row
-speaks of; it is removed when the journal is opened for writing again.
+An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file that no row
+speaks of. Such files are moved to `orphans/` when the journal is opened for writing; nothing is removed.
 """
 
 import os
 import shutil
 import sqlite3
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from .array_file import Description, columns_of, packed
 from .migrations import check_version, migrate_sqlite
 from .store import JournalError, Store
 
 LEAST_FREE = 64 << 20
 """Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
 
-DATABASE = "journal.sqlite"
+DATABASE, ARRAYS, ORPHANS = "journal.sqlite", "arrays", "orphans"
 
 PATIENCE = 2.0
 """Seconds that are waited for another program that locks the database: less than listeners wait for a beat."""
@@ -30,7 +31,7 @@ class FolderStore(Store):
     def __init__(self, folder: Path, *, write: bool) -> None:
         self.name = str(folder)
         self._folder = folder
-        self._arrays = folder / "arrays"
+        self._arrays = folder / ARRAYS
         with _told(folder):
             self._db = _opened(folder) if write else _readable(folder)
             found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
@@ -81,13 +82,13 @@ class FolderStore(Store):
             raise
         self.run("COMMIT")
 
-    def write_array(self, event: str, data: bytes) -> None:
-        """Write raw columns so that the file is whole or not there."""
+    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
+        """Write raw columns and their description so that the file is whole or not there."""
         path = self._path(event)
         part = path.with_suffix(".part")
         with _told(self._folder):
             with part.open("wb") as file:
-                file.write(data)
+                file.write(packed(data, description))
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)
@@ -97,31 +98,33 @@ class FolderStore(Store):
         """Return an event's raw columns; None where there are none."""
         path = self._path(event)
         with _told(path):
-            return path.read_bytes() if path.exists() else None
-
-    def take_array(self, event: str, source: Store) -> None:
-        """Keep the raw columns that another store has: by a second name where both are files on one disk."""
-        if isinstance(source, FolderStore):
-            with _told(self._folder):
-                _copy_file(source._path(event), self._path(event))  # noqa: SLF001
-        else:
-            data = source.read_array(event)
-            if data is not None:
-                self.write_array(event, data)
+            return columns_of(path.read_bytes()) if path.exists() else None
 
     def drop_arrays(self, events: Sequence[str]) -> None:
-        """Remove files; those that a kill leaves here are removed at the next start."""
+        """Remove files; those that a kill leaves here are set aside at the next start."""
         with _told(self._folder):
             for event in events:
                 self._path(event).unlink(missing_ok=True)
 
-    def tidy(self) -> None:
-        """Remove the files that no row speaks of."""
+    def set_aside(self) -> list[str]:
+        """Move files that no row speaks of to `orphans/`; those in a folder that is a link stay where they are."""
         known = {row[0] for row in self.all("SELECT id FROM events WHERE hash IS NOT NULL")}
         with _told(self._folder):
-            for path in self._arrays.iterdir():
-                if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known):
-                    path.unlink()
+            lost = [
+                path
+                for path in sorted(self._arrays.iterdir())
+                if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known)
+            ]
+            if lost and not self._arrays.is_symlink():
+                aside = self._folder / ORPHANS
+                aside.mkdir(exist_ok=True, mode=0o700)
+                for path in lost:
+                    path.rename(aside / path.name)
+        return [path.name for path in lost]
+
+    def damage(self) -> list[str]:
+        """Return what SQLite's own check of its file finds."""
+        return [str(found) for (found,) in self.all("PRAGMA integrity_check") if found != "ok"]
 
     def check_room(self) -> None:
         """Raise JournalError where the disk is nearly full."""
@@ -141,7 +144,8 @@ class FolderStore(Store):
 
 def _opened(folder: Path) -> sqlite3.Connection:
     """Open a database to be written, its tables made or brought up to date."""
-    (folder / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
+    (folder / ARRAYS).mkdir(parents=True, exist_ok=True, mode=0o700)
+    refuse_a_lost_database(folder)
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
@@ -151,6 +155,24 @@ def _opened(folder: Path) -> sqlite3.Connection:
         db.close()
         raise
     return db
+
+
+def refuse_a_lost_database(folder: Path) -> None:
+    """Raise JournalError where there are arrays, and no database that a daemon ever wrote: it was lost."""
+    arrays = sum(path.suffix == ".bin" for path in (folder / ARRAYS).iterdir())
+    if not arrays:
+        return
+    path = folder / DATABASE
+    if path.exists() and path.stat().st_size:
+        with closing(_read_only(folder, "mode=ro")) as db:
+            has_runs = db.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone()
+            if has_runs and db.execute("SELECT 1 FROM runs LIMIT 1").fetchone():
+                return
+    raise JournalError(
+        f"{folder}: {arrays} recordings are in {ARRAYS}/, but {DATABASE} beside them "
+        f"{'is a new one' if path.exists() else 'is missing'}; nothing was touched. Put the right file back, or "
+        "rebuild it from the recordings: pzctl journal repair"
+    )
 
 
 def _readable(folder: Path) -> sqlite3.Connection:
@@ -191,11 +213,3 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
-
-
-def _copy_file(source: Path, target: Path) -> None:
-    """Copy a file that is never written again: by a second name where both are on one disk."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)

@@ -8,7 +8,13 @@ import msgspec
 
 from ...models.build import Build
 from ..wire.events import SampleStep
-from .store import JournalError, Place, digest_of, open_store
+from .array_file import Description, Row
+from .migrations import COLUMNS
+from .open_store import open_store
+from .store import JournalError, Place, digest_of
+
+MOST_REPLAYED = 16 << 20
+"""Bytes of one answer, but for its last event."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +73,19 @@ class JournalReader:
         return row[0] or 0 if row else 0
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
-        """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""
+        """Return the frames of the events `since` .. `until`, both included, at most `most` of them.
+
+        Those behind the first `MOST_REPLAYED` bytes are left for the next time.
+        """
         rows = "station = ? AND seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
-        return self._frames(rows, self.station, since, self.newest if until is None else until, most)
+        events: list[list[bytes]] = []
+        size = 0
+        for event in self._each(rows, self.station, since, self.newest if until is None else until, most):
+            events.append(event)
+            size += sum(map(len, event))
+            if size > MOST_REPLAYED:
+                break
+        return events
 
     def sweeps(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of the sweep events of a measurement, in order."""
@@ -163,9 +179,26 @@ class JournalReader:
         """Return the ids of the events that have an array."""
         return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
 
+    def described(self, event: str) -> Description:
+        """Return what the tables say of an event that has an array."""
+        rows = {name: self._row(name, event) for name in ("events", "measurements", "builds")}
+        return Description(rows["events"], rows["measurements"], rows["builds"])
+
+    def _row(self, table: str, event: str) -> Row:
+        """Return the row of a table that an event stands in or belongs to, by column; empty where there is none."""
+        of = {
+            "events": "id = ?",
+            "measurements": "id = (SELECT measurement FROM events WHERE id = ?)",
+            "builds": "hash = (SELECT build FROM measurements JOIN events ON measurement = measurements.id"
+            " WHERE events.id = ?)",
+        }
+        row = self._one(f"SELECT {COLUMNS[table]} FROM {table} WHERE {of[table]}", event)  # noqa: S608
+        told = (value.decode() if isinstance(value, bytes) else value for value in row or ())
+        return dict(zip(COLUMNS[table].split(", "), told, strict=True)) if row else {}
+
     def verify(self) -> list[str]:
         """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
-        wrong: list[str] = []
+        wrong = [f"the database: {said}" for said in self.store.damage()]
         last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
         for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
             expected = last.get(station, 0) + 1
@@ -182,8 +215,13 @@ class JournalReader:
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
         """Return the frames of the events for which the SQL condition holds."""
+        return list(self._each(where, *values))
+
+    def _each(self, where: str, *values: str | int) -> Iterator[list[bytes]]:
+        """Yield the frames of the events for which the SQL condition holds; their arrays are read one by one."""
         rows = self._all(f"SELECT id, topic, header, lengths, hash FROM events WHERE {where}", *values)  # noqa: S608
-        return [[topic, header, *self._read_array(i, lengths, digest)] for i, topic, header, lengths, digest in rows]
+        for i, topic, header, lengths, digest in rows:
+            yield [topic, header, *self._read_array(i, lengths, digest)]
 
     def _read_array(self, event: str, lengths: str, digest: str | None) -> Iterator[bytes]:
         """Yield an event's raw columns."""

@@ -1,6 +1,6 @@
 """Writing the record of everything that was announced, in a folder or on a server.
 
-A sweep's bytes and its row are on disk, whole, before it may be published; see `folderstore` and `pgstore`.
+A sweep's bytes and its row are on disk, whole, before it may be published; see `folder_store` and `postgres_store`.
 """
 
 import hashlib
@@ -18,7 +18,8 @@ from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
 from .folder_lock import take_lock
 from .journal_reader import JournalMeasurement, JournalReader
-from .store import JournalError, Store, digest_of, open_store
+from .open_store import open_store
+from .store import JournalError, Store, digest_of
 
 E = TypeVar("E", bound=Event)
 
@@ -39,7 +40,7 @@ class JournalWriter(JournalReader):
             self.store.claim(station)
             self.last_seq = self.newest
             self.run = uuid7()
-            self.store.tidy()
+            self.set_aside = self.store.set_aside()
             with self.store.transaction():
                 self.store.run("INSERT INTO runs VALUES (?, ?, ?)", self.run, now_utc(), station)
             stack.pop_all()
@@ -61,7 +62,7 @@ class JournalWriter(JournalReader):
         with self.store.transaction():
             self._insert(stamped, frames, digest_of(data) if payload else None)
             if payload:
-                self.store.write_array(stamped.id, data)
+                self.store.write_array(stamped.id, data, self.described(stamped.id))
         self.last_seq += 1
         return stamped, frames
 
@@ -105,14 +106,16 @@ class JournalWriter(JournalReader):
     def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
         """Record that a measurement was accepted; return its id, and False where this request was accepted before.
 
-        Raises JournalError where there is no room for what it will bring.
+        Raises JournalError where there is no room for what it will bring, or where the request was for something else.
         """
-        known = self._one("SELECT id FROM measurements WHERE request = ?", request)
-        if known:
-            return str(known[0]), False
-        self.store.check_room()
         text, new = to_json(build), uuid7()
         digest = hashlib.sha256(text).hexdigest()
+        known = self._one("SELECT id, step, build FROM measurements WHERE request = ?", request)
+        if known:
+            if (known[1], known[2]) != (step, digest):
+                raise JournalError(f"id {request!r} was another measurement's; give every request an id of its own")
+            return str(known[0]), False
+        self.store.check_room()
         with self.store.transaction():
             # one that is there already is written again, so that nobody who prunes removes it under our hands
             self.store.run(

@@ -90,6 +90,16 @@ PATIENCE = 5.0
 TABLES = ("builds", "runs", "measurements", "events", "fits", "prunings")
 """All of them but arrays, each after those that it refers to."""
 
+COLUMNS = {
+    "builds": "hash, json",
+    "runs": "id, time, station",
+    "measurements": "id, request, run, sample, step, build, state, time, station",
+    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
+    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
+    "prunings": "seq, time, backup, station",
+}
+"""What is copied of each table: all of it, but for the number of a measurement, which is given anew."""
+
 
 def check_version(name: str, found: int) -> None:
     """Raise JournalError where the tables are not of this version."""

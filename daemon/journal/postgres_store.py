@@ -15,6 +15,7 @@ from typing import Any
 
 import psycopg
 
+from .array_file import Description
 from .migrations import check_version, migrate_postgres
 from .store import JournalAway, JournalError, Store, without_password
 
@@ -94,8 +95,8 @@ class PostgresStore(Store):
             self._db.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
             yield
 
-    def write_array(self, event: str, data: bytes) -> None:
-        """Keep raw columns beside their event's row, in the same transaction."""
+    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
+        """Keep raw columns beside their event's row, in the same transaction; the rows describe them."""
         self.run("INSERT INTO arrays VALUES (?, ?)", event, data)
 
     def read_array(self, event: str) -> bytes | None:
@@ -103,17 +104,16 @@ class PostgresStore(Store):
         rows = self.all("SELECT data FROM arrays WHERE event = ?", event)
         return rows[0][0] if rows else None
 
-    def take_array(self, event: str, source: Store) -> None:
-        """Keep the raw columns that another store has."""
-        data = source.read_array(event)
-        if data is not None:
-            self.write_array(event, data)
-
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Do nothing: they go with their events."""
 
-    def tidy(self) -> None:
-        """Do nothing: an interrupted transaction leaves nothing."""
+    def set_aside(self) -> list[str]:
+        """Return nothing: an interrupted transaction leaves nothing."""
+        return []
+
+    def damage(self) -> list[str]:
+        """Return nothing: a server checks its own files."""
+        return []
 
     def check_room(self) -> None:
         """Do nothing: a server does not say how full its disk is, and refuses what it cannot keep."""

@@ -5,18 +5,8 @@ from pathlib import Path
 from ...models.sweep import now_utc
 from .journal_reader import JournalReader
 from .journal_writer import JournalWriter
-from .migrations import TABLES
+from .migrations import COLUMNS, TABLES
 from .store import JournalError, Place, without_password
-
-COLUMNS = {
-    "builds": "hash, json",
-    "runs": "id, time, station",
-    "measurements": "id, request, run, sample, step, build, state, time, station",
-    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
-    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
-    "prunings": "seq, time, backup, station",
-}
-"""What is copied of each table: all of it, but for the number of a measurement, which is given anew."""
 
 ORDER = {"measurements": "number", "events": "station, seq"}
 
@@ -105,6 +95,8 @@ def _copy_table(source: JournalReader, copy: JournalReader, table: str, station:
             found["station"] = station
         copy.store.run(kept, *found.values())
         if table == "events" and found["hash"] is not None:
-            copy.store.take_array(found["id"], source.store)
+            data = source.store.read_array(found["id"])
+            if data is not None:
+                copy.store.write_array(found["id"], data, copy.described(found["id"]))
         count += 1
     return count

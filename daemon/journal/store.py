@@ -1,6 +1,6 @@
 """Where a journal keeps its rows and arrays: one interface, SQLite beside a folder, or a PostgreSQL server.
 
-Both are given the same SQL, with `?` for each value; what differs between them is in `folderstore` and `pgstore`.
+Both are given the same SQL, with `?` for each value; `folder_store` and `postgres_store` have what differs.
 """
 
 import hashlib
@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ...models.base.errors import CannotError
+from .array_file import Description
 
 Place = Path | str
 """A folder, or the URL of a PostgreSQL database."""
@@ -59,24 +60,27 @@ class Store(ABC):
         """Everything that is read inside is of one moment."""
 
     @abstractmethod
-    def write_array(self, event: str, data: bytes) -> None:
-        """Keep an event's raw columns so that they are there, whole, once the transaction around this has ended."""
+    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
+        """Keep an event's raw columns so that they are there, whole, once the transaction around this has ended.
+
+        Where arrays are files, the description is kept with them.
+        """
 
     @abstractmethod
     def read_array(self, event: str) -> bytes | None:
         """Return an event's raw columns; None where there are none."""
 
     @abstractmethod
-    def take_array(self, event: str, source: "Store") -> None:
-        """Keep the raw columns that another store has."""
-
-    @abstractmethod
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Remove raw columns whose events have gone."""
 
     @abstractmethod
-    def tidy(self) -> None:
-        """Remove what an interrupted write left."""
+    def set_aside(self) -> list[str]:
+        """Move away what no row speaks of, and return its names: an interrupted write left it, or rows were lost."""
+
+    @abstractmethod
+    def damage(self) -> list[str]:
+        """Return what the database itself says is wrong with it, a sentence each."""
 
     @abstractmethod
     def check_room(self) -> None:
@@ -85,21 +89,6 @@ class Store(ABC):
     @abstractmethod
     def claim(self, station: str) -> None:
         """Become the only writer of a station, for as long as this is open. Raises JournalError where there is one."""
-
-
-def open_store(place: Place, *, write: bool) -> Store:
-    """Open a journal; where it is to be written its tables are made, or brought up to date. Raises JournalError."""
-    if isinstance(place, Path):
-        from .folder_store import FolderStore
-
-        return FolderStore(place, write=write)
-    try:
-        from .postgres_store import PostgresStore
-    except ModuleNotFoundError as error:
-        raise JournalError(
-            f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install 'pzctl[postgres]'"
-        ) from None
-    return PostgresStore(place, write=write)
 
 
 def without_password(url: str) -> str:

@@ -31,6 +31,10 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+LEAST_TOKEN = 16
+"""Characters of a token: fewer can be guessed by trying."""
+
+
 def new_token() -> str:
     """Return a token that nobody guesses."""
     return secrets.token_urlsafe(24)

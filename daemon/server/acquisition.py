@@ -60,6 +60,8 @@ class AnalyzerThread:
         self._resource = resource
         self._open = open_analyzer
         self._analyzer: Analyzer | None = None
+        self._last: Analyzer | None = None
+        """The one that was opened last; what it can do is known without asking it."""
         self._thread = ThreadPoolExecutor(1, "analyzer")
 
     async def identify(self) -> Identity:
@@ -79,9 +81,19 @@ class AnalyzerThread:
         await self.let_go()
         self._thread.shutdown()
 
+    def seconds(self, plan: SweepPlan) -> float:
+        """Return how long a plan will take. Raises PlanError where the analyzer cannot do it."""
+        return 0.0 if self._last is None else self._last.estimated_seconds(plan)
+
     def _opened(self) -> Analyzer:
         if self._analyzer is None:
-            self._analyzer = self._open(self._resource)
+            self._analyzer = self._last = self._open(self._resource)
+            try:
+                self._analyzer.identify()
+                self._analyzer.make_safe()  # before anything else: a daemon that was killed may have left a bias on
+            except InstrumentError:
+                self._let_go()
+                raise
         return self._analyzer
 
     def _measure(self, job: MeasurementJob, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
@@ -119,6 +131,10 @@ class Acquisition:
         self._publish = publish
         self._ready = ready
         self._more = asyncio.Event()
+
+    def seconds(self, plan: SweepPlan) -> float:
+        """Return how long a plan will take. Raises PlanError where the analyzer cannot do it."""
+        return self._analyzer.seconds(plan)
 
     def add(self, job: MeasurementJob) -> None:
         """Put a job into the queue, behind those of the same or a higher priority."""

@@ -37,6 +37,7 @@ from ..wire.replies import FitterState
 from .access.access_control import AccessControl
 from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
 from .acquisition import Acquisition, AnalyzerThread
+from .plan_limits import PlanLimits
 from .publishing.durable_publisher import DurablePublisher
 from .publishing.event_publisher import EventPublisher
 from .publishing.spool import Spool
@@ -82,6 +83,8 @@ async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[
     async with AsyncExitStack() as stack:
         journal = JournalWriter(journal_folder(folder), options.journal, options.station)
         stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
+        if journal.set_aside:
+            log.warning("%d files in the journal that no row names, set aside in orphans/", len(journal.set_aside))
         withdraw(folder)  # what a killed daemon left
         stack.callback(withdraw, folder)
         context = zmq.asyncio.Context()
@@ -177,6 +180,7 @@ class Daemon:
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,
+            plan_limits=PlanLimits(options.max_bias_V, options.max_oscillator_V),
         )
         self._reception = RequestServer(requests, desk, gate, intake)
 

@@ -24,6 +24,9 @@ RIGHTS: tuple[Right, ...] = ("watch", "measure", "bench", "admin")
 
 T = TypeVar("T")
 
+LOCAL = "local"
+"""What the programs of the account that runs the daemon are called; no client can be."""
+
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """What a client may be called; nothing that leads out of the folder."""
 
@@ -92,6 +95,8 @@ def make_client(folder: Path, name: str, right: Right) -> ClientKey:
     """Let a client in; return its key. Raises KeyFileError where there is a client or no server of this name."""
     if not NAME.fullmatch(name):
         raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
+    if name == LOCAL:
+        raise KeyFileError(f"client {name!r}: this is what the daemon's own account is called")
     server = server_key(folder)
     pair = new_pair()
     write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right)))

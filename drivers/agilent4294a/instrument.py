@@ -54,6 +54,11 @@ class Agilent4294A:
             )
         return Identity(self._link.name, answer.strip(), "4294A", found[2].strip(), found[3].strip())
 
+    def make_safe(self) -> None:
+        """Switch the bias off, whoever left it on, and see that it is. Raises InstrumentError."""
+        if replies.flag(self._link.ask("DCO OFF;DCO?"), f"{self._link.name}: bias (DCO?)"):
+            raise InstrumentError(state.STILL_BIASED.format(self._link.name))
+
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return how long `plan` will take at most, in s. Raises PlanError where a 4294A cannot do it."""
         limits.check(plan)

@@ -48,8 +48,12 @@ class Analyzer(Protocol):
         """Ask who is there. Raises InstrumentError where the answer is not of this analyzer."""
         ...
 
+    def make_safe(self) -> None:
+        """Switch the bias off, whoever left it on. Raises InstrumentError where it stays on."""
+        ...
+
     def estimated_seconds(self, plan: SweepPlan) -> float:
-        """Return how long the plan will take. Raises PlanError where the instrument cannot do it."""
+        """Return how long the plan will take, asking the instrument nothing. Raises PlanError where it cannot do it."""
         ...
 
     def measure(

@@ -29,6 +29,9 @@ class Playback:
         name = f"recording:{self._path}"
         return Identity(name, name, "recording", "", "")
 
+    def make_safe(self) -> None:
+        """Do nothing: a recording has no bias."""
+
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return 0: a recording has no sweep to wait for."""
         return 0.0

@@ -26,10 +26,13 @@ def page(
     check_installed()
     from ...files.builds.build_file import THESIS_BUILD, read_build
     from ...files.config import options, settings
-    from ...page.page_guard import is_loopback, new_token
+    from ...page.page_guard import LEAST_TOKEN, is_loopback, new_token
     from ...report.terminal import console
     from ...server.launch import running, start
+    from ..analysis.fit import UsageError
 
+    if token is not None and len(token) < LEAST_TOKEN:
+        raise UsageError(f"--token: at least {LEAST_TOKEN} characters are needed; without it one is made up")
     known = read_build(build or THESIS_BUILD)
     screen = console(stderr=True)
     port = free_port(host, port, "--host and --port take another")  # before a daemon is started that stays

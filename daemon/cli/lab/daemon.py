@@ -23,6 +23,10 @@ def daemon(
     ] = None,
     time_scale: Annotated[float | None, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
+    max_bias: Annotated[float | None, typer.Option(help="Most volts of bias that this bench allows.")] = None,
+    max_oscillator: Annotated[
+        float | None, typer.Option(help="Most volts (rms) of test signal that this bench allows.")
+    ] = None,
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
     fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
     diagnose: Annotated[
@@ -53,6 +57,7 @@ def daemon(
 
     flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
     flags |= {"journal": journal, "station": station}
+    flags |= {"max_bias_V": max_bias, "max_oscillator_V": max_oscillator}
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
     found = settings(flags | {"diagnose": diagnose, "log": log})
     begin_log(found.get("log", "text"))

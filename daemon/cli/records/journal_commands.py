@@ -1,4 +1,4 @@
-"""`pzctl journal`: check, copy and prune the record of everything that was measured."""
+"""`pzctl journal`: check, copy, repair and prune the record of everything that was measured."""
 
 import json
 import sys
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Check, copy and prune the journal.")
+app = typer.Typer(no_args_is_help=True, help="Check, copy, repair and prune the journal.")
 
 
 @app.command("verify")
@@ -66,6 +66,31 @@ def backup(
         print(json.dumps(told) if as_json else f"{copied} events copied to {where} and verified")
     finally:
         journal.close()
+
+
+@app.command("repair")
+def repair(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Rebuild a lost or damaged database from the recordings beside it. No daemon may run meanwhile.
+
+    Measurements, builds and sweeps come back; what fitters answered does not: fit them again. Nothing is removed.
+
+    Example: pzctl journal repair
+    """
+    from ...files.paths import home, journal_folder
+    from ...journal.repair import repair as repaired
+
+    done = repaired(journal_folder(home()))
+    silent = [str(path) for path in done.silent]
+    if as_json:
+        print(json.dumps({"recordings": done.recordings, "silent": silent, "aside": done.aside and str(done.aside)}))
+        return
+    if done.aside:
+        print(f"the damaged database is kept as {done.aside}")
+    print(f"{done.recordings} recordings put back")
+    if silent:
+        print(f"{len(silent)} files do not say what they are, and stay where they are: {', '.join(silent[:5])}")
 
 
 @app.command("prune")

@@ -10,6 +10,7 @@ from zmq.auth.asyncio import AsyncioAuthenticator
 
 from ...wire import requests as ask
 from ...wire.curve_keys import (
+    LOCAL,
     RIGHTS,
     AllowedClient,
     ClientKey,
@@ -87,8 +88,8 @@ class AccessControl:
         barred, self._barred = self._barred, False
         return barred
 
-    def check(self, key: str | None, request: ask.Request) -> None:
-        """Raise RequestError where who asks with this key may not ask for this."""
+    def check(self, key: str | None, request: ask.Request) -> str:
+        """Return the name of the client who asks with this key. Raises RequestError where it may not ask for this."""
         who = self._who(key or "")
         needed = NEEDED.get(type(request), "watch")
         if isinstance(request, ask.HelloRequest) and request.fitter is not None:
@@ -100,10 +101,11 @@ class AccessControl:
                 "not-allowed",
                 f"{who.name!r} has the right to {who.right}; {request.__struct_config__.tag!r} needs {needed!r}",
             )
+        return who.name
 
     def _who(self, key: str) -> AllowedClient | None:
         if key == self.local.public:
-            return AllowedClient("local", key, "admin")
+            return AllowedClient(LOCAL, key, "admin")
         return self._clients().get(key)
 
     def _clients(self) -> dict[str, AllowedClient]:

@@ -10,14 +10,17 @@ from importlib.metadata import entry_points, version
 from typing import Any
 
 from ....models.base.names import among
-from ...journal.journal_reader import History, JournalMeasurement
+from ....models.sweep_plan import PlanError
+from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...wire import replies as reply
 from ...wire import requests as ask
+from ...wire.curve_keys import LOCAL
 from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent
 from ...wire.metrics import Metrics
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
+from ..plan_limits import PlanLimits
 from ..workers.fitter_worker import GROUP
 from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
@@ -51,15 +54,19 @@ class RequestHandlers:
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
     metrics: Metrics
+    plan_limits: PlanLimits
     lease: Lease = field(default_factory=Lease)
 
     @singledispatchmethod
-    def answer(self, request: ask.Request, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
-        """Return the answer and the frames behind it. Raises RequestError, JournalError or WireError."""
+    def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        """Return the answer to a client, known by its key's name, and the frames behind it.
+
+        Raises RequestError, JournalError or WireError.
+        """
         raise NotImplementedError(type(request).__name__)
 
     @answer.register
-    def _(self, request: ask.HelloRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.HelloRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
             known = self.supervisor.states
             if ":" in request.fitter and request.fitter not in self.settings["fitters"]:
@@ -90,7 +97,7 @@ class RequestHandlers:
         )
 
     @answer.register
-    def _(self, request: ask.StatusRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.StatusRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         job = self.acquisition.current
         return (
             reply.StatusAnswer(
@@ -108,7 +115,7 @@ class RequestHandlers:
         )
 
     @answer.register
-    def _(self, request: ask.MetricsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.MetricsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         found = self.metrics
         return (
             reply.MetricsAnswer(
@@ -123,11 +130,11 @@ class RequestHandlers:
         )
 
     @answer.register
-    def _(self, request: ask.SettingsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SettingsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         return reply.SettingsAnswer(id=request.id, settings=self.settings), []
 
     @answer.register
-    def _(self, request: ask.MeasureRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.MeasureRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         steps = [step.name for step in request.build.steps]
         if request.step not in steps:
             raise RequestError(
@@ -140,12 +147,18 @@ class RequestHandlers:
                 f"neither the request nor build {request.build.name!r} says what to sweep",
                 "give a plan, or a [sweep] table in build.toml",
             )
+        try:
+            self.plan_limits.check(plan, self.acquisition.seconds)
+        except PlanError as error:
+            raise RequestError(
+                "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
+            ) from error
         if request.decides is not None:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
-        self.lease.check(request.lease)
+        self.lease.check(client, request.lease)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
-        measurement, new = self.journal.begin_measurement(request.id, request.build, request.step)
+        measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
         if new:
             job = MeasurementJob(measurement, request.build, request.step, plan, request.priority, request.decides)
             self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
@@ -153,32 +166,34 @@ class RequestHandlers:
         return reply.MeasureAnswer(id=request.id, measurement=measurement), []
 
     @answer.register
-    def _(self, request: ask.LeaseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
-        lease, held = self.lease.take(request.owner, request.seconds, request.lease, busy=busy)
+        lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
     @answer.register
-    def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
-        self.lease.give_back(request.lease)
+    def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.lease.give_back(client, request.lease)
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.CancelRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.CancelRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.lease.check_client(client)
         if not self.acquisition.cancel(request.measurement):
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.ReplayRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.ReplayRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
-        return _events(request.id, events, more=len(events) == request.max)
+        full = sum(len(frame) for event in events for frame in event) > MOST_REPLAYED
+        return _events(request.id, events, more=full or len(events) == request.max)
 
     @answer.register
-    def _(self, request: ask.SamplesRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SamplesRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         found: dict[str, list[reply.MeasuredStep]] = {}
         with closing(self.journal.reader()) as archive:  # another thread looks this up: it may be all there is
             for one in archive.histories(request.name):
@@ -187,7 +202,7 @@ class RequestHandlers:
         return reply.SamplesAnswer(id=request.id, samples=samples), []
 
     @answer.register
-    def _(self, request: ask.SweepsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SweepsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         steps = [step.name for step in self.journal.build(known.id).steps]
         earlier = (
@@ -197,11 +212,11 @@ class RequestHandlers:
         return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
 
     @answer.register
-    def _(self, request: ask.FitsRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.FitsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         return _events(request.id, self.journal.fits(self._known(request.measurement).id))
 
     @answer.register
-    def _(self, request: ask.FitRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.FitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         # Only what is installed or configured is ever loaded: a name that somebody said hello with is neither.
         installed = sorted({*_installed(), *self.settings["fitters"]})
         if request.fitter not in installed:
@@ -211,7 +226,7 @@ class RequestHandlers:
         return self._errand(request.id, WorkerJob(request.measurement, request.fitter), None), []
 
     @answer.register
-    def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
             self._known(other)
         effects = tuple(sorted({*request.effects})) if request.effects else None
@@ -219,12 +234,12 @@ class RequestHandlers:
         return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
 
     @answer.register
-    def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         open_ones = tuple(self.journal.unanswered(request.fitter))
         return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
 
     @answer.register
-    def _(self, request: ask.SubmitRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.SubmitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
         event = checked(self.journal, known, request, raw)
         if event is not None:
@@ -233,7 +248,7 @@ class RequestHandlers:
         return reply.Answer(id=request.id), []
 
     @answer.register
-    def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
+    def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.shutdown()
         return reply.Answer(id=request.id), []
 
@@ -260,6 +275,11 @@ class RequestHandlers:
         if found is None:
             raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
         return found
+
+
+def scoped(client: str, request: str) -> str:
+    """Return the id of a client's request among those of all: two who count "1", "2" do not ask the same."""
+    return request if client == LOCAL else f"{client}/{request}"
 
 
 def _measured(one: History) -> reply.MeasuredStep:

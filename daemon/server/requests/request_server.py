@@ -1,11 +1,13 @@
-"""The requests socket: reads what comes, lets the desk answer, does nothing twice."""
+"""The requests socket: reads what comes, has it answered, does nothing twice."""
 
 import asyncio
+import hashlib
 import logging
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import msgspec
@@ -22,7 +24,7 @@ from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from .request_errors import RequestError
-from .request_handlers import RequestHandlers
+from .request_handlers import RequestHandlers, scoped
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +56,14 @@ Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
 """The frames of an answer, or of one that takes a while."""
 
 
+@dataclass(frozen=True)
+class _Done:
+    """What was answered, and to which bytes."""
+
+    digest: bytes
+    said: Said
+
+
 class RequestServer:
     """Answers requests for as long as `serve` runs.
 
@@ -68,7 +78,7 @@ class RequestServer:
         self._gate = gate
         self._desk = desk
         self._intake = intake
-        self._done: OrderedDict[str, Said] = OrderedDict()
+        self._done: OrderedDict[str, _Done] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = ThreadPoolExecutor(1, "looking")
 
@@ -132,41 +142,43 @@ class RequestServer:
         """Return the answer: whatever came, somebody who asked hears why not."""
         try:
             request = _read(frames)
-            self._gate.check(key, request)
+            client = self._gate.check(key, request)
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
-        if request.id in self._done:
-            return self._done[request.id]
+        place, digest = scoped(client, request.id), hashlib.sha256(b"".join(frames)).digest()
+        if (done := self._done.get(place)) is not None:
+            return done.said if done.digest == digest else self._why_not(request.id, _id_in_use(request.id))
         if isinstance(request, LONG):
-            said = asyncio.ensure_future(self._arrange(request))
+            said = asyncio.ensure_future(self._arrange(request, client))
         else:
             try:
-                answer, more = self._desk.answer(request, frames[1:])
+                answer, more = self._desk.answer(request, frames[1:], client)
                 said = [to_json(answer), *more]
             except Exception as error:
                 said = self._why_not(request.id, error)
                 if isinstance(error, JournalError):  # asked again, it may be done
                     return said
         if isinstance(request, ONCE):
-            self._done[request.id] = said
+            self._done[place] = _Done(digest, said)
             if len(self._done) > REMEMBERED:
                 self._done.popitem(last=False)
         return said
 
     async def _arrange(
-        self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest
+        self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest, client: str
     ) -> list[bytes]:
         """Answer what takes others: the bench, the instrument, the catalogue of effects, a thread that reads."""
         try:
             if isinstance(request, ask.BenchRequest):
+                self._desk.lease.check_client(client)
                 return [to_json(await self._bench(request))]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._desk.errands.effects())
             if isinstance(request, ask.SamplesRequest):
                 loop = asyncio.get_running_loop()
-                answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, ())
+                answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, (), client)
             else:
-                answer, more = self._desk.answer(request, ())
+                answer, more = self._desk.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest):
                 await self._desk.acquisition.let_go()
             header = to_json(answer)
@@ -176,7 +188,7 @@ class RequestServer:
             return [header, *more]
         except Exception as error:
             if isinstance(error, JournalError):
-                self._done.pop(request.id, None)
+                self._done.pop(scoped(client, request.id), None)
             return self._why_not(request.id, error)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
@@ -205,6 +217,14 @@ class RequestServer:
         except PzctlError as error:
             raise RequestError("bench-failed", str(error)) from None
         return reply.BenchAnswer(id=request.id, answer=answer)
+
+
+def _id_in_use(request: str) -> RequestError:
+    return RequestError(
+        "id-in-use",
+        f"id {request!r} was another request's; a request is sent again with the same content",
+        "give every request an id of its own, such as a UUID",
+    )
 
 
 class _Named(msgspec.Struct):

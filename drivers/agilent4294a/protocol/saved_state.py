@@ -14,6 +14,7 @@ from ...visa.connection import Connection
 from . import settings
 
 NOT_RESTORED = ("DCO",)
+STILL_BIASED = "{}: the DC bias is still ON after DCO OFF; switch it off at the front panel"
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ def take(link: Connection) -> SavedState:
 def bias_off(link: Connection) -> None:
     """Stop the sweep, switch the bias off, and see that it is. Raises InstrumentError."""
     if replies.flag(link.ask("HOLD;DCO OFF;DCO?"), f"{link.name}: bias (DCO?)"):
-        raise InstrumentError(f"{link.name}: the DC bias is still ON after DCO OFF; switch it off at the front panel")
+        raise InstrumentError(STILL_BIASED.format(link.name))
 
 
 def give_back(link: Connection, found: SavedState, resume: bool) -> None:

@@ -99,7 +99,7 @@ def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> Non
     assert not is_written(tmp_path / "journal")
 
 
-def test_the_rest_of_an_interrupted_write_goes(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
+def test_the_rest_of_an_interrupted_write_is_set_aside(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     kept = put_sweep(journal, build, "m")
     journal.close()
     arrays = tmp_path / "journal" / "arrays"
@@ -107,6 +107,7 @@ def test_the_rest_of_an_interrupted_write_goes(journal: JournalWriter, build: Bu
     (arrays / "0-whole.bin").write_bytes(b"abc")
     again = JournalWriter(tmp_path / "journal")
     assert [path.stem for path in arrays.iterdir()] == [kept.id]
+    assert {path.name for path in (tmp_path / "journal" / "orphans").iterdir()} == {"0-half.part", "0-whole.bin"}
     assert again.verify() == []
     again.close()
 

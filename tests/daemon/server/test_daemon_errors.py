@@ -50,9 +50,11 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
         one = lab.measure(build, "disk")
         sweeps = tuple(sweep.id for sweep in one.sweeps)
         assert build.plan is not None
-        failed = lab.begin(build, "disk", replace(build.plan, bandwidth=9))
         with pytest.raises(DaemonError, match="bandwidth is 9; a 4294A can do 1 to 5"):
-            lab.measure(build, "disk", replace(build.plan, bandwidth=9))
+            lab.begin(build, "disk", replace(build.plan, bandwidth=9))
+        cancelled = [lab.begin(build, "disk") for _ in range(20)][-1]
+        lab.cancel(cancelled)
+        lab.measure(build, "disk")  # behind it in the queue
         for work, says in (
             (
                 lambda: lab.begin(replace(build, plan=None), "disk"),
@@ -60,7 +62,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
                 "build.toml",
             ),
             (lab.cancel, "nothing is being measured"),
-            (lambda: lab.fit(failed, "bvd"), f"measurement {failed!r} is failed; it has no complete sweeps"),
+            (lambda: lab.fit(cancelled, "bvd"), f"measurement {cancelled!r} is cancelled; it has no complete sweeps"),
             (
                 lambda: lab.bench({"command": "step", "name": "ml7"}),
                 "bench: no gluing step 'ml7'; there are disk, ml1, ml2",

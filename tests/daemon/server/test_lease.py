@@ -56,15 +56,15 @@ def test_higher_priorities_go_first(start_daemon, build: Build) -> None:
 def test_a_lease_expires_and_is_held_for_longer() -> None:
     now = 0.0
     lease = Lease(lambda: now)
-    held, _ = lease.take("a", 10.0, None, busy=False)
+    held, _ = lease.take("ana", "a", 10.0, None, busy=False)
     now = 9.0
-    assert lease.take("a", 10.0, held, busy=True)[0] == held
+    assert lease.take("ana", "a", 10.0, held, busy=True)[0] == held
     now = 18.0
     with pytest.raises(RequestError, match="'a' has the instrument"):
-        lease.check(None)
-    lease.check(held)
+        lease.check("ana", None)
+    lease.check("ana", held)
     now = 19.0
     assert lease.holder is None
-    lease.check(None)
+    lease.check("ana", None)
     with pytest.raises(RequestError, match="has expired, was given back, or never was"):
-        lease.take("a", 1.0, held, busy=False)
+        lease.take("ana", "a", 1.0, held, busy=False)
