@@ -1,10 +1,10 @@
 """A journal in a folder: SQLite (WAL) beside a folder of arrays.
 
-An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file no row
-speaks of; it is removed when the journal is opened for writing again.
+An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file that no row
+names; it is moved to `orphans/` when the journal is opened for writing again. Nothing is removed.
 """
 
-import os
+import logging
 import shutil
 import sqlite3
 from collections.abc import Generator, Iterator, Sequence
@@ -12,25 +12,30 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from .array_folder import ORPHANS, ArrayFolder
+from .database_file import DATABASE, check_beside_arrays
 from .migrations import check_version, migrate_sqlite
 from .store import JournalError, Store
 
+log = logging.getLogger(__name__)
+
 LEAST_FREE = 64 << 20
 """Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
-
-DATABASE = "journal.sqlite"
 
 PATIENCE = 2.0
 """Seconds that are waited for another program that locks the database: less than listeners wait for a beat."""
 
 
 class FolderStore(Store):
-    """A journal's folder. Who writes it holds the lock of `folderlock`."""
+    """A journal's folder. Who writes it holds the lock of `folder_lock`."""
 
     def __init__(self, folder: Path, *, write: bool) -> None:
         self.name = str(folder)
         self._folder = folder
-        self._arrays = folder / "arrays"
+        self.files = ArrayFolder(folder)
+        if write:
+            check_beside_arrays(folder, len(self.files.files()))
+            self.files.make()
         with _told(folder):
             self._db = _opened(folder) if write else _readable(folder)
             found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
@@ -49,10 +54,10 @@ class FolderStore(Store):
         with _told(self._folder):
             return self._db.execute(sql, values).fetchall()
 
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds."""
         with _told(self._folder):
-            yield from self._db.execute(sql)
+            yield from self._db.execute(sql, values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
@@ -82,46 +87,72 @@ class FolderStore(Store):
         self.run("COMMIT")
 
     def write_array(self, event: str, data: bytes) -> None:
-        """Write raw columns so that the file is whole or not there."""
-        path = self._path(event)
-        part = path.with_suffix(".part")
-        with _told(self._folder):
-            with part.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-            _sync_folder(self._arrays)
+        """Write an array so that the file is whole or not there."""
+        self.files.write(event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
-        path = self._path(event)
-        with _told(path):
-            return path.read_bytes() if path.exists() else None
+        """Return an event's raw columns and their index; None where there are none."""
+        return self.files.read(event)
 
     def take_array(self, event: str, source: Store) -> None:
-        """Keep the raw columns that another store has: by a second name where both are files on one disk."""
+        """Keep a copy of the array that another store has: a file of its own, where both are files too."""
         if isinstance(source, FolderStore):
-            with _told(self._folder):
-                _copy_file(source._path(event), self._path(event))  # noqa: SLF001
-        else:
-            data = source.read_array(event)
-            if data is not None:
-                self.write_array(event, data)
+            if source.files.path(event).exists():
+                self.files.copy(event, source.files)
+            return
+        data = source.read_array(event)
+        if data is not None:
+            self.files.write(event, data)
 
     def drop_arrays(self, events: Sequence[str]) -> None:
-        """Remove files; those that a kill leaves here are removed at the next start."""
-        with _told(self._folder):
-            for event in events:
-                self._path(event).unlink(missing_ok=True)
+        """Remove files; those that a kill leaves here are set aside at the next start."""
+        self.files.drop(events)
 
-    def tidy(self) -> None:
-        """Remove the files that no row speaks of."""
+    def set_orphans_aside(self) -> None:
+        """Move the files that no row names to `orphans/`, and say so in the log.
+
+        Raises JournalError where their own indexes show that this database lacks their rows.
+        """
         known = {row[0] for row in self.all("SELECT id FROM events WHERE hash IS NOT NULL")}
-        with _told(self._folder):
-            for path in self._arrays.iterdir():
-                if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known):
-                    path.unlink()
+        orphans = self.files.strangers(known)
+        if not orphans:
+            return
+        self._check_are_orphans(orphans, known)
+        self.files.set_aside(orphans)
+        log.warning(
+            "%s: %d file(s) that no row names, such as %s, were moved to %s/; nothing was removed",
+            *(self.files.arrays, len(orphans), orphans[0].name, ORPHANS),
+        )
+
+    def _check_are_orphans(self, orphans: Sequence[Path], known: set[str]) -> None:
+        """Raise JournalError where arrays are of runs or events that the database has never known."""
+        runs = {row[0] for row in self.all("SELECT id FROM runs")}
+        newest = dict(self.all("SELECT station, max(seq) FROM events GROUP BY station"))
+        pruned = dict(self.all("SELECT station, max(seq) FROM prunings GROUP BY station"))
+        strange = 0
+        for path in orphans:
+            index = self.files.index_of(path)
+            if index is not None:
+                next_seq = max(newest.get(index.station, 0), pruned.get(index.station, 0)) + 1
+                strange += index.run not in runs or index.seq > next_seq
+            elif path.suffix == ".bin" and not path.is_symlink():
+                strange += not known and not pruned  # without an index; and this database never had an array
+        if strange:
+            raise JournalError(
+                f"{self.name}: {DATABASE} knows nothing of {strange} of the recordings in arrays/, so it is new, or "
+                f"older than they are; nothing was changed: bring back {DATABASE} from a backup, or run "
+                "`pzctl journal repair`, which writes it anew from the recordings"
+            )
+
+    def damage(self) -> list[str]:
+        """Return what SQLite finds wrong in its own file."""
+        try:
+            faults = [row[0] for row in self._db.execute("PRAGMA integrity_check") if row[0] != "ok"]
+            lost = self._db.execute("PRAGMA foreign_key_check").fetchall()
+        except sqlite3.DatabaseError as error:
+            return [f"{DATABASE} is damaged: {error}"]
+        faults += [f"a row of {table} refers to a row of {parent} that is missing" for table, _, parent, _ in lost]
+        return [f"{DATABASE} is damaged: {' '.join(fault.split())}" for fault in faults]
 
     def check_room(self) -> None:
         """Raise JournalError where the disk is nearly full."""
@@ -135,13 +166,9 @@ class FolderStore(Store):
     def claim(self, station: str) -> None:
         """Do nothing: the folder's lock keeps every other writer out."""
 
-    def _path(self, event: str) -> Path:
-        return self._arrays / f"{event}.bin"
-
 
 def _opened(folder: Path) -> sqlite3.Connection:
     """Open a database to be written, its tables made or brought up to date."""
-    (folder / "arrays").mkdir(parents=True, exist_ok=True, mode=0o700)
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
@@ -180,22 +207,6 @@ def _told(where: Path) -> Generator[None]:
     try:
         yield
     except (OSError, sqlite3.Error) as error:
-        raise JournalError(f"{where}: the journal cannot be read or written: {error}") from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename last; Windows neither can nor needs it."""
-    if os.name == "posix":
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def _copy_file(source: Path, target: Path) -> None:
-    """Copy a file that is never written again: by a second name where both are on one disk."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
+        damaged = "malformed" in str(error) or "not a database" in str(error)
+        remedy = f"; bring back {DATABASE} from a backup, or run `pzctl journal repair`" if damaged else ""
+        raise JournalError(f"{where}: the journal cannot be read or written: {error}{remedy}") from error

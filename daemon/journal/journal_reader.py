@@ -8,7 +8,11 @@ import msgspec
 
 from ...models.build import Build
 from ..wire.events import SampleStep
-from .store import JournalError, Place, digest_of, open_store
+from ..wire.replies import MissingEvents
+from .array_file import split_array
+from .opening import open_store
+from .store import JournalError, Place, digest_of
+from .verification import faults_of
 
 
 @dataclass(frozen=True)
@@ -164,21 +168,24 @@ class JournalReader:
         return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
 
     def verify(self) -> list[str]:
-        """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
-        wrong: list[str] = []
-        last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
-        for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
-            expected = last.get(station, 0) + 1
-            said = f"event {{}} of station {station}" if station else "event {}"
-            if seq != expected:
-                wrong.append(f"{said.format(expected)} is missing: the next one is {seq}")
-            last[station] = seq
-            data = self.store.read_array(event) if digest else None
-            if digest and data is None:
-                wrong.append(f"{said.format(seq)}: its array {event} is missing")
-            elif data is not None and digest_of(data) != digest:
-                wrong.append(f"{said.format(seq)}: its array {event} is not what was written")
-        return wrong
+        """Compare everything with its hash and with the chain; return a sentence for each thing that is wrong."""
+        return faults_of(self.store)
+
+    def missing(self, since: int, until: int) -> list[MissingEvents]:
+        """Return which of the events `since` .. `until` were pruned or lost, in order."""
+        missing: list[MissingEvents] = []
+        first = 1
+        prunings = "SELECT seq, time, backup FROM prunings WHERE station = ? ORDER BY seq"
+        for last, time, backup in self._all(prunings, self.station):
+            missing.append(MissingEvents(first, last, f"pruned on {time[:10]}, after a copy to {backup}"))
+            first = last + 1
+        gaps = "SELECT first, last, says FROM gaps WHERE station = ? ORDER BY first"
+        missing += [MissingEvents(*row) for row in self._all(gaps, self.station)]
+        return [
+            msgspec.structs.replace(hole, first=max(hole.first, since), last=min(hole.last, until))
+            for hole in missing
+            if hole.first <= until and hole.last >= since
+        ]
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
         """Return the frames of the events for which the SQL condition holds."""
@@ -189,7 +196,8 @@ class JournalReader:
         """Yield an event's raw columns."""
         if digest is None:
             return
-        data = self.store.read_array(event)
+        content = self.store.read_array(event)
+        data = split_array(content, lengths).columns if content is not None else None
         if data is None or digest_of(data) != digest:
             what = "is missing" if data is None else "is not what was written; it is damaged"
             raise JournalError(f"{self.name}: the array of event {event} {what}")

@@ -38,6 +38,7 @@ class PostgresStore(Store):
 
     def __init__(self, url: str, *, write: bool) -> None:
         self.name = without_password(url)
+        self._streams = 0
         try:
             self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
         except psycopg.Error as error:
@@ -70,11 +71,12 @@ class PostgresStore(Store):
         with self._told():
             return self._db.execute(_theirs(sql), values).fetchall()
 
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds, a few at a time."""
-        with self._told(), self._db.cursor(name="pzctl") as cursor:
+        self._streams += 1
+        with self._told(), self._db.cursor(name=f"pzctl_{self._streams}") as cursor:
             cursor.itersize = 100
-            yield from cursor.execute(_theirs(sql))
+            yield from cursor.execute(_theirs(sql), values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
@@ -95,16 +97,16 @@ class PostgresStore(Store):
             yield
 
     def write_array(self, event: str, data: bytes) -> None:
-        """Keep raw columns beside their event's row, in the same transaction."""
+        """Keep an array beside its event's row, in the same transaction."""
         self.run("INSERT INTO arrays VALUES (?, ?)", event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
+        """Return an event's raw columns and their index; None where there are none."""
         rows = self.all("SELECT data FROM arrays WHERE event = ?", event)
         return rows[0][0] if rows else None
 
     def take_array(self, event: str, source: Store) -> None:
-        """Keep the raw columns that another store has."""
+        """Keep a copy of the array that another store has."""
         data = source.read_array(event)
         if data is not None:
             self.write_array(event, data)
@@ -112,8 +114,12 @@ class PostgresStore(Store):
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Do nothing: they go with their events."""
 
-    def tidy(self) -> None:
-        """Do nothing: an interrupted transaction leaves nothing."""
+    def set_orphans_aside(self) -> None:
+        """Do nothing: an interrupted transaction leaves nothing, and an array cannot outlive its row."""
+
+    def damage(self) -> list[str]:
+        """Return nothing: a server that reads a damaged page says so with an error of its own."""
+        return []
 
     def check_room(self) -> None:
         """Do nothing: a server does not say how full its disk is, and refuses what it cannot keep."""

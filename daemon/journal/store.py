@@ -1,6 +1,7 @@
 """Where a journal keeps its rows and arrays: one interface, SQLite beside a folder, or a PostgreSQL server.
 
-Both are given the same SQL, with `?` for each value; what differs between them is in `folderstore` and `pgstore`.
+Both are given the same SQL, with `?` for each value; what differs between them is in `folder_store` and
+`postgres_store`; `opening` chooses between them.
 """
 
 import hashlib
@@ -43,7 +44,7 @@ class Store(ABC):
         """Return the rows that a statement finds."""
 
     @abstractmethod
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds, without having all of them in memory; inside of `snapshot`."""
 
     @abstractmethod
@@ -60,23 +61,30 @@ class Store(ABC):
 
     @abstractmethod
     def write_array(self, event: str, data: bytes) -> None:
-        """Keep an event's raw columns so that they are there, whole, once the transaction around this has ended."""
+        """Keep an event's array so that it is there, whole, once the transaction around this has ended."""
 
     @abstractmethod
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
+        """Return an event's raw columns and their index (see `array_file`); None where there are none."""
 
     @abstractmethod
     def take_array(self, event: str, source: "Store") -> None:
-        """Keep the raw columns that another store has."""
+        """Keep a copy of the array that another store has; it shares no file with its source."""
 
     @abstractmethod
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Remove raw columns whose events have gone."""
 
     @abstractmethod
-    def tidy(self) -> None:
-        """Remove what an interrupted write left."""
+    def set_orphans_aside(self) -> None:
+        """Move what an interrupted write left out of the way; nothing is removed.
+
+        Raises JournalError where arrays show that these rows are not theirs.
+        """
+
+    @abstractmethod
+    def damage(self) -> list[str]:
+        """Return a sentence for each fault that the database finds in its own files."""
 
     @abstractmethod
     def check_room(self) -> None:
@@ -85,21 +93,6 @@ class Store(ABC):
     @abstractmethod
     def claim(self, station: str) -> None:
         """Become the only writer of a station, for as long as this is open. Raises JournalError where there is one."""
-
-
-def open_store(place: Place, *, write: bool) -> Store:
-    """Open a journal; where it is to be written its tables are made, or brought up to date. Raises JournalError."""
-    if isinstance(place, Path):
-        from .folder_store import FolderStore
-
-        return FolderStore(place, write=write)
-    try:
-        from .postgres_store import PostgresStore
-    except ModuleNotFoundError as error:
-        raise JournalError(
-            f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install 'pzctl[postgres]'"
-        ) from None
-    return PostgresStore(place, write=write)
 
 
 def without_password(url: str) -> str:

@@ -175,7 +175,8 @@ class RequestHandlers:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
-        return _events(request.id, events, more=len(events) == request.max)
+        missing = self.journal.missing(request.since, until)
+        return _events(request.id, events, more=len(events) == request.max, missing=missing)
 
     @answer.register
     def _(self, request: ask.SamplesRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
@@ -273,7 +274,10 @@ def _installed() -> frozenset[str]:
     return frozenset(entry_points(group=GROUP).names)
 
 
-def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[reply.Answer, list[bytes]]:
+def _events(
+    request: str, events: Sequence[list[bytes]], *, more: bool = False, missing: Sequence[reply.MissingEvents] = ()
+) -> tuple[reply.Answer, list[bytes]]:
     """Return the answer that carries events as they were published."""
-    answer = reply.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
+    frames = tuple(len(event) for event in events)
+    answer = reply.EventsAnswer(id=request, frames=frames, more=more, missing=tuple(missing))
     return answer, [frame for event in events for frame in event]

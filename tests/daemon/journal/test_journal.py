@@ -134,7 +134,7 @@ def test_a_later_journal_is_not_touched(journal: JournalWriter, tmp_path: Path) 
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
     db.close()
-    with pytest.raises(JournalError, match="a journal of version 9; version 3 is read here"):
+    with pytest.raises(JournalError, match="a journal of version 9; version 4 is read here"):
         JournalWriter(tmp_path / "journal")
 
 
