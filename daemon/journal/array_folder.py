@@ -5,7 +5,7 @@ Symbolic links are never followed: neither `arrays/` nor a file in it may be one
 
 import os
 import shutil
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -115,7 +115,7 @@ class ArrayFolder:
         return self.arrays / f"{event}.bin"
 
     @contextmanager
-    def _said(self) -> Iterator[None]:
+    def _said(self) -> Generator[None]:
         try:
             yield
         except OSError as error:

@@ -6,6 +6,9 @@ from .store import JournalError
 
 DATABASE = "journal.sqlite"
 
+SEALS = "seals.jsonl"
+"""One seal a line, beside the database; see `seals`."""
+
 _MAGIC = b"SQLite format 3\0"
 
 _HEADER = 100

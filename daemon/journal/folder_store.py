@@ -29,12 +29,14 @@ PATIENCE = 2.0
 class FolderStore(Store):
     """A journal's folder. Who writes it holds the lock of `folder_lock`."""
 
-    def __init__(self, folder: Path, *, write: bool) -> None:
+    def __init__(self, folder: Path, *, write: bool, unchecked: bool = False) -> None:
+        """Open it; `unchecked` makes a new database beside arrays as well, which only a repair may do."""
         self.name = str(folder)
         self._folder = folder
         self.files = ArrayFolder(folder)
         if write:
-            check_beside_arrays(folder, len(self.files.files()))
+            if not unchecked:
+                check_beside_arrays(folder, len(self.files.files()))
             self.files.make()
         with _told(folder):
             self._db = _opened(folder) if write else _readable(folder)
@@ -127,14 +129,12 @@ class FolderStore(Store):
     def _check_are_orphans(self, orphans: Sequence[Path], known: set[str]) -> None:
         """Raise JournalError where arrays are of runs or events that the database has never known."""
         runs = {row[0] for row in self.all("SELECT id FROM runs")}
-        newest = dict(self.all("SELECT station, max(seq) FROM events GROUP BY station"))
-        pruned = dict(self.all("SELECT station, max(seq) FROM prunings GROUP BY station"))
+        pruned = bool(self.all("SELECT 1 FROM prunings UNION SELECT 1 FROM gaps"))
         strange = 0
         for path in orphans:
             index = self.files.index_of(path)
             if index is not None:
-                next_seq = max(newest.get(index.station, 0), pruned.get(index.station, 0)) + 1
-                strange += index.run not in runs or index.seq > next_seq
+                strange += index.run not in runs or index.seq > self.newest(index.station) + 1
             elif path.suffix == ".bin" and not path.is_symlink():
                 strange += not known and not pruned  # without an index; and this database never had an array
         if strange:

@@ -63,12 +63,7 @@ class JournalReader:
     @property
     def newest(self) -> int:
         """The `seq` of the last event, be it still there or not; 0 where there was none."""
-        row = self._one(
-            "SELECT max(seq) FROM (SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings)"
-            " AS known WHERE station = ?",
-            self.station,
-        )
-        return row[0] or 0 if row else 0
+        return self.store.newest(self.station)
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
         """Return the frames of the events `since` .. `until`, both included, at most `most` of them."""

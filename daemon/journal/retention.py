@@ -6,7 +6,10 @@ import msgspec
 
 from ...models.sweep import now_utc
 from .array_file import split_array, with_index
+from .array_folder import copy_file
 from .chain import chain_found, chain_removed
+from .database_file import SEALS
+from .folder_store import FolderStore
 from .journal_reader import JournalReader
 from .journal_writer import JournalWriter
 from .migrations import TABLES
@@ -92,12 +95,25 @@ def copy_journal(source: JournalReader, target: Place, station: str = "") -> int
                 raise JournalError(f"{copy.name}: station {taken[0]!r} is in this journal already")
             with copy.store.transaction():
                 copied = {table: _copy_table(source, copy, table, station) for table in TABLES}
+            _copy_seals(source, target)
         wrong = copy.verify()
         if wrong:
             raise JournalError(f"{copy.name}: the copy is not whole: {wrong[0]}")
         return copied["events"]
     finally:
         copy.close()
+
+
+def _copy_seals(source: JournalReader, target: Place) -> None:
+    """Copy the seals from one folder to another; those of a database lie in the data folder of who made them."""
+    if not isinstance(source.store, FolderStore) or not isinstance(target, Path):
+        return
+    seals = Path(source.name) / SEALS
+    try:
+        if seals.exists():
+            copy_file(seals, target / SEALS)
+    except OSError as error:
+        raise JournalError(f"{target}: the seals cannot be copied: {error}") from error
 
 
 def _copy_table(source: JournalReader, copy: JournalReader, table: str, station: str) -> int:

@@ -51,6 +51,15 @@ class Store(ABC):
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something; inside of `transaction`."""
 
+    def newest(self, station: str) -> int:
+        """Return the `seq` of a station's last event, be it still there or not; 0 where there was none."""
+        known = (
+            "SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings "
+            "UNION ALL SELECT station, last FROM gaps"
+        )
+        sql = f"SELECT max(seq) FROM ({known}) AS known WHERE station = ?"  # noqa: S608
+        return self.all(sql, station)[0][0] or 0
+
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
         """All or nothing, and on disk when it is left."""
