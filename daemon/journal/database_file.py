@@ -1,5 +1,6 @@
 """A folder journal's database file, looked at before SQLite opens it and makes a new one of what is not there."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from .store import JournalError
@@ -15,10 +16,10 @@ _HEADER = 100
 """Bytes of the header of an SQLite file."""
 
 
-def check_beside_arrays(folder: Path, arrays: int) -> None:
-    """Raise JournalError where there are arrays and no database that can be theirs."""
-    fault = database_fault(folder) if arrays else None
-    if fault:
+def check_beside_arrays(folder: Path, count: Callable[[], int]) -> None:
+    """Raise JournalError where there are arrays, which `count` counts, and no database that can be theirs."""
+    fault = database_fault(folder)
+    if fault and (arrays := count()):
         raise JournalError(
             f"{folder}: {DATABASE} {fault}, but arrays/ holds {arrays} recording(s); nothing was changed: bring back "
             f"{DATABASE} from a backup, or run `pzctl journal repair`, which writes it anew from the recordings"

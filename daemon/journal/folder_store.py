@@ -34,9 +34,9 @@ class FolderStore(Store):
         self.name = str(folder)
         self._folder = folder
         self.files = ArrayFolder(folder)
+        if not unchecked:
+            check_beside_arrays(folder, lambda: len(self.files.files()))
         if write:
-            if not unchecked:
-                check_beside_arrays(folder, len(self.files.files()))
             self.files.make()
         with _told(folder):
             self._db = _opened(folder) if write else _readable(folder)

@@ -21,7 +21,6 @@ from cryptography.hazmat.primitives.serialization import (
 
 from ...models.sweep import now_utc
 from ..wire.frames import to_json
-from .chain import head_of
 from .store import JournalError, Store
 
 
@@ -71,12 +70,12 @@ def keep_public_key(private: Path, public: Path) -> None:
         raise JournalError(f"{public}: the key cannot be written: {error.strerror}") from None
 
 
-def seal_chain(store: Store, station: str, private: Path) -> Seal:
-    """Sign the head of a station's chain. Raises JournalError."""
+def seal_head(head: tuple[int, str], station: str, private: Path) -> Seal:
+    """Sign the head of a station's chain: its number and its link. Raises JournalError."""
     key = _read_private(private)
-    number, link = head_of(store, station)
+    number, link = head
     if number == 0:
-        raise JournalError(f"{store.name}: nothing was written yet, so there is nothing to seal")
+        raise JournalError("nothing was written to this journal yet, so there is nothing to seal")
     public = key.public_key().public_bytes(Encoding.Raw, PublicFormat.Raw).hex()
     blank = Seal(station=station, number=number, link=link, time=now_utc(), public_key=public, signature="")
     return msgspec.structs.replace(blank, signature=key.sign(blank.signed).hex())

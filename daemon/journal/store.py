@@ -5,6 +5,7 @@ Both are given the same SQL, with `?` for each value; what differs between them 
 """
 
 import hashlib
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -107,7 +108,8 @@ class Store(ABC):
 def without_password(url: str) -> str:
     """Return a URL as it can be shown."""
     password = urlsplit(url).password
-    return url.replace(f":{password}@", ":***@", 1) if password else url
+    shown = url.replace(f":{password}@", ":***@", 1) if password else url
+    return re.sub(r"([?&](?:ssl)?password=)[^&#]*", r"\1***", shown, flags=re.IGNORECASE)
 
 
 def digest_of(data: bytes) -> str:

@@ -20,6 +20,7 @@ def faults_of(store: Store) -> list[str]:
     with store.snapshot():
         stations = "SELECT station FROM events UNION SELECT station FROM chain UNION SELECT station FROM runs"
         answers = {row_key("fits", row) for row in store.stream(f"SELECT {COLUMNS['fits']} FROM fits")}  # noqa: S608
+        answers |= {key for (key,) in store.stream("SELECT subject FROM chain WHERE kind = 'fits' AND digest = ''")}
         for (station,) in store.all(f"{stations} ORDER BY 1"):
             faults += _StationCheck(store, station, answers).faults()
         faults += _build_faults(store)

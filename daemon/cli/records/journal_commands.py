@@ -64,8 +64,9 @@ def seal(
     pzctl journal seal --key /media/stick/private.pem
     """
     from ...files.paths import home, journal_folder, seal_key
+    from ...journal.chain import head_of
     from ...journal.database_file import SEALS
-    from ...journal.seals import add_seal, keep_public_key, make_key, seal_chain
+    from ...journal.seals import add_seal, keep_public_key, make_key, seal_head
     from ...journal.store import JournalError
     from ...samples.sample_selection import open_journal
     from ...wire.frames import to_json
@@ -73,13 +74,14 @@ def seal(
     private, public = seal_key(home())
     journal = open_journal()
     try:
+        head = head_of(journal.store, journal.station)  # what is written from now on is not verified
         wrong = journal.verify()
         if wrong:
             raise JournalError(f"{journal.name}: a journal that is not whole is not sealed: {wrong[0]}")
         if key is None:
             make_key(private)
         keep_public_key(key or private, public)
-        made = seal_chain(journal.store, journal.station, key or private)
+        made = seal_head(head, journal.station, key or private)
         path = journal_folder(home()) / SEALS
         add_seal(path, made)
         print(to_json(made).decode() if as_json else f"sealed up to entry {made.number} of the chain, in {path}")
