@@ -174,8 +174,11 @@ class JournalReader:
         for last, time, backup in self._all(prunings, self.station):
             missing.append(MissingEvents(first, last, f"pruned on {time[:10]}, after a copy to {backup}"))
             first = last + 1
-        gaps = "SELECT first, last, says FROM gaps WHERE station = ? AND first >= ? ORDER BY first"
-        missing += [MissingEvents(*row) for row in self._all(gaps, self.station, first)]
+        gaps = (
+            "SELECT first, last, says FROM gaps WHERE station = ? AND first >= ? AND first <= ? AND last >= ? "
+            "ORDER BY first"
+        )
+        missing += [MissingEvents(*row) for row in self._all(gaps, self.station, first, until, since)]
         return [
             msgspec.structs.replace(hole, first=max(hole.first, since), last=min(hole.last, until))
             for hole in missing

@@ -131,12 +131,14 @@ def _is_usable(folder: Path) -> bool:
     if database_fault(folder) is not None:
         return False
     try:
-        with closing(FolderStore(folder, write=True, unchecked=True)) as store:
-            if store.damage():
+        # read only at first: what is damaged is kept as it is
+        with closing(sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?mode=ro", uri=True)) as db:
+            if db.execute("PRAGMA integrity_check").fetchone() != ("ok",):
                 return False
+        with closing(FolderStore(folder, write=True, unchecked=True)) as store:
             names = store.all("SELECT id FROM events WHERE hash IS NOT NULL")
             return any(store.files.path(name).exists() for (name,) in names)
-    except JournalError:
+    except (JournalError, sqlite3.DatabaseError):
         return False
 
 

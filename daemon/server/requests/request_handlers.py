@@ -14,7 +14,7 @@ from ...journal.journal_reader import History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...wire import replies as reply
 from ...wire import requests as ask
-from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent
+from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent, envelope
 from ...wire.metrics import Metrics
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
@@ -175,8 +175,9 @@ class RequestHandlers:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
-        missing = self.journal.missing(request.since, until)
-        return _events(request.id, events, more=len(events) == request.max, missing=missing)
+        more = len(events) == request.max
+        missing = self.journal.missing(request.since, envelope(events[-1]).seq if more else until)
+        return _events(request.id, events, more=more, missing=missing)
 
     @answer.register
     def _(self, request: ask.SamplesRequest, raw: Sequence[bytes]) -> tuple[reply.Answer, list[bytes]]:
