@@ -36,14 +36,14 @@ class ArrayFolder:
                 raise JournalError(
                     f"{folder}: this is a symbolic link, which a journal does not follow; put a folder in its place"
                 )
-        with self._said():
+        with self._disk_errors():
             self.arrays.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def write(self, event: str, data: bytes) -> None:
         """Write an array so that the file is whole or not there."""
         path = self.path(event)
         part = path.with_suffix(".part")
-        with self._said():
+        with self._disk_errors():
             with part.open("xb") as file:
                 file.write(data)
                 file.flush()
@@ -66,13 +66,13 @@ class ArrayFolder:
         path = source.path(event)
         if path.is_symlink():
             raise JournalError(f"{path}: this is a symbolic link, which a journal does not follow")
-        with self._said():
+        with self._disk_errors():
             copy_file(path, self.path(event))
             sync_folder(self.arrays)
 
     def drop(self, events: Sequence[str]) -> None:
         """Remove the arrays of events that were copied elsewhere and pruned."""
-        with self._said():
+        with self._disk_errors():
             for event in events:
                 self.path(event).unlink(missing_ok=True)
 
@@ -80,12 +80,12 @@ class ArrayFolder:
         """Return the arrays that are whole files of this folder, in the order of their names."""
         if self.arrays.is_symlink() or not self.arrays.is_dir():
             return []
-        with self._said():
+        with self._disk_errors():
             return sorted(p for p in self.arrays.iterdir() if p.suffix == ".bin" and p.is_file() and not p.is_symlink())
 
     def strangers(self, known: Collection[str]) -> list[Path]:
         """Return the arrays, whole or half written, that belong to none of the known events."""
-        with self._said():
+        with self._disk_errors():
             return sorted(
                 path
                 for path in self.arrays.iterdir()
@@ -96,14 +96,14 @@ class ArrayFolder:
         """Return the index of an array's file; None where it has none, or is no file."""
         if path.is_symlink() or not path.is_file():
             return None
-        with self._said():
+        with self._disk_errors():
             return read_index(path)
 
     def set_aside(self, paths: Sequence[Path]) -> None:
         """Move files to the orphans, where none takes the place of another."""
         if self.orphans.is_symlink():
             raise JournalError(f"{self.orphans}: this is a symbolic link, which a journal does not follow")
-        with self._said():
+        with self._disk_errors():
             self.orphans.mkdir(exist_ok=True, mode=0o700)
             for path in paths:
                 path.rename(free_name(self.orphans / path.name))
@@ -115,7 +115,7 @@ class ArrayFolder:
         return self.arrays / f"{event}.bin"
 
     @contextmanager
-    def _said(self) -> Generator[None]:
+    def _disk_errors(self) -> Generator[None]:
         try:
             yield
         except OSError as error:

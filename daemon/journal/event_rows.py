@@ -36,10 +36,10 @@ def insert_answer(store: Store, station: str, event: Answer) -> None:
         " SET ok = excluded.ok, seq = excluded.seq, station = excluded.station",
         *(*row, station),
     )
-    found = store.all(
+    rows = store.all(
         "SELECT measurement FROM fits WHERE kind = ? AND sweeps = ? AND fitter = ? AND version = ?", *answer_key(event)
     )
-    chain_row(store, station, "fits", (*answer_key(event), found[0][0], int(succeeded(event)), event.seq))
+    chain_row(store, station, "fits", (*answer_key(event), rows[0][0], int(succeeded(event)), event.seq))
 
 
 def set_state(store: Store, station: str, measurement: str, state: str) -> None:

@@ -38,11 +38,11 @@ class FolderStore(Store):
             check_beside_arrays(folder, lambda: len(self.files.files()))
         if write:
             self.files.make()
-        with _told(folder):
+        with _database_errors(folder):
             self._db = _opened(folder) if write else _readable(folder)
-            found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
+            version: int = self._db.execute("PRAGMA user_version").fetchone()[0]
         try:
-            check_version(self.name, found)
+            check_version(self.name, version)
         except JournalError:
             self._db.close()
             raise
@@ -53,17 +53,17 @@ class FolderStore(Store):
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
         """Return the rows that a statement finds."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             return self._db.execute(sql, values).fetchall()
 
     def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             yield from self._db.execute(sql, values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             self._db.execute(sql, values)
 
     @contextmanager
@@ -156,7 +156,7 @@ class FolderStore(Store):
 
     def check_room(self) -> None:
         """Raise JournalError where the disk is nearly full."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             free = shutil.disk_usage(self._folder).free
         if free < LEAST_FREE:
             raise JournalError(
@@ -181,9 +181,9 @@ def _opened(folder: Path) -> sqlite3.Connection:
 
 
 def _readable(folder: Path) -> sqlite3.Connection:
-    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody does.
+    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody writes.
 
-    That it must not be told where a write-ahead log is left to be read: what stands in it would be missing.
+    Where a write-ahead log is left it must not be told so, because what stands in the log would be missing.
     """
     db = _read_only(folder, "mode=ro")
     try:
@@ -202,7 +202,7 @@ def _read_only(folder: Path, how: str) -> sqlite3.Connection:
 
 
 @contextmanager
-def _told(where: Path) -> Generator[None]:
+def _database_errors(where: Path) -> Generator[None]:
     """Turn the errors of disk and database into a sentence."""
     try:
         yield

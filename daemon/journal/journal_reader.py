@@ -38,7 +38,7 @@ class History:
 class JournalReader:
     """A journal opened for reading, in a folder or at a URL; any number of processes may.
 
-    `station` is whose events are counted and said again; measurements are those of all. Raises JournalError from
+    `station` is the one whose events are counted and replayed; measurements are those of all. Raises JournalError from
     every method where disk, database or server do not do what was asked.
     """
 
@@ -79,9 +79,9 @@ class JournalReader:
         rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
         return self._frames(rows, measurement)
 
-    def measurement(self, found: str) -> JournalMeasurement | None:
+    def measurement(self, measurement: str) -> JournalMeasurement | None:
         """Return the measurement with this id."""
-        return next(iter(self.measurements("id = ?", found)), None)
+        return next(iter(self.measurements("id = ?", measurement)), None)
 
     def build(self, measurement: str) -> Build:
         """Return the build that was measured."""
@@ -125,8 +125,8 @@ class JournalReader:
         for measurement, fitter in self._all(fits, *values):
             fitters.setdefault(measurement, []).append(fitter)
         return [
-            History(one, tuple(sweeps.get(one.id, ())), tuple(fitters.get(one.id, ())))
-            for one in self.measurements(where, *values)
+            History(measured, tuple(sweeps.get(measured.id, ())), tuple(fitters.get(measured.id, ())))
+            for measured in self.measurements(where, *values)
         ]
 
     def sweep_ids(self, measurement: str) -> tuple[str, ...]:

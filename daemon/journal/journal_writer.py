@@ -141,4 +141,4 @@ class JournalWriter(JournalReader):
     def unanswered(self, fitter: str) -> list[str]:
         """Return the complete measurements of this run that a fitter has not answered."""
         rows = "state = 'measured' AND run = ? AND id NOT IN (SELECT measurement FROM fits WHERE fitter = ?)"
-        return [found.id for found in self.measurements(rows, self.run, fitter)]
+        return [measured.id for measured in self.measurements(rows, self.run, fitter)]

@@ -124,12 +124,12 @@ TABLES = ("builds", "runs", "measurements", "events", "fits", "prunings", "gaps"
 """All of them but arrays, each after those that it refers to."""
 
 
-def check_version(name: str, found: int) -> None:
+def check_version(name: str, version: int) -> None:
     """Raise JournalError where the tables are not of this version."""
-    if found != VERSION:
+    if version != VERSION:
         raise JournalError(
-            f"{name}: a journal of version {found}; version {VERSION} is read here"
-            + ("; start the daemon once, which brings it up to date" if found < VERSION else "")
+            f"{name}: a journal of version {version}; version {VERSION} is read here"
+            + ("; start the daemon once, which brings it up to date" if version < VERSION else "")
         )
 
 
@@ -138,15 +138,15 @@ def migrate_sqlite(db: sqlite3.Connection, folder: Path) -> None:
 
     A journal of a later version is left as it is. Raises sqlite3.Error, OSError.
     """
-    found: int = db.execute("PRAGMA user_version").fetchone()[0]
-    if found >= VERSION:
+    old: int = db.execute("PRAGMA user_version").fetchone()[0]
+    if old >= VERSION:
         return
-    if found > 0:
-        _copy_database(db, folder / f"journal.sqlite.v{found}")
-    steps = "".join(_STEPS[found:])
+    if old > 0:
+        _copy_database(db, folder / f"journal.sqlite.v{old}")
+    steps = "".join(_STEPS[old:])
     try:
         db.executescript(f"BEGIN IMMEDIATE; {steps}")
-        if found < _CHAINED:
+        if old < _CHAINED:
             chain_existing(_Sqlite(db))
         db.execute(f"PRAGMA user_version={VERSION}")
         db.execute("COMMIT")
@@ -163,14 +163,14 @@ def migrate_postgres(db: Any, version: Callable[[], int]) -> None:
     """
     key = "hashtextextended(current_schema(), 2)"
     deadline = time.monotonic() + PATIENCE
-    while (found := version()) < VERSION:
+    while (old := version()) < VERSION:
         if db.execute(f"SELECT pg_try_advisory_lock({key})").fetchone()[0]:
-            if version() == found:  # nobody was quicker
-                _change_postgres(db, found)
+            if version() == old:  # nobody was quicker
+                _change_postgres(db, old)
             db.execute(f"SELECT pg_advisory_unlock({key})")
         elif time.monotonic() > deadline:
             raise JournalError(
-                f"the journal is of version {found}, and a daemon of an older pzctl writes it: end those of all "
+                f"the journal is of version {old}, and a daemon of an older pzctl writes it: end those of all "
                 f"stations, then start one of this version, which brings the tables to version {VERSION}"
             )
         else:
@@ -178,16 +178,16 @@ def migrate_postgres(db: Any, version: Callable[[], int]) -> None:
     db.execute(f"SELECT pg_advisory_lock_shared({key})")
 
 
-def _change_postgres(db: Any, found: int) -> None:
+def _change_postgres(db: Any, old: int) -> None:
     with db.transaction():
-        if found > 0:
-            db.execute(f"CREATE SCHEMA pzctl_v{found}")
+        if old > 0:
+            db.execute(f"CREATE SCHEMA pzctl_v{old}")
             for table in TABLES:
                 if db.execute("SELECT to_regclass(%s)", (table,)).fetchone()[0]:  # an older version has fewer
-                    db.execute(f"CREATE TABLE pzctl_v{found}.{table} AS TABLE {table}")
-        for step in _POSTGRES_STEPS[max(0, found - 2) :]:
+                    db.execute(f"CREATE TABLE pzctl_v{old}.{table} AS TABLE {table}")
+        for step in _POSTGRES_STEPS[max(0, old - 2) :]:
             db.execute(step)
-        if found < _CHAINED:
+        if old < _CHAINED:
             chain_existing(_Postgres(db))
         db.execute("UPDATE pzctl_version SET version = %s", (VERSION,))
 

@@ -42,13 +42,13 @@ class PostgresStore(Store):
         try:
             self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
         except psycopg.Error as error:
-            raise JournalAway(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
+            raise JournalAway(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
         try:
-            with self._told():
+            with self._server_errors():
                 if write:
                     self._prepare()
-                found = self._version()
-            check_version(self.name, found)
+                version = self._version()
+            check_version(self.name, version)
         except JournalError:
             self._db.close()
             raise
@@ -68,31 +68,31 @@ class PostgresStore(Store):
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
         """Return the rows that a statement finds."""
-        with self._told():
-            return self._db.execute(_theirs(sql), values).fetchall()
+        with self._server_errors():
+            return self._db.execute(_with_percent_marks(sql), values).fetchall()
 
     def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds, a few at a time."""
         self._streams += 1
-        with self._told(), self._db.cursor(name=f"pzctl_{self._streams}") as cursor:
+        with self._server_errors(), self._db.cursor(name=f"pzctl_{self._streams}") as cursor:
             cursor.itersize = 100
-            yield from cursor.execute(_theirs(sql), values)
+            yield from cursor.execute(_with_percent_marks(sql), values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
-        with self._told():
-            self._db.execute(_theirs(sql), values)
+        with self._server_errors():
+            self._db.execute(_with_percent_marks(sql), values)
 
     @contextmanager
     def transaction(self) -> Generator[None]:
         """All or nothing; synced by the server when it is left."""
-        with self._told(), self._db.transaction():
+        with self._server_errors(), self._db.transaction():
             yield
 
     @contextmanager
     def snapshot(self) -> Generator[None]:
         """Everything that is read inside is of one moment."""
-        with self._told(), self._db.transaction():
+        with self._server_errors(), self._db.transaction():
             self._db.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
             yield
 
@@ -144,8 +144,8 @@ class PostgresStore(Store):
         migrate_postgres(self._db, self._version)
 
     def _setting(self, name: str) -> str:
-        found = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()
-        return found[0] if found else ""
+        row = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()
+        return row[0] if row else ""
 
     def _version(self) -> int:
         """Return the version of the tables; 0 where there are none."""
@@ -154,7 +154,7 @@ class PostgresStore(Store):
         return self.all("SELECT version FROM pzctl_version")[0][0]
 
     @contextmanager
-    def _told(self) -> Generator[None]:
+    def _server_errors(self) -> Generator[None]:
         """Turn the errors of the server, and of the way to it, into a sentence."""
         try:
             yield
@@ -162,15 +162,15 @@ class PostgresStore(Store):
             if self._db.closed:
                 raise JournalAway(
                     f"{self.name}: the journal's server has gone, and nothing is measured until it is back: "
-                    + _words(error)
+                    + _sentence(error)
                 ) from error
-            raise JournalError(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
+            raise JournalError(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
 
 
-def _words(error: psycopg.Error) -> str:
+def _sentence(error: psycopg.Error) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _theirs(sql: str) -> Any:
+def _with_percent_marks(sql: str) -> Any:
     """Return a statement as psycopg wants it."""
     return sql.replace("?", "%s")

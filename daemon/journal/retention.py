@@ -89,8 +89,8 @@ def copy_journal(source: JournalReader, target: Place, station: str = "") -> int
     copy = JournalReader(target, write=True)
     try:
         with source.store.snapshot():
-            stations = {found or station for (found,) in source.store.all("SELECT DISTINCT station FROM runs")}
-            known = {found for (found,) in copy.store.all("SELECT DISTINCT station FROM runs")}
+            stations = {name or station for (name,) in source.store.all("SELECT DISTINCT station FROM runs")}
+            known = {name for (name,) in copy.store.all("SELECT DISTINCT station FROM runs")}
             if taken := sorted(stations & known):
                 raise JournalError(f"{copy.name}: station {taken[0]!r} is in this journal already")
             with copy.store.transaction():

@@ -94,6 +94,7 @@ def _read_private(path: Path) -> Ed25519PrivateKey:
 def add_seal(path: Path, seal: Seal) -> None:
     """Add a seal to a file of seals, synced. Raises JournalError."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with path.open("ab") as file:
             file.write(to_json(seal) + b"\n")
             file.flush()
@@ -129,11 +130,11 @@ def seal_faults(store: Store, seals: list[Seal], trusted: str | None) -> list[st
         return [f"{len(seals)} seal(s) could not be checked: give the public key with --public-key"]
     faults: list[str] = []
     for seal in seals:
-        said = f"the seal of {seal.time} over entry {seal.number}"
+        subject = f"the seal of {seal.time} over entry {seal.number}"
         if seal.public_key != trusted or not _is_signed(seal):
-            faults.append(f"{said} was not made with this journal's key")
+            faults.append(f"{subject} was not made with this journal's key")
         elif not store.all("SELECT 1 FROM chain WHERE number = ? AND link = ?", seal.number, seal.link):
-            faults.append(f"{said} does not hold: the chain was written anew since")
+            faults.append(f"{subject} does not hold: the chain was written anew since")
     return faults
 
 

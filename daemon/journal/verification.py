@@ -1,5 +1,6 @@
 """Checking a journal: the database's own files, every row against the chain, every array and build against its hash."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -72,7 +73,7 @@ class _StationCheck:
             if table != "events":
                 self._newest[table, key] = digest
                 continue
-            seq = int(key) if key.isdecimal() else 0
+            seq = int(key) if re.fullmatch(r"[0-9]{1,18}", str(key)) else 0
             if self._is_hole(last + 1, seq - 1):
                 yield f"event {last + 1}{self._of} is missing: the next one is {seq}"
             last = max(last, seq)
@@ -93,14 +94,14 @@ class _StationCheck:
         link, number = GENESIS, 0
         columns = "number, kind, subject, digest, link"
         sql = f"SELECT {columns} FROM chain WHERE station = ? ORDER BY number"  # noqa: S608
-        for found, table, key, digest, after in self._store.stream(sql, self._station):
+        for entry, table, key, digest, after in self._store.stream(sql, self._station):
             fault = ""
-            if found != number + 1:
-                fault = f"entry {number + 1} of the chain{self._of} is missing: the next one is {found}"
-            elif after != link_after(link, found, table, key, digest):
-                fault = f"entry {found} of the chain{self._of} does not follow from the one before it"
+            if entry != number + 1:
+                fault = f"entry {number + 1} of the chain{self._of} is missing: the next one is {entry}"
+            elif after != link_after(link, entry, table, key, digest):
+                fault = f"entry {entry} of the chain{self._of} does not follow from the one before it"
             yield table, key, digest, fault
-            link, number = after, found
+            link, number = after, entry
 
     def _is_hole(self, first: int, last: int) -> bool:
         """Return whether events are missing of which neither a pruning nor a repair tells."""
@@ -122,19 +123,19 @@ class _StationCheck:
         seq, kind, name, _, topic, header, lengths, digest = event
         if digest is None:
             return
-        said = f"event {seq}{self._of}"
+        subject = f"event {seq}{self._of}"
         try:
             data = self._store.read_array(name)
             array = split_array(data, lengths) if data is not None else None
-        except (JournalError, ValueError) as error:
-            yield f"{said}: its array cannot be read: {error}"
+        except (JournalError, ValueError, TypeError) as error:
+            yield f"{subject}: its array cannot be read: {error}"
             return
         if array is None:
-            yield f"{said}: its array {name} is missing"
+            yield f"{subject}: its array {name} is missing"
         elif digest_of(array.columns) != digest:
-            yield f"{said}: its array {name} is not what was written"
+            yield f"{subject}: its array {name} is not what was written"
         elif array.damaged or (array.index and not _tells(array.index, (seq, kind, name, topic, header, lengths))):
-            yield f"{said}: the index of its array {name} is not what was written"
+            yield f"{subject}: the index of its array {name} is not what was written"
 
     def _rows(self, table: str) -> Iterator[str]:
         """Yield what is wrong with the rows of a table that are not events."""

@@ -87,6 +87,8 @@ def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
         ("UPDATE measurements SET sample = 'another' WHERE number = 1", "the row is not what was written"),
         ("UPDATE measurements SET state = 'failed' WHERE number = 2", "the row is not what was written"),
         ("UPDATE runs SET time = '2000-01-01'", "the row is not what was written"),
+        ("UPDATE events SET lengths = x'00', hash = 'x' WHERE seq = 2", "event 2: its row is not what was written"),
+        ("UPDATE chain SET subject = x'00' WHERE number = 5", "entry 5 of the chain does not follow"),
         ("DELETE FROM events WHERE seq = 5", "event 5 is missing"),
         ("DELETE FROM measurements WHERE number = 2", "the row is missing"),
         ("DELETE FROM chain WHERE number = 3", "entry 3 of the chain is missing: the next one is 4"),

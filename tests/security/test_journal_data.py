@@ -285,6 +285,24 @@ def test_a_pruned_journal_is_repaired_and_a_backup_as_well(folder: Path, tmp_pat
         reader.close()
 
 
+def test_what_a_kill_leaves_does_not_stop_the_start(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An array is on disk before its row is: killed in between, it is set aside, and its number is given anew."""
+    journal = JournalWriter(folder)
+    written = journal.store.write_array
+
+    def write_and_die(event: str, data: bytes) -> None:
+        written(event, data)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(journal.store, "write_array", write_and_die)
+    with pytest.raises(KeyboardInterrupt):
+        put_sweep(journal, journal.build(journal.measurements()[0].id), "m")
+    journal.close()
+    again = JournalWriter(folder)
+    assert (len(list((folder / "orphans").iterdir())), again.last_seq, again.verify()) == (1, 9, [])
+    again.close()
+
+
 def test_a_reader_is_told_too(folder: Path) -> None:
     (folder / "journal.sqlite").unlink()
     told = pzctl(folder.parent, "samples")

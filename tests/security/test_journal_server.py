@@ -8,9 +8,11 @@ import postgres
 import pytest
 
 from pzctl.daemon.journal import migrations
+from pzctl.daemon.journal.chain import head_of
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
+from pzctl.daemon.journal.seals import keep_public_key, make_key, read_public_key, seal_faults, seal_head
 from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 
@@ -84,6 +86,22 @@ def test_what_is_changed_is_found(url: str, build: Build, tmp_path: Path, statem
     with psycopg.connect(url, autocommit=True) as db:
         db.execute(statement)
     assert any(says in fault for fault in faults(url)), faults(url)
+
+
+def test_a_seal_holds_and_breaks_on_a_server(url: str, build: Build, tmp_path: Path) -> None:
+    journal = JournalWriter(tmp_path / "a", url, "a")
+    measure(journal, build, "1")
+    private, public = tmp_path / "private.pem", tmp_path / "public.pem"
+    make_key(private)
+    keep_public_key(private, public)
+    seal = seal_head(head_of(journal.store, "a"), "a", private)
+    measure(journal, build, "2")
+    assert seal_faults(journal.store, [seal], read_public_key(public)) == []
+    with psycopg.connect(url, autocommit=True) as db:
+        db.execute("UPDATE chain SET link = 'x' WHERE number = %s", (seal.number,))
+    (fault,) = seal_faults(journal.store, [seal], read_public_key(public))
+    assert "the chain was written anew since" in fault
+    journal.close()
 
 
 def test_pruned_and_copied_the_chain_holds(url: str, build: Build, tmp_path: Path) -> None:
