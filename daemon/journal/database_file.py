@@ -35,10 +35,10 @@ def database_fault(folder: Path) -> str | None:
     try:
         if not path.exists():
             return "is missing"
-        size = path.stat().st_size
-        logged = log.exists() and log.stat().st_size > 0
+        logged = log.exists() and log.stat().st_size > 0  # looked for first: a writer moves it into the file at its end
         with path.open("rb") as file:
             header = file.read(_HEADER)
+        size = path.stat().st_size
     except OSError as error:
         return f"cannot be read ({error.strerror})"
     if logged:
