@@ -64,6 +64,11 @@ def keys_folder(home: Path) -> Path:
     return home / "keys"
 
 
+def seal_key(home: Path) -> tuple[Path, Path]:
+    """Return the files of the private and the public key that the journal is sealed with."""
+    return home / "seal" / "private.pem", home / "seal" / "public.pem"
+
+
 def log_file(home: Path, name: str) -> Path:
     """Return the log of a process (`daemon`, `sim`, `fitter-mason`), its folder made."""
     folder = home / "log"

@@ -1,54 +1,112 @@
-"""The file of an array: its raw columns, and behind them whatever its row in the database says.
+"""The format of an array file: raw columns, then an index that says what they are.
 
-So a journal whose database is lost can be rebuilt from its arrays alone. Layout: columns, description as JSON, eight
-bytes with the description's length (big-endian), the mark `PZCTLARR`. Files without the mark, as earlier versions wrote
-them, hold columns alone.
+The columns begin at byte 0, one after the other, as they always have. Behind them stand the index as JSON and a footer
+of 44 bytes: the length of the JSON (4 bytes, little-endian), its SHA-256 (32 bytes), and `PZCTLIX1`. So whoever reads
+the columns need not know of the index, and a row that was lost can be written again from the file alone. Files of
+earlier versions end with the columns; they can be read, but not indexed again.
 """
 
-from contextlib import suppress
+import hashlib
+import struct
+from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
-MARK = b"PZCTLARR"
-_TAIL = 8 + len(MARK)
+from ..wire.frames import to_json
+
+MAGIC = b"PZCTLIX1"
+"""The last bytes of a file that has an index."""
+
+_FOOTER = struct.Struct("<I32s8s")
 
 
-Row = dict[str, str | int | None]
-"""A row by column; what a table holds as bytes is text here."""
+class IndexedMeasurement(msgspec.Struct, frozen=True, kw_only=True):
+    """The measurement that an array belongs to, as it was accepted."""
+
+    id: str
+    number: int
+    request: str
+    run: str
+    sample: str
+    step: str
+    build: str
+    """SHA-256 of the build's JSON."""
+    time: str
+    """When it was accepted, RFC 3339, UTC."""
 
 
-class Description(msgspec.Struct, frozen=True):
-    """What a journal's tables say of an array: its event, its measurement, the build that was measured."""
+class ArrayIndex(msgspec.Struct, frozen=True, kw_only=True):
+    """All that is needed to write the row of an array's event again."""
 
-    event: Row
-    measurement: Row
-    build: Row
-
-
-def packed(data: bytes, description: Description | None) -> bytes:
-    """Return the content of a file."""
-    if description is None:
-        return data
-    said = msgspec.json.encode(description)
-    return b"".join((data, said, len(said).to_bytes(8, "big"), MARK))
-
-
-def columns_of(content: bytes) -> bytes:
-    """Return the raw columns of a file's content."""
-    return content[: _end_of_columns(content)]
-
-
-def description_of(content: bytes) -> Description | None:
-    """Return what a file says of itself; None where it says nothing that can be read."""
-    with suppress(msgspec.MsgspecError):
-        end = _end_of_columns(content)
-        if end < len(content):
-            return msgspec.json.decode(content[end:-_TAIL], type=Description)
-    return None
+    v: int = 1
+    station: str
+    run: str
+    run_time: str
+    """When the run began, RFC 3339, UTC."""
+    seq: int
+    kind: str
+    id: str
+    topic: str
+    header: str
+    """The event's header as published: settings, segment, time, sample, build, columns."""
+    lengths: str
+    """Bytes of each column, separated by commas."""
+    hash: str
+    """SHA-256 of all columns together."""
+    measurement: IndexedMeasurement | None = None
 
 
-def _end_of_columns(content: bytes) -> int:
-    if not content.endswith(MARK) or len(content) < _TAIL:
-        return len(content)
-    length = int.from_bytes(content[-_TAIL : -len(MARK)], "big")
-    return len(content) - _TAIL - length if length <= len(content) - _TAIL else len(content)
+@dataclass(frozen=True)
+class ArrayFile:
+    """The content of an array file."""
+
+    columns: bytes
+    index: ArrayIndex | None
+    """None where there is none, or where it is damaged."""
+    damaged: bool = False
+    """Whether something other than a whole index stands behind the columns."""
+
+
+def with_index(columns: bytes, index: ArrayIndex) -> bytes:
+    """Return the content of a file that holds these columns and this index."""
+    text = to_json(index)
+    return columns + text + _FOOTER.pack(len(text), hashlib.sha256(text).digest(), MAGIC)
+
+
+def split_array(data: bytes, lengths: str) -> ArrayFile:
+    """Return the columns, whose lengths its row knows, and the index of a file's content."""
+    size = sum(map(int, lengths.split(","))) if lengths else 0
+    rest = data[size:]
+    index = find_index(rest)
+    whole = index is not None and _FOOTER.size + _FOOTER.unpack(rest[-_FOOTER.size :])[0] == len(rest)
+    return ArrayFile(data[:size], index, damaged=bool(rest) and not whole)
+
+
+def find_index(data: bytes) -> ArrayIndex | None:
+    """Return the index at the end of a file's content; None where there is no whole one."""
+    if len(data) < _FOOTER.size:
+        return None
+    length, digest, magic = _FOOTER.unpack(data[-_FOOTER.size :])
+    text = data[-_FOOTER.size - length : -_FOOTER.size]
+    if magic != MAGIC or hashlib.sha256(text).digest() != digest:
+        return None
+    try:
+        return _decoder.decode(text)
+    except msgspec.MsgspecError:
+        return None
+
+
+def read_index(path: Path) -> ArrayIndex | None:
+    """Return the index of a file, of which only the end is read. Raises OSError."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _FOOTER.size))
+        footer = file.read()
+        if len(footer) < _FOOTER.size or footer[-len(MAGIC) :] != MAGIC:
+            return None
+        file.seek(max(0, size - _FOOTER.size - _FOOTER.unpack(footer)[0]))
+        return find_index(file.read())
+
+
+_decoder = msgspec.json.Decoder(ArrayIndex)

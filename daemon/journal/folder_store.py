@@ -1,42 +1,48 @@
 """A journal in a folder: SQLite (WAL) beside a folder of arrays.
 
 An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file that no row
-speaks of. Such files are moved to `orphans/` when the journal is opened for writing; nothing is removed.
+names; it is moved to `orphans/` when the journal is opened for writing again. Nothing is removed.
 """
 
-import os
+import logging
 import shutil
 import sqlite3
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .array_file import Description, columns_of, packed
+from .array_folder import ORPHANS, ArrayFolder
+from .database_file import DATABASE, check_beside_arrays
 from .migrations import check_version, migrate_sqlite
 from .store import JournalError, Store
 
+log = logging.getLogger(__name__)
+
 LEAST_FREE = 64 << 20
 """Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
-
-DATABASE, ARRAYS, ORPHANS = "journal.sqlite", "arrays", "orphans"
 
 PATIENCE = 2.0
 """Seconds that are waited for another program that locks the database: less than listeners wait for a beat."""
 
 
 class FolderStore(Store):
-    """A journal's folder. Who writes it holds the lock of `folderlock`."""
+    """A journal's folder. Who writes it holds the lock of `folder_lock`."""
 
-    def __init__(self, folder: Path, *, write: bool) -> None:
+    def __init__(self, folder: Path, *, write: bool, unchecked: bool = False) -> None:
+        """Open it; `unchecked` makes a new database beside arrays as well, which only a repair may do."""
         self.name = str(folder)
         self._folder = folder
-        self._arrays = folder / ARRAYS
-        with _told(folder):
+        self.files = ArrayFolder(folder)
+        if not unchecked:
+            check_beside_arrays(folder, lambda: len(self.files.files()))
+        if write:
+            self.files.make()
+        with _database_errors(folder):
             self._db = _opened(folder) if write else _readable(folder)
-            found: int = self._db.execute("PRAGMA user_version").fetchone()[0]
+            version: int = self._db.execute("PRAGMA user_version").fetchone()[0]
         try:
-            check_version(self.name, found)
+            check_version(self.name, version)
         except JournalError:
             self._db.close()
             raise
@@ -47,17 +53,17 @@ class FolderStore(Store):
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
         """Return the rows that a statement finds."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             return self._db.execute(sql, values).fetchall()
 
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds."""
-        with _told(self._folder):
-            yield from self._db.execute(sql)
+        with _database_errors(self._folder):
+            yield from self._db.execute(sql, values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             self._db.execute(sql, values)
 
     @contextmanager
@@ -82,53 +88,75 @@ class FolderStore(Store):
             raise
         self.run("COMMIT")
 
-    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
-        """Write raw columns and their description so that the file is whole or not there."""
-        path = self._path(event)
-        part = path.with_suffix(".part")
-        with _told(self._folder):
-            with part.open("wb") as file:
-                file.write(packed(data, description))
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-            _sync_folder(self._arrays)
+    def write_array(self, event: str, data: bytes) -> None:
+        """Write an array so that the file is whole or not there."""
+        self.files.write(event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
-        path = self._path(event)
-        with _told(path):
-            return columns_of(path.read_bytes()) if path.exists() else None
+        """Return an event's raw columns and their index; None where there are none."""
+        return self.files.read(event)
+
+    def take_array(self, event: str, source: Store) -> None:
+        """Keep a copy of the array that another store has: a file of its own, where both are files too."""
+        if isinstance(source, FolderStore):
+            if source.files.path(event).exists():
+                self.files.copy(event, source.files)
+            return
+        data = source.read_array(event)
+        if data is not None:
+            self.files.write(event, data)
 
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Remove files; those that a kill leaves here are set aside at the next start."""
-        with _told(self._folder):
-            for event in events:
-                self._path(event).unlink(missing_ok=True)
+        self.files.drop(events)
 
-    def set_aside(self) -> list[str]:
-        """Move files that no row speaks of to `orphans/`; those in a folder that is a link stay where they are."""
+    def set_orphans_aside(self) -> None:
+        """Move the files that no row names to `orphans/`, and say so in the log.
+
+        Raises JournalError where their own indexes show that this database lacks their rows.
+        """
         known = {row[0] for row in self.all("SELECT id FROM events WHERE hash IS NOT NULL")}
-        with _told(self._folder):
-            lost = [
-                path
-                for path in sorted(self._arrays.iterdir())
-                if path.suffix == ".part" or (path.suffix == ".bin" and path.stem not in known)
-            ]
-            if lost and not self._arrays.is_symlink():
-                aside = self._folder / ORPHANS
-                aside.mkdir(exist_ok=True, mode=0o700)
-                for path in lost:
-                    path.rename(aside / path.name)
-        return [path.name for path in lost]
+        orphans = self.files.strangers(known)
+        if not orphans:
+            return
+        self._check_are_orphans(orphans, known)
+        self.files.set_aside(orphans)
+        log.warning(
+            "%s: %d file(s) that no row names, such as %s, were moved to %s/; nothing was removed",
+            *(self.files.arrays, len(orphans), orphans[0].name, ORPHANS),
+        )
+
+    def _check_are_orphans(self, orphans: Sequence[Path], known: set[str]) -> None:
+        """Raise JournalError where arrays are of runs or events that the database has never known."""
+        runs = {row[0] for row in self.all("SELECT id FROM runs")}
+        pruned = bool(self.all("SELECT 1 FROM prunings UNION SELECT 1 FROM gaps"))
+        strange = 0
+        for path in orphans:
+            index = self.files.index_of(path)
+            if index is not None:
+                strange += index.run not in runs or index.seq > self.newest(index.station) + 1
+            elif path.suffix == ".bin" and not path.is_symlink():
+                strange += not known and not pruned  # without an index; and this database never had an array
+        if strange:
+            raise JournalError(
+                f"{self.name}: {DATABASE} knows nothing of {strange} of the recordings in arrays/, so it is new, or "
+                f"older than they are; nothing was changed: bring back {DATABASE} from a backup, or run "
+                "`pzctl journal repair`, which writes it anew from the recordings"
+            )
 
     def damage(self) -> list[str]:
-        """Return what SQLite's own check of its file finds."""
-        return [str(found) for (found,) in self.all("PRAGMA integrity_check") if found != "ok"]
+        """Return what SQLite finds wrong in its own file."""
+        try:
+            faults = [row[0] for row in self._db.execute("PRAGMA integrity_check") if row[0] != "ok"]
+            lost = self._db.execute("PRAGMA foreign_key_check").fetchall()
+        except sqlite3.DatabaseError as error:
+            return [f"{DATABASE} is damaged: {error}"]
+        faults += [f"a row of {table} refers to a row of {parent} that is missing" for table, _, parent, _ in lost]
+        return [f"{DATABASE} is damaged: {' '.join(fault.split())}" for fault in faults]
 
     def check_room(self) -> None:
         """Raise JournalError where the disk is nearly full."""
-        with _told(self._folder):
+        with _database_errors(self._folder):
             free = shutil.disk_usage(self._folder).free
         if free < LEAST_FREE:
             raise JournalError(
@@ -138,14 +166,9 @@ class FolderStore(Store):
     def claim(self, station: str) -> None:
         """Do nothing: the folder's lock keeps every other writer out."""
 
-    def _path(self, event: str) -> Path:
-        return self._arrays / f"{event}.bin"
-
 
 def _opened(folder: Path) -> sqlite3.Connection:
     """Open a database to be written, its tables made or brought up to date."""
-    (folder / ARRAYS).mkdir(parents=True, exist_ok=True, mode=0o700)
-    refuse_a_lost_database(folder)
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
@@ -157,28 +180,10 @@ def _opened(folder: Path) -> sqlite3.Connection:
     return db
 
 
-def refuse_a_lost_database(folder: Path) -> None:
-    """Raise JournalError where there are arrays, and no database that a daemon ever wrote: it was lost."""
-    arrays = sum(path.suffix == ".bin" for path in (folder / ARRAYS).iterdir())
-    if not arrays:
-        return
-    path = folder / DATABASE
-    if path.exists() and path.stat().st_size:
-        with closing(_read_only(folder, "mode=ro")) as db:
-            has_runs = db.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone()
-            if has_runs and db.execute("SELECT 1 FROM runs LIMIT 1").fetchone():
-                return
-    raise JournalError(
-        f"{folder}: {arrays} recordings are in {ARRAYS}/, but {DATABASE} beside them "
-        f"{'is a new one' if path.exists() else 'is missing'}; nothing was touched. Put the right file back, or "
-        "rebuild it from the recordings: pzctl journal repair"
-    )
-
-
 def _readable(folder: Path) -> sqlite3.Connection:
-    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody does.
+    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody writes.
 
-    That it must not be told where a write-ahead log is left to be read: what stands in it would be missing.
+    Where a write-ahead log is left it must not be told so, because what stands in the log would be missing.
     """
     db = _read_only(folder, "mode=ro")
     try:
@@ -197,19 +202,11 @@ def _read_only(folder: Path, how: str) -> sqlite3.Connection:
 
 
 @contextmanager
-def _told(where: Path) -> Generator[None]:
+def _database_errors(where: Path) -> Generator[None]:
     """Turn the errors of disk and database into a sentence."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:
-        raise JournalError(f"{where}: the journal cannot be read or written: {error}") from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename last; Windows neither can nor needs it."""
-    if os.name == "posix":
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        damaged = "malformed" in str(error) or "not a database" in str(error)
+        remedy = f"; bring back {DATABASE} from a backup, or run `pzctl journal repair`" if damaged else ""
+        raise JournalError(f"{where}: the journal cannot be read or written: {error}{remedy}") from error

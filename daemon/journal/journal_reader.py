@@ -8,10 +8,11 @@ import msgspec
 
 from ...models.build import Build
 from ..wire.events import SampleStep
-from .array_file import Description, Row
-from .migrations import COLUMNS
-from .open_store import open_store
+from ..wire.replies import MissingEvents
+from .array_file import split_array
+from .opening import open_store
 from .store import JournalError, Place, digest_of
+from .verification import faults_of
 
 MOST_REPLAYED = 16 << 20
 """Bytes of one answer, but for its last event."""
@@ -40,7 +41,7 @@ class History:
 class JournalReader:
     """A journal opened for reading, in a folder or at a URL; any number of processes may.
 
-    `station` is whose events are counted and said again; measurements are those of all. Raises JournalError from
+    `station` is the one whose events are counted and replayed; measurements are those of all. Raises JournalError from
     every method where disk, database or server do not do what was asked.
     """
 
@@ -65,12 +66,7 @@ class JournalReader:
     @property
     def newest(self) -> int:
         """The `seq` of the last event, be it still there or not; 0 where there was none."""
-        row = self._one(
-            "SELECT max(seq) FROM (SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings)"
-            " AS known WHERE station = ?",
-            self.station,
-        )
-        return row[0] or 0 if row else 0
+        return self.store.newest(self.station)
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
         """Return the frames of the events `since` .. `until`, both included, at most `most` of them.
@@ -96,9 +92,9 @@ class JournalReader:
         rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
         return self._frames(rows, measurement)
 
-    def measurement(self, found: str) -> JournalMeasurement | None:
+    def measurement(self, measurement: str) -> JournalMeasurement | None:
         """Return the measurement with this id."""
-        return next(iter(self.measurements("id = ?", found)), None)
+        return next(iter(self.measurements("id = ?", measurement)), None)
 
     def build(self, measurement: str) -> Build:
         """Return the build that was measured."""
@@ -142,8 +138,8 @@ class JournalReader:
         for measurement, fitter in self._all(fits, *values):
             fitters.setdefault(measurement, []).append(fitter)
         return [
-            History(one, tuple(sweeps.get(one.id, ())), tuple(fitters.get(one.id, ())))
-            for one in self.measurements(where, *values)
+            History(measured, tuple(sweeps.get(measured.id, ())), tuple(fitters.get(measured.id, ())))
+            for measured in self.measurements(where, *values)
         ]
 
     def sweep_ids(self, measurement: str) -> tuple[str, ...]:
@@ -179,39 +175,28 @@ class JournalReader:
         """Return the ids of the events that have an array."""
         return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
 
-    def described(self, event: str) -> Description:
-        """Return what the tables say of an event that has an array."""
-        rows = {name: self._row(name, event) for name in ("events", "measurements", "builds")}
-        return Description(rows["events"], rows["measurements"], rows["builds"])
-
-    def _row(self, table: str, event: str) -> Row:
-        """Return the row of a table that an event stands in or belongs to, by column; empty where there is none."""
-        of = {
-            "events": "id = ?",
-            "measurements": "id = (SELECT measurement FROM events WHERE id = ?)",
-            "builds": "hash = (SELECT build FROM measurements JOIN events ON measurement = measurements.id"
-            " WHERE events.id = ?)",
-        }
-        row = self._one(f"SELECT {COLUMNS[table]} FROM {table} WHERE {of[table]}", event)  # noqa: S608
-        told = (value.decode() if isinstance(value, bytes) else value for value in row or ())
-        return dict(zip(COLUMNS[table].split(", "), told, strict=True)) if row else {}
-
     def verify(self) -> list[str]:
-        """Compare every array with its hash, and seq with itself; return a sentence for each thing that is wrong."""
-        wrong = [f"the database: {said}" for said in self.store.damage()]
-        last: dict[str, int] = dict(self._all("SELECT station, max(seq) FROM prunings GROUP BY station"))
-        for station, seq, event, digest in self._all("SELECT station, seq, id, hash FROM events ORDER BY station, seq"):
-            expected = last.get(station, 0) + 1
-            said = f"event {{}} of station {station}" if station else "event {}"
-            if seq != expected:
-                wrong.append(f"{said.format(expected)} is missing: the next one is {seq}")
-            last[station] = seq
-            data = self.store.read_array(event) if digest else None
-            if digest and data is None:
-                wrong.append(f"{said.format(seq)}: its array {event} is missing")
-            elif data is not None and digest_of(data) != digest:
-                wrong.append(f"{said.format(seq)}: its array {event} is not what was written")
-        return wrong
+        """Compare everything with its hash and with the chain; return a sentence for each thing that is wrong."""
+        return faults_of(self.store)
+
+    def missing(self, since: int, until: int) -> list[MissingEvents]:
+        """Return which of the events `since` .. `until` were pruned or lost, in order."""
+        missing: list[MissingEvents] = []
+        first = 1
+        prunings = "SELECT seq, time, backup FROM prunings WHERE station = ? ORDER BY seq"
+        for last, time, backup in self._all(prunings, self.station):
+            missing.append(MissingEvents(first, last, f"pruned on {time[:10]}, after a copy to {backup}"))
+            first = last + 1
+        gaps = (
+            "SELECT first, last, says FROM gaps WHERE station = ? AND first >= ? AND first <= ? AND last >= ? "
+            "ORDER BY first"
+        )
+        missing += [MissingEvents(*row) for row in self._all(gaps, self.station, first, until, since)]
+        return [
+            msgspec.structs.replace(hole, first=max(hole.first, since), last=min(hole.last, until))
+            for hole in missing
+            if hole.first <= until and hole.last >= since
+        ]
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
         """Return the frames of the events for which the SQL condition holds."""
@@ -227,7 +212,8 @@ class JournalReader:
         """Yield an event's raw columns."""
         if digest is None:
             return
-        data = self.store.read_array(event)
+        content = self.store.read_array(event)
+        data = split_array(content, lengths).columns if content is not None else None
         if data is None or digest_of(data) != digest:
             what = "is missing" if data is None else "is not what was written; it is damaged"
             raise JournalError(f"{self.name}: the array of event {event} {what}")

@@ -4,7 +4,6 @@ A sweep's bytes and its row are on disk, whole, before it may be published; see 
 """
 
 import hashlib
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
@@ -13,12 +12,15 @@ import msgspec
 
 from ...models.build import Build
 from ...models.sweep import now_utc
-from ..wire.events import DiagnosisEvent, Event, FitEvent, Payload, Sampled, StateEvent, encode
+from ..wire.events import Event, Payload, encode
 from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
+from .array_file import with_index
+from .chain import chain_found
+from .event_rows import Answer, answer_key, index_of, insert_event, succeeded
 from .folder_lock import take_lock
 from .journal_reader import JournalMeasurement, JournalReader
-from .open_store import open_store
+from .opening import open_store
 from .store import JournalError, Store, digest_of
 
 E = TypeVar("E", bound=Event)
@@ -40,9 +42,10 @@ class JournalWriter(JournalReader):
             self.store.claim(station)
             self.last_seq = self.newest
             self.run = uuid7()
-            self.set_aside = self.store.set_aside()
+            self.store.set_orphans_aside()
             with self.store.transaction():
-                self.store.run("INSERT INTO runs VALUES (?, ?, ?)", self.run, now_utc(), station)
+                self.store.run("INSERT INTO runs (id, time, station) VALUES (?, ?, ?)", self.run, now_utc(), station)
+                chain_found(self.store, station, "runs", "id = ?", self.run)
             stack.pop_all()
 
     def close(self) -> None:
@@ -59,10 +62,12 @@ class JournalWriter(JournalReader):
         stamped = msgspec.structs.replace(event, **stamp)
         frames = encode(stamped, payload)
         data = b"".join(payload)
+        digest = digest_of(data) if payload else None
         with self.store.transaction():
-            self._insert(stamped, frames, digest_of(data) if payload else None)
-            if payload:
-                self.store.write_array(stamped.id, data, self.described(stamped.id))
+            insert_event(self.store, self.station, stamped, frames, digest)
+            if digest is not None:
+                index = index_of(self.store, self.station, stamped, frames, digest)
+                self.store.write_array(stamped.id, with_index(data, index))
         self.last_seq += 1
         return stamped, frames
 
@@ -85,7 +90,8 @@ class JournalWriter(JournalReader):
         self.store.close()
         self.store = store
         newest = self.newest
-        ours = self._one("SELECT id FROM runs WHERE station = ? ORDER BY id DESC LIMIT 1", self.station) == (self.run,)
+        runs = "SELECT id FROM runs WHERE station = ? ORDER BY number DESC LIMIT 1"
+        ours = self._one(runs, self.station) == (self.run,)
         if not ours or newest not in (self.last_seq, self.last_seq + 1):  # one more: its answer did not reach us
             raise JournalError(
                 f"{self.name}: the record of station {self.station!r} stood at event {self.last_seq} when its server "
@@ -93,15 +99,15 @@ class JournalWriter(JournalReader):
             )
         self.last_seq = newest
 
-    def answered(self, event: FitEvent | DiagnosisEvent) -> int | None:
+    def answered(self, event: Answer) -> int | None:
         """Return the `seq` of the answer that stands already for these sweeps, fitter and version.
 
         A refusal does not stand in the way of a result.
         """
         row = self._one(
-            "SELECT seq, ok FROM fits WHERE kind = ? AND sweeps = ? AND fitter = ? AND version = ?", *_key(event)
+            "SELECT seq, ok FROM fits WHERE kind = ? AND sweeps = ? AND fitter = ? AND version = ?", *answer_key(event)
         )
-        return row[0] if row and (row[1] or not _succeeded(event)) else None
+        return row[0] if row and (row[1] or not succeeded(event)) else None
 
     def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
         """Record that a measurement was accepted; return its id, and False where this request was accepted before.
@@ -126,6 +132,7 @@ class JournalWriter(JournalReader):
                 " (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 *(new, request, self.run, build.name, step, digest, "queued", now_utc(), self.station),
             )
+            chain_found(self.store, self.station, "measurements", "id = ?", new)
         return new, True
 
     def unfinished(self) -> list[JournalMeasurement]:
@@ -136,31 +143,4 @@ class JournalWriter(JournalReader):
     def unanswered(self, fitter: str) -> list[str]:
         """Return the complete measurements of this run that a fitter has not answered."""
         rows = "state = 'measured' AND run = ? AND id NOT IN (SELECT measurement FROM fits WHERE fitter = ?)"
-        return [found.id for found in self.measurements(rows, self.run, fitter)]
-
-    def _insert(self, event: Event, frames: Sequence[bytes], digest: str | None) -> None:
-        """Insert an event's row, and what follows from it for measurements and fits."""
-        measurement = event.measurement if isinstance(event, Sampled | StateEvent) else None
-        lengths = ",".join(str(len(frame)) for frame in frames[2:])
-        kind = str(event.__struct_config__.tag)
-        row = (event.seq, kind, event.id, measurement, frames[0], frames[1], lengths, digest, self.station)
-        self.store.run("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", *row)
-        if isinstance(event, StateEvent) and measurement:
-            self.store.run("UPDATE measurements SET state = ? WHERE id = ?", event.state, measurement)
-        if isinstance(event, FitEvent | DiagnosisEvent):
-            row = (*_key(event), measurement, int(_succeeded(event)), event.seq, self.station)
-            self.store.run(
-                "INSERT INTO fits VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (kind, sweeps, fitter, version) DO UPDATE"
-                " SET ok = excluded.ok, seq = excluded.seq, station = excluded.station",
-                *row,
-            )
-
-
-def _key(event: FitEvent | DiagnosisEvent) -> tuple[str, str, str, str]:
-    """Return what a fitter's answer is known by: kind, sweeps, fitter, version."""
-    return (str(event.__struct_config__.tag), " ".join(event.sweeps), event.fitter, event.version)
-
-
-def _succeeded(event: FitEvent | DiagnosisEvent) -> bool:
-    """Return False for a refusal."""
-    return not (isinstance(event, FitEvent) and event.report is None)
+        return [measured.id for measured in self.measurements(rows, self.run, fitter)]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from .chain import chain_existing
 from .store import JournalError
 
 _FIRST = """
@@ -62,7 +63,25 @@ DROP TABLE prunings_2;
 """  # noqa: S608
 """Several stations can share one record; each counts its own events. That of a folder has no name."""
 
-_STEPS = (_FIRST, _PRUNINGS, _STATIONS)
+_CHAIN = """
+CREATE TABLE gaps (
+    first INTEGER NOT NULL, last INTEGER NOT NULL, time TEXT NOT NULL, says TEXT NOT NULL, station TEXT NOT NULL,
+    PRIMARY KEY (station, first));
+CREATE TABLE chain (
+    station TEXT NOT NULL, number INTEGER NOT NULL, kind TEXT NOT NULL, subject TEXT NOT NULL, digest TEXT NOT NULL,
+    link TEXT NOT NULL, PRIMARY KEY (station, number));
+"""
+"""Events `first` .. `last` were lost, and found to be so by `repair`. The chain is described in `chain`."""
+
+_RUNS = """
+ALTER TABLE runs RENAME TO runs_3;
+CREATE TABLE runs (number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, time TEXT NOT NULL, station TEXT NOT NULL);
+INSERT INTO runs (id, time, station) SELECT id, time, station FROM runs_3 ORDER BY rowid;
+DROP TABLE runs_3;
+"""
+"""The order of runs is counted: that of their ids goes back with the clock."""
+
+_STEPS = (_FIRST, _PRUNINGS, _STATIONS, _CHAIN + _RUNS)
 """What leads from version k to version k + 1, in SQLite."""
 
 _POSTGRES = f"""
@@ -78,7 +97,18 @@ CREATE TABLE measurements (
 CREATE TABLE arrays (event TEXT PRIMARY KEY REFERENCES events (id) ON DELETE CASCADE, data BYTEA NOT NULL);
 """  # noqa: S608
 
-_POSTGRES_STEPS: tuple[str, ...] = (_POSTGRES,)
+_POSTGRES_CHAIN = f"""
+{_CHAIN.replace("INTEGER", "BIGINT")}
+CREATE SEQUENCE runs_order;
+ALTER TABLE runs ADD COLUMN number BIGINT;
+UPDATE runs SET number = ordered.number
+    FROM (SELECT id, row_number() OVER (ORDER BY time, id) AS number FROM runs) AS ordered WHERE runs.id = ordered.id;
+SELECT setval('runs_order', (SELECT count(*) + 1 FROM runs), false);
+ALTER TABLE runs ALTER COLUMN number SET DEFAULT nextval('runs_order'), ALTER COLUMN number SET NOT NULL;
+ALTER SEQUENCE runs_order OWNED BY runs.number;
+"""  # noqa: S608
+
+_POSTGRES_STEPS: tuple[str, ...] = (_POSTGRES, _POSTGRES_CHAIN)
 """What leads from no tables to version 3, and from there on as `_STEPS`."""
 
 VERSION = len(_STEPS)
@@ -87,26 +117,19 @@ VERSION = len(_STEPS)
 PATIENCE = 5.0
 """Seconds that are waited for whoever changes the tables, or writes them."""
 
-TABLES = ("builds", "runs", "measurements", "events", "fits", "prunings")
+_CHAINED = 4
+"""The first version that has a chain."""
+
+TABLES = ("builds", "runs", "measurements", "events", "fits", "prunings", "gaps", "chain")
 """All of them but arrays, each after those that it refers to."""
 
-COLUMNS = {
-    "builds": "hash, json",
-    "runs": "id, time, station",
-    "measurements": "id, request, run, sample, step, build, state, time, station",
-    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
-    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
-    "prunings": "seq, time, backup, station",
-}
-"""What is copied of each table: all of it, but for the number of a measurement, which is given anew."""
 
-
-def check_version(name: str, found: int) -> None:
+def check_version(name: str, version: int) -> None:
     """Raise JournalError where the tables are not of this version."""
-    if found != VERSION:
+    if version != VERSION:
         raise JournalError(
-            f"{name}: a journal of version {found}; version {VERSION} is read here"
-            + ("; start the daemon once, which brings it up to date" if found < VERSION else "")
+            f"{name}: a journal of version {version}; version {VERSION} is read here"
+            + ("; start the daemon once, which brings it up to date" if version < VERSION else "")
         )
 
 
@@ -115,14 +138,18 @@ def migrate_sqlite(db: sqlite3.Connection, folder: Path) -> None:
 
     A journal of a later version is left as it is. Raises sqlite3.Error, OSError.
     """
-    found: int = db.execute("PRAGMA user_version").fetchone()[0]
-    if found >= VERSION:
+    old: int = db.execute("PRAGMA user_version").fetchone()[0]
+    if old >= VERSION:
         return
-    if found > 0:
-        _copy_database(db, folder / f"journal.sqlite.v{found}")
-    steps = "".join(_STEPS[found:])
+    if old > 0:
+        _copy_database(db, folder / f"journal.sqlite.v{old}")
+    steps = "".join(_STEPS[old:])
     try:
-        db.executescript(f"BEGIN IMMEDIATE; {steps} PRAGMA user_version={VERSION}; COMMIT")
+        db.executescript(f"BEGIN IMMEDIATE; {steps}")
+        if old < _CHAINED:
+            chain_existing(_Sqlite(db))
+        db.execute(f"PRAGMA user_version={VERSION}")
+        db.execute("COMMIT")
     except sqlite3.Error:
         if db.in_transaction:
             db.execute("ROLLBACK")
@@ -136,14 +163,14 @@ def migrate_postgres(db: Any, version: Callable[[], int]) -> None:
     """
     key = "hashtextextended(current_schema(), 2)"
     deadline = time.monotonic() + PATIENCE
-    while (found := version()) < VERSION:
+    while (old := version()) < VERSION:
         if db.execute(f"SELECT pg_try_advisory_lock({key})").fetchone()[0]:
-            if version() == found:  # nobody was quicker
-                _change_postgres(db, found)
+            if version() == old:  # nobody was quicker
+                _change_postgres(db, old)
             db.execute(f"SELECT pg_advisory_unlock({key})")
         elif time.monotonic() > deadline:
             raise JournalError(
-                f"the journal is of version {found}, and a daemon of an older pzctl writes it: end those of all "
+                f"the journal is of version {old}, and a daemon of an older pzctl writes it: end those of all "
                 f"stations, then start one of this version, which brings the tables to version {VERSION}"
             )
         else:
@@ -151,14 +178,17 @@ def migrate_postgres(db: Any, version: Callable[[], int]) -> None:
     db.execute(f"SELECT pg_advisory_lock_shared({key})")
 
 
-def _change_postgres(db: Any, found: int) -> None:
+def _change_postgres(db: Any, old: int) -> None:
     with db.transaction():
-        if found > 0:
-            db.execute(f"CREATE SCHEMA pzctl_v{found}")
+        if old > 0:
+            db.execute(f"CREATE SCHEMA pzctl_v{old}")
             for table in TABLES:
-                db.execute(f"CREATE TABLE pzctl_v{found}.{table} AS TABLE {table}")
-        for step in _POSTGRES_STEPS[max(0, found - 2) :]:
+                if db.execute("SELECT to_regclass(%s)", (table,)).fetchone()[0]:  # an older version has fewer
+                    db.execute(f"CREATE TABLE pzctl_v{old}.{table} AS TABLE {table}")
+        for step in _POSTGRES_STEPS[max(0, old - 2) :]:
             db.execute(step)
+        if old < _CHAINED:
+            chain_existing(_Postgres(db))
         db.execute("UPDATE pzctl_version SET version = %s", (VERSION,))
 
 
@@ -172,3 +202,29 @@ def _copy_database(db: sqlite3.Connection, path: Path) -> None:
     finally:
         copy.close()
     part.replace(path)
+
+
+class _Sqlite:
+    """A database in the middle of a change, for the chain to be begun."""
+
+    def __init__(self, db: sqlite3.Connection) -> None:
+        self._db = db
+
+    def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        return self._db.execute(sql, values).fetchall()
+
+    def run(self, sql: str, *values: Any) -> None:
+        self._db.execute(sql, values)
+
+
+class _Postgres:
+    """The same, on a server."""
+
+    def __init__(self, db: Any) -> None:
+        self._db = db
+
+    def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
+        return self._db.execute(sql.replace("?", "%s"), values).fetchall()
+
+    def run(self, sql: str, *values: Any) -> None:
+        self._db.execute(sql.replace("?", "%s"), values)

@@ -15,7 +15,6 @@ from typing import Any
 
 import psycopg
 
-from .array_file import Description
 from .migrations import check_version, migrate_postgres
 from .store import JournalAway, JournalError, Store, without_password
 
@@ -39,16 +38,17 @@ class PostgresStore(Store):
 
     def __init__(self, url: str, *, write: bool) -> None:
         self.name = without_password(url)
+        self._streams = 0
         try:
             self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
         except psycopg.Error as error:
-            raise JournalAway(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
+            raise JournalAway(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
         try:
-            with self._told():
+            with self._server_errors():
                 if write:
                     self._prepare()
-                found = self._version()
-            check_version(self.name, found)
+                version = self._version()
+            check_version(self.name, version)
         except JournalError:
             self._db.close()
             raise
@@ -68,51 +68,57 @@ class PostgresStore(Store):
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
         """Return the rows that a statement finds."""
-        with self._told():
-            return self._db.execute(_theirs(sql), values).fetchall()
+        with self._server_errors():
+            return self._db.execute(_with_percent_marks(sql), values).fetchall()
 
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds, a few at a time."""
-        with self._told(), self._db.cursor(name="pzctl") as cursor:
+        self._streams += 1
+        with self._server_errors(), self._db.cursor(name=f"pzctl_{self._streams}") as cursor:
             cursor.itersize = 100
-            yield from cursor.execute(_theirs(sql))
+            yield from cursor.execute(_with_percent_marks(sql), values)
 
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something."""
-        with self._told():
-            self._db.execute(_theirs(sql), values)
+        with self._server_errors():
+            self._db.execute(_with_percent_marks(sql), values)
 
     @contextmanager
     def transaction(self) -> Generator[None]:
         """All or nothing; synced by the server when it is left."""
-        with self._told(), self._db.transaction():
+        with self._server_errors(), self._db.transaction():
             yield
 
     @contextmanager
     def snapshot(self) -> Generator[None]:
         """Everything that is read inside is of one moment."""
-        with self._told(), self._db.transaction():
+        with self._server_errors(), self._db.transaction():
             self._db.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
             yield
 
-    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
-        """Keep raw columns beside their event's row, in the same transaction; the rows describe them."""
+    def write_array(self, event: str, data: bytes) -> None:
+        """Keep an array beside its event's row, in the same transaction."""
         self.run("INSERT INTO arrays VALUES (?, ?)", event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
+        """Return an event's raw columns and their index; None where there are none."""
         rows = self.all("SELECT data FROM arrays WHERE event = ?", event)
         return rows[0][0] if rows else None
+
+    def take_array(self, event: str, source: Store) -> None:
+        """Keep a copy of the array that another store has."""
+        data = source.read_array(event)
+        if data is not None:
+            self.write_array(event, data)
 
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Do nothing: they go with their events."""
 
-    def set_aside(self) -> list[str]:
-        """Return nothing: an interrupted transaction leaves nothing."""
-        return []
+    def set_orphans_aside(self) -> None:
+        """Do nothing: an interrupted transaction leaves nothing, and an array cannot outlive its row."""
 
     def damage(self) -> list[str]:
-        """Return nothing: a server checks its own files."""
+        """Return nothing: a server that reads a damaged page says so with an error of its own."""
         return []
 
     def check_room(self) -> None:
@@ -138,8 +144,8 @@ class PostgresStore(Store):
         migrate_postgres(self._db, self._version)
 
     def _setting(self, name: str) -> str:
-        found = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()
-        return found[0] if found else ""
+        row = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()
+        return row[0] if row else ""
 
     def _version(self) -> int:
         """Return the version of the tables; 0 where there are none."""
@@ -148,7 +154,7 @@ class PostgresStore(Store):
         return self.all("SELECT version FROM pzctl_version")[0][0]
 
     @contextmanager
-    def _told(self) -> Generator[None]:
+    def _server_errors(self) -> Generator[None]:
         """Turn the errors of the server, and of the way to it, into a sentence."""
         try:
             yield
@@ -156,15 +162,15 @@ class PostgresStore(Store):
             if self._db.closed:
                 raise JournalAway(
                     f"{self.name}: the journal's server has gone, and nothing is measured until it is back: "
-                    + _words(error)
+                    + _sentence(error)
                 ) from error
-            raise JournalError(f"{self.name}: the journal cannot be read or written: {_words(error)}") from error
+            raise JournalError(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
 
 
-def _words(error: psycopg.Error) -> str:
+def _sentence(error: psycopg.Error) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _theirs(sql: str) -> Any:
+def _with_percent_marks(sql: str) -> Any:
     """Return a statement as psycopg wants it."""
     return sql.replace("?", "%s")

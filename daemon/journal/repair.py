@@ -1,109 +1,235 @@
-"""Rebuilding the rows of a journal from the descriptions in its arrays, where the database is lost or damaged."""
+"""Writing a folder journal's database again from what its arrays say of themselves.
+
+Nothing is removed and nothing is guessed: the old database is kept beside the new one, an array without a whole index
+goes to `orphans/` and is named, and events without an array, such as states, are recorded as a gap.
+"""
 
 import sqlite3
-import time
+from collections import defaultdict
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from .array_file import Description, Row, columns_of, description_of
+import msgspec
+
+from ...models.sweep import now_utc
+from ..wire.events import DiagnosisEvent, Event, FitEvent, Sampled, SweepEvent, decode
+from ..wire.frames import WireError
+from .array_file import ArrayIndex, find_index, split_array
+from .array_folder import ArrayFolder, free_name
+from .chain import chain_found
+from .database_file import DATABASE, database_fault
+from .event_rows import insert_answer, insert_event_row, set_state
 from .folder_lock import take_lock
-from .folder_store import ARRAYS, DATABASE, ORPHANS
-from .migrations import COLUMNS, migrate_sqlite
+from .folder_store import FolderStore
 from .store import JournalError, digest_of
 
-_BYTES = {"topic", "header", "json"}
-"""Columns that a table holds as bytes."""
+TAIL = 1000
+"""Numbers of events that are left out behind the last array: events without an array may have been announced there."""
+
+_Item = tuple[ArrayIndex, Event]
 
 
-@dataclass(frozen=True)
-class Repaired:
-    """What came of a repair."""
+@dataclass
+class RepairReport:
+    """What a repair did."""
 
-    recordings: int
-    """Recordings whose rows were put back."""
-    silent: tuple[Path, ...]
-    """Files that do not say what they are: written by an earlier version, or cut off. They stay where they are."""
-    aside: Path | None
-    """Where the damaged database was moved; None where it was whole or missing."""
+    events: int = 0
+    """Rows of events that were written again."""
+    measurements: int = 0
+    kept_database: Path | None = None
+    """Where the database is that was there before."""
+    set_aside: list[str] = field(default_factory=list[str])
+    """A sentence for each file that was moved to `orphans/`."""
 
 
-def repair(folder: Path) -> Repaired:
-    """Put back the rows of every recording in `arrays/` and `orphans/` that the database does not name.
+class _HeaderBuild(msgspec.Struct, frozen=True):
+    """A sweep's header, as far as its build: the bytes whose hash the build is known by."""
 
-    A database that SQLite finds damaged is kept aside under a new name. Raises JournalError where there is nothing to
-    repair from, where another program writes the journal, or where the disk does not do what was asked.
+    build: msgspec.Raw
+
+
+_header_build = msgspec.json.Decoder(_HeaderBuild)
+
+
+def repair_folder(folder: Path) -> RepairReport:
+    """Write the rows that arrays have and the database lacks. Raises JournalError; then nothing was removed.
+
+    A database that is whole and names some of the arrays is added to. Any other one is set aside for a new one.
     """
-    if not (folder / ARRAYS).is_dir():
-        raise JournalError(f"{folder}: there is no {ARRAYS}/ in it, so nothing to rebuild a journal from")
+    files, report = ArrayFolder(folder), RepairReport()
     with closing(take_lock(folder)):
+        files.make()
+        items, faults = _read_arrays(files)
+        if not items:
+            raise JournalError(
+                f"{folder}: none of the {len(faults)} recording(s) in arrays/ says what it is; nothing was changed: "
+                f"bring back {DATABASE} from a backup, or move arrays/ away to begin a new journal"
+            )
+        report.kept_database = _keep_database(folder)
+        store = FolderStore(folder, write=True, unchecked=True)
         try:
-            return _repaired(folder)
-        except (OSError, sqlite3.Error) as error:
-            raise JournalError(f"{folder}: the journal cannot be repaired: {error}") from error
+            with store.transaction():
+                faults |= _Rebuild(store, report).run(items)
+            names = {row[0] for row in store.all("SELECT id FROM events WHERE hash IS NOT NULL")}
+            strangers = files.strangers(names)
+            if strangers:
+                files.set_aside(strangers)
+            report.set_aside = [f"{path.name}: {faults.get(path.stem, 'no row names it')}" for path in strangers]
+        finally:
+            store.close()
+    return report
 
 
-def _repaired(folder: Path) -> Repaired:
-    aside = _set_damaged_aside(folder)
-    files = [path for room in (ARRAYS, ORPHANS) for path in sorted((folder / room).glob("*.bin"))]
-    silent: list[Path] = []
-    recordings = 0
-    with closing(sqlite3.connect(folder / DATABASE, isolation_level=None)) as db:
-        migrate_sqlite(db, folder)
-        for path in files:
-            content = path.read_bytes()
-            said = description_of(content)
-            if said is None or said.event.get("hash") != digest_of(columns_of(content)):
-                known = db.execute("SELECT 1 FROM events WHERE id = ?", (path.stem,)).fetchone()
-                silent += [] if known else [path]
-                continue
-            recordings += _put_back(db, said)
-            if path.parent.name == ORPHANS:
-                path.rename(folder / ARRAYS / path.name)
-    return Repaired(recordings, tuple(silent), aside)
+def _read_arrays(files: ArrayFolder) -> tuple[list[_Item], dict[str, str]]:
+    """Return the arrays that can be indexed again, and why the others cannot, by their names."""
+    items: list[_Item] = []
+    faults: dict[str, str] = {}
+    for path in files.files():
+        data = files.read(path.stem) or b""
+        index = find_index(data)
+        if index is None:
+            faults[path.stem] = "it has no index: an earlier pzctl wrote it, or its end is damaged"
+            continue
+        array = split_array(data, index.lengths)
+        try:
+            event = decode([index.topic.encode(), index.header.encode(), *_columns(array.columns, index)]).event
+        except WireError as error:
+            faults[path.stem] = f"its index cannot be read: {error}"
+            continue
+        if array.damaged or digest_of(array.columns) != index.hash or not index.id == event.id == path.stem:
+            faults[path.stem] = "it is not what was written"
+        else:
+            items.append((index, event))
+    return items, faults
 
 
-def _set_damaged_aside(folder: Path) -> Path | None:
-    """Move a database that SQLite cannot read under another name, with its log; return that name."""
-    path = folder / DATABASE
-    if not path.exists():
-        return None
+def _columns(data: bytes, index: ArrayIndex) -> list[bytes]:
+    columns: list[bytes] = []
+    for length in map(int, index.lengths.split(",")):
+        columns.append(data[:length])
+        data = data[length:]
+    return columns
+
+
+def _keep_database(folder: Path) -> Path | None:
+    """Keep what is there: a copy of a database that is added to, else the files themselves; return where it is."""
+    kept = free_name(folder / f"{DATABASE}.before-repair")
+    if _is_usable(folder):
+        with closing(sqlite3.connect(folder / DATABASE)) as db, closing(sqlite3.connect(kept)) as copy:
+            db.backup(copy)
+        return kept
+    there = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm") if (folder / f"{DATABASE}{end}").exists()]
+    for path in there:
+        path.rename(kept.with_name(kept.name + path.name.removeprefix(DATABASE)))
+    return kept if there else None
+
+
+def _is_usable(folder: Path) -> bool:
+    """Return whether a database is whole and names an array that is there."""
+    if database_fault(folder) is not None:
+        return False
     try:
-        with closing(sqlite3.connect(path)) as db:
-            if db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]:
-                return None
-    except sqlite3.DatabaseError:
-        pass
-    aside = folder / f"{DATABASE}.damaged-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
-    for suffix in ("", "-wal", "-shm"):
-        part = folder / f"{DATABASE}{suffix}"
-        if part.exists():
-            part.rename(f"{aside}{suffix}")
-    return aside
+        # read only at first: what is damaged is kept as it is
+        with closing(sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?mode=ro", uri=True)) as db:
+            if db.execute("PRAGMA integrity_check").fetchone() != ("ok",):
+                return False
+        with closing(FolderStore(folder, write=True, unchecked=True)) as store:
+            names = store.all("SELECT id FROM events WHERE hash IS NOT NULL")
+            return any(store.files.path(name).exists() for (name,) in names)
+    except (JournalError, sqlite3.DatabaseError):
+        return False
 
 
-def _put_back(db: sqlite3.Connection, said: Description) -> int:
-    """Insert the rows of one recording; return how many of its events were missing: one or none."""
-    if db.execute("SELECT 1 FROM events WHERE id = ?", (said.event["id"],)).fetchone():
-        return 0
-    run: Row = {
-        "id": said.measurement.get("run"),
-        "time": said.measurement.get("time"),
-        "station": said.event["station"],
-    }
-    # how the measurement ended was said by an event that is lost; its recordings are there
-    measurement = said.measurement | {"state": "measured"}
-    db.execute("BEGIN IMMEDIATE")
-    for table, row in (("builds", said.build), ("runs", run), ("measurements", measurement), ("events", said.event)):
-        columns = COLUMNS[table].split(", ")
-        values = [_stored(name, row.get(name)) for name in columns]
-        db.execute(
-            f"INSERT OR IGNORE INTO {table} ({COLUMNS[table]}) VALUES ({', '.join('?' * len(columns))})",  # noqa: S608
-            values,
-        )
-    db.execute("COMMIT")
-    return 1
+class _Rebuild:
+    """The rows of one repair; inside of a transaction."""
 
+    def __init__(self, store: FolderStore, report: RepairReport) -> None:
+        self._store = store
+        self._report = report
 
-def _stored(column: str, value: str | int | None) -> str | int | bytes | None:
-    return value.encode() if column in _BYTES and isinstance(value, str) else value
+    def run(self, items: Sequence[_Item]) -> dict[str, str]:
+        """Write rows for what the database does not know; return why an array was left out, by its name."""
+        names = {row[0] for row in self._store.all("SELECT id FROM events")}
+        stations: dict[str, list[_Item]] = defaultdict(list)
+        for item in items:
+            if item[0].id not in names:
+                stations[item[0].station].append(item)
+        faults: dict[str, str] = {}
+        for station, of_station in sorted(stations.items()):
+            faults |= self._station(station, of_station)
+        return faults
+
+    def _station(self, station: str, items: Sequence[_Item]) -> dict[str, str]:
+        newest = self._store.newest(station)
+        faults: dict[str, str] = {}
+        of_seq: dict[int, _Item] = {}
+        for index, event in sorted(items, key=lambda item: (item[0].seq, item[1].time, item[0].id)):
+            if index.seq <= newest:
+                faults[index.id] = f"event {index.seq} stands in the journal already, pruned or with another array"
+                continue
+            earlier = of_seq.get(index.seq)
+            if earlier:
+                faults[earlier[0].id] = f"event {index.seq} was written again later, as {index.id}"
+            of_seq[index.seq] = (index, event)
+        new = list(of_seq.values())
+        if new:
+            self._runs(station, new)
+            self._measurements(station, new)
+            self._events(station, newest, new)
+            self._states(station, new)
+        return faults
+
+    def _runs(self, station: str, items: Sequence[_Item]) -> None:
+        known = {row[0] for row in self._store.all("SELECT id FROM runs")}
+        for run, time in {index.run: index.run_time for index, _ in items}.items():
+            if run not in known:
+                self._store.run("INSERT INTO runs (id, time, station) VALUES (?, ?, ?)", run, time, station)
+                chain_found(self._store, station, "runs", "id = ?", run)
+
+    def _measurements(self, station: str, items: Sequence[_Item]) -> None:
+        """Write the measurements whose sweeps are there; a sweep's header holds the build."""
+        known = {row[0] for row in self._store.all("SELECT id FROM measurements")}
+        of_sweeps = {
+            index.measurement.id: (index.measurement, bytes(_header_build.decode(index.header).build))
+            for index, event in items
+            if index.measurement and isinstance(event, SweepEvent) and index.measurement.id not in known
+        }
+        for measured, build in sorted(of_sweeps.values(), key=lambda pair: pair[0].number):
+            if digest_of(build) != measured.build:
+                continue
+            self._store.run("INSERT INTO builds VALUES (?, ?) ON CONFLICT (hash) DO NOTHING", measured.build, build)
+            self._store.run(
+                "INSERT INTO measurements (id, request, run, sample, step, build, state, time, station)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                *(measured.id, measured.request, measured.run, measured.sample, measured.step, measured.build),
+                *("abandoned", measured.time, station),
+            )
+            chain_found(self._store, station, "measurements", "id = ?", measured.id)
+            self._report.measurements += 1
+
+    def _events(self, station: str, newest: int, items: Sequence[_Item]) -> None:
+        for index, event in items:
+            self._gap(station, newest + 1, index.seq - 1, "lost with the database: events without an array")
+            measurement = event.measurement if isinstance(event, Sampled) else None
+            header = (index.seq, index.kind, index.id, measurement, index.topic.encode(), index.header.encode())
+            insert_event_row(self._store, station, (*header, index.lengths, index.hash))
+            if isinstance(event, FitEvent | DiagnosisEvent):
+                insert_answer(self._store, station, event)
+            newest = index.seq
+            self._report.events += 1
+        self._gap(station, newest + 1, newest + TAIL, "left out after a repair: what was announced here is not known")
+
+    def _gap(self, station: str, first: int, last: int, says: str) -> None:
+        if first <= last:
+            self._store.run("INSERT INTO gaps VALUES (?, ?, ?, ?, ?)", first, last, now_utc(), says, station)
+            chain_found(self._store, station, "gaps", "first = ?", first)
+
+    def _states(self, station: str, items: Sequence[_Item]) -> None:
+        """Write what became of measurements: complete where every segment is there, else abandoned."""
+        sweeps = {event.measurement: event for _, event in items if isinstance(event, SweepEvent)}
+        for measurement, sweep in sweeps.items():
+            sql = "SELECT count(*) FROM events WHERE measurement = ? AND kind = 'sweep'"
+            if self._store.all(sql, measurement)[0][0] >= sweep.segments:
+                set_state(self._store, station, measurement, "measured-aside" if sweep.decides else "measured")

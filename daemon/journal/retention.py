@@ -2,13 +2,32 @@
 
 from pathlib import Path
 
+import msgspec
+
 from ...models.sweep import now_utc
+from .array_file import split_array, with_index
+from .array_folder import copy_file
+from .chain import chain_found, chain_removed
+from .database_file import SEALS
+from .folder_store import FolderStore
 from .journal_reader import JournalReader
 from .journal_writer import JournalWriter
-from .migrations import COLUMNS, TABLES
+from .migrations import TABLES
 from .store import JournalError, Place, without_password
 
-ORDER = {"measurements": "number", "events": "station, seq"}
+COLUMNS = {
+    "builds": "hash, json",
+    "runs": "id, time, station",
+    "measurements": "id, request, run, sample, step, build, state, time, station",
+    "events": "seq, kind, id, measurement, topic, header, lengths, hash, station",
+    "fits": "kind, sweeps, fitter, version, measurement, ok, seq, station",
+    "prunings": "seq, time, backup, station",
+    "gaps": "first, last, time, says, station",
+    "chain": "number, kind, subject, digest, link, station",
+}
+"""What is copied of each table: all of it, but for the numbers of runs and measurements, which are given anew."""
+
+ORDER = {"runs": "number", "measurements": "number", "events": "station, seq", "chain": "station, number"}
 
 
 class JournalMaintenance(JournalWriter):
@@ -35,18 +54,21 @@ class JournalMaintenance(JournalWriter):
         if not gone:
             return 0
         with self.store.transaction():
-            self.store.run("DELETE FROM fits WHERE seq <= ? AND station = ?", seq, self.station)
-            self.store.run("DELETE FROM events WHERE seq <= ? AND station = ?", seq, self.station)
-            self.store.run(
-                "DELETE FROM measurements WHERE number < ? AND station = ? AND NOT EXISTS "
-                "(SELECT 1 FROM events WHERE events.measurement = measurements.id)",
-                *(number, self.station),
-            )
-            self.store.run("DELETE FROM builds WHERE hash NOT IN (SELECT build FROM measurements)")
-            shown = without_password(str(backup))
-            self.store.run("INSERT INTO prunings VALUES (?, ?, ?, ?)", seq, now_utc(), shown, self.station)
+            self._remove(seq, number, without_password(str(backup)))
         self.store.drop_arrays([event for event, digest in gone if digest])
         return len(gone)
+
+    def _remove(self, seq: int, number: int, backup: str) -> None:
+        """Remove events up to `seq` and measurements below `number`, as far as nothing that stays needs them."""
+        unused = "number < ? AND NOT EXISTS (SELECT 1 FROM events WHERE events.measurement = measurements.id)"
+        chain_removed(self.store, self.station, "fits", "seq <= ?", seq)
+        self.store.run("DELETE FROM fits WHERE seq <= ? AND station = ?", seq, self.station)
+        self.store.run("DELETE FROM events WHERE seq <= ? AND station = ?", seq, self.station)
+        chain_removed(self.store, self.station, "measurements", unused, number)
+        self.store.run(f"DELETE FROM measurements WHERE {unused} AND station = ?", number, self.station)  # noqa: S608
+        self.store.run("DELETE FROM builds WHERE hash NOT IN (SELECT build FROM measurements)")
+        self.store.run("INSERT INTO prunings VALUES (?, ?, ?, ?)", seq, now_utc(), backup, self.station)
+        chain_found(self.store, self.station, "prunings", "seq = ?", seq)
 
     def _after_last(self) -> int:
         row = self._one("SELECT coalesce(max(number), 0) + 1 FROM measurements")
@@ -67,18 +89,31 @@ def copy_journal(source: JournalReader, target: Place, station: str = "") -> int
     copy = JournalReader(target, write=True)
     try:
         with source.store.snapshot():
-            stations = {found or station for (found,) in source.store.all("SELECT DISTINCT station FROM runs")}
-            known = {found for (found,) in copy.store.all("SELECT DISTINCT station FROM runs")}
+            stations = {name or station for (name,) in source.store.all("SELECT DISTINCT station FROM runs")}
+            known = {name for (name,) in copy.store.all("SELECT DISTINCT station FROM runs")}
             if taken := sorted(stations & known):
                 raise JournalError(f"{copy.name}: station {taken[0]!r} is in this journal already")
             with copy.store.transaction():
                 copied = {table: _copy_table(source, copy, table, station) for table in TABLES}
+            _copy_seals(source, target)
         wrong = copy.verify()
         if wrong:
             raise JournalError(f"{copy.name}: the copy is not whole: {wrong[0]}")
         return copied["events"]
     finally:
         copy.close()
+
+
+def _copy_seals(source: JournalReader, target: Place) -> None:
+    """Copy the seals from one folder to another; those of a database lie in the data folder of who made them."""
+    if not isinstance(source.store, FolderStore) or not isinstance(target, Path):
+        return
+    seals = Path(source.name) / SEALS
+    try:
+        if seals.exists():
+            copy_file(seals, target / SEALS)
+    except OSError as error:
+        raise JournalError(f"{target}: the seals cannot be copied: {error}") from error
 
 
 def _copy_table(source: JournalReader, copy: JournalReader, table: str, station: str) -> int:
@@ -90,13 +125,26 @@ def _copy_table(source: JournalReader, copy: JournalReader, table: str, station:
         kept += " ON CONFLICT (hash) DO NOTHING"
     count = 0
     for row in source.store.stream(f"SELECT {COLUMNS[table]} FROM {table}{order}"):  # noqa: S608
-        found = dict(zip(columns, row, strict=True))
-        if found.get("station") == "":
-            found["station"] = station
-        copy.store.run(kept, *found.values())
-        if table == "events" and found["hash"] is not None:
-            data = source.store.read_array(found["id"])
-            if data is not None:
-                copy.store.write_array(found["id"], data, copy.described(found["id"]))
+        values = dict(zip(columns, row, strict=True))
+        renamed = bool(station) and values.get("station") == ""
+        if renamed:
+            values["station"] = station
+        copy.store.run(kept, *values.values())
+        if table == "events" and values["hash"] is not None:
+            if renamed:
+                _take_renamed(source, copy, values["id"], values["lengths"], station)
+            else:
+                copy.store.take_array(values["id"], source.store)
         count += 1
     return count
+
+
+def _take_renamed(source: JournalReader, copy: JournalReader, event: str, lengths: str, station: str) -> None:
+    """Copy an array whose index names the station it came from, so that it names the new one."""
+    content = source.store.read_array(event)
+    if content is None:
+        return
+    array = split_array(content, lengths)
+    if array.index is not None:
+        content = with_index(array.columns, msgspec.structs.replace(array.index, station=station))
+    copy.store.write_array(event, content)

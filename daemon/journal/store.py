@@ -1,9 +1,11 @@
 """Where a journal keeps its rows and arrays: one interface, SQLite beside a folder, or a PostgreSQL server.
 
-Both are given the same SQL, with `?` for each value; `folder_store` and `postgres_store` have what differs.
+Both are given the same SQL, with `?` for each value; what differs between them is in `folder_store` and
+`postgres_store`; `opening` chooses between them.
 """
 
 import hashlib
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -12,7 +14,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ...models.base.errors import CannotError
-from .array_file import Description
 
 Place = Path | str
 """A folder, or the URL of a PostgreSQL database."""
@@ -44,12 +45,21 @@ class Store(ABC):
         """Return the rows that a statement finds."""
 
     @abstractmethod
-    def stream(self, sql: str) -> Iterator[tuple[Any, ...]]:
+    def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows that a statement finds, without having all of them in memory; inside of `snapshot`."""
 
     @abstractmethod
     def run(self, sql: str, *values: Any) -> None:
         """Run a statement that changes something; inside of `transaction`."""
+
+    def newest(self, station: str) -> int:
+        """Return the `seq` of a station's last event, be it still there or not; 0 where there was none."""
+        known = (
+            "SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings "
+            "UNION ALL SELECT station, last FROM gaps"
+        )
+        sql = f"SELECT max(seq) FROM ({known}) AS known WHERE station = ?"  # noqa: S608
+        return self.all(sql, station)[0][0] or 0
 
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
@@ -60,27 +70,31 @@ class Store(ABC):
         """Everything that is read inside is of one moment."""
 
     @abstractmethod
-    def write_array(self, event: str, data: bytes, description: Description | None) -> None:
-        """Keep an event's raw columns so that they are there, whole, once the transaction around this has ended.
-
-        Where arrays are files, the description is kept with them.
-        """
+    def write_array(self, event: str, data: bytes) -> None:
+        """Keep an event's array so that it is there, whole, once the transaction around this has ended."""
 
     @abstractmethod
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns; None where there are none."""
+        """Return an event's raw columns and their index (see `array_file`); None where there are none."""
+
+    @abstractmethod
+    def take_array(self, event: str, source: "Store") -> None:
+        """Keep a copy of the array that another store has; it shares no file with its source."""
 
     @abstractmethod
     def drop_arrays(self, events: Sequence[str]) -> None:
         """Remove raw columns whose events have gone."""
 
     @abstractmethod
-    def set_aside(self) -> list[str]:
-        """Move away what no row speaks of, and return its names: an interrupted write left it, or rows were lost."""
+    def set_orphans_aside(self) -> None:
+        """Move what an interrupted write left out of the way; nothing is removed.
+
+        Raises JournalError where arrays show that these rows are not theirs.
+        """
 
     @abstractmethod
     def damage(self) -> list[str]:
-        """Return what the database itself says is wrong with it, a sentence each."""
+        """Return a sentence for each fault that the database finds in its own files."""
 
     @abstractmethod
     def check_room(self) -> None:
@@ -94,7 +108,8 @@ class Store(ABC):
 def without_password(url: str) -> str:
     """Return a URL as it can be shown."""
     password = urlsplit(url).password
-    return url.replace(f":{password}@", ":***@", 1) if password else url
+    shown = url.replace(f":{password}@", ":***@", 1) if password else url
+    return re.sub(r"([?&](?:ssl)?password=)[^&#]*", r"\1***", shown, flags=re.IGNORECASE)
 
 
 def digest_of(data: bytes) -> str:

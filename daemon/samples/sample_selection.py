@@ -63,7 +63,7 @@ def open_journal() -> JournalReader:
     if url is not None:
         return JournalReader(url, station)
     folder = journal_folder(home())
-    if not (folder / "journal.sqlite").exists():
+    if not (folder / "journal.sqlite").exists() and not any((folder / "arrays").glob("*.bin")):
         raise NoSamplesError(f"no journal in {folder}: nothing was measured yet; begin with `pzctl measure`")
     return JournalReader(folder)
 

@@ -83,8 +83,6 @@ async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[
     async with AsyncExitStack() as stack:
         journal = JournalWriter(journal_folder(folder), options.journal, options.station)
         stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
-        if journal.set_aside:
-            log.warning("%d files in the journal that no row names, set aside in orphans/", len(journal.set_aside))
         withdraw(folder)  # what a killed daemon left
         stack.callback(withdraw, folder)
         context = zmq.asyncio.Context()

@@ -124,12 +124,22 @@ class JobAnswer(Answer, frozen=True, kw_only=True):
     """None where it is known only once the fitter has been loaded."""
 
 
+class MissingEvents(msgspec.Struct, frozen=True):
+    """Events that the journal no longer holds, both ends included, and why."""
+
+    first: int
+    last: int
+    says: str
+
+
 class EventsAnswer(Answer, frozen=True, kw_only=True):
     """Events as they were published: behind this header stand all their frames, `frames[k]` of them for event k."""
 
     frames: tuple[int, ...]
     more: bool = False
     """The journal holds further events of what was asked for."""
+    missing: tuple[MissingEvents, ...] = ()
+    """Of a replay: what was asked for and is no longer there."""
 
 
 class MeasuredStep(msgspec.Struct, frozen=True):

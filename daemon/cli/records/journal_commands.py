@@ -1,4 +1,4 @@
-"""`pzctl journal`: check, copy, repair and prune the record of everything that was measured."""
+"""`pzctl journal`: check, seal, copy, repair and prune the record of everything that was measured."""
 
 import json
 import sys
@@ -7,33 +7,120 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Check, copy, repair and prune the journal.")
+app = typer.Typer(no_args_is_help=True, help="Check, seal, copy, repair and prune the journal.")
 
 
 @app.command("verify")
 def verify(
+    public_key: Annotated[Path | None, typer.Option(help="The key that seals; else that of the data folder.")] = None,
+    seals: Annotated[Path | None, typer.Option(help="A file of seals that was kept elsewhere.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Compare every recording with its hash, and look for gaps. Needs no daemon, and disturbs none.
+    """Check the database, the chain of all rows, every recording, and the seals. Needs no daemon, and disturbs none.
 
     Exit status: 0 all is whole, 1 something is wrong.
 
     Example: pzctl journal verify
     """
+    from ...files.paths import home, journal_folder, seal_key
+    from ...journal.database_file import SEALS
+    from ...journal.seals import read_public_key, read_seals, seal_faults
     from ...samples.sample_selection import open_journal
 
+    trusted = public_key or seal_key(home())[1]
     journal = open_journal()
     try:
         wrong = journal.verify()
+        sealed = [*read_seals(journal_folder(home()) / SEALS), *(read_seals(seals) if seals else [])]
+        known = read_public_key(trusted) if public_key or trusted.exists() else None
+        wrong += seal_faults(journal.store, sealed, known)
         arrays = len(journal.with_arrays())
         if as_json:
-            print(json.dumps({"events": journal.size, "arrays": arrays, "wrong": wrong}))
+            told = {"events": journal.size, "arrays": arrays, "wrong": wrong, "seals": len(sealed)}
+            print(json.dumps(told))
+        elif wrong:
+            print("\n".join(wrong))
         else:
-            print("\n".join(wrong) if wrong else f"{journal.size} events, {arrays} arrays: all whole")
+            print(f"{journal.size} events, {arrays} arrays: all whole")
+            if sealed:
+                print(f"sealed up to entry {max(seal.number for seal in sealed)} of the chain; seals: {len(sealed)}")
     finally:
         journal.close()
     if wrong:
         sys.exit(1)
+
+
+@app.command("seal")
+def seal(
+    key: Annotated[Path | None, typer.Option(help="A private Ed25519 key (PEM); else the data folder's.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Verify the journal, then sign what it holds, so that nobody without the key can write it anew unnoticed.
+
+    The first seal makes the key. Keep a copy of the printed seal, and of the public key, on another machine.
+
+    Examples: pzctl journal seal
+
+    pzctl journal seal --key /media/stick/private.pem
+    """
+    from ...files.paths import home, journal_folder, seal_key
+    from ...journal.chain import head_of
+    from ...journal.database_file import SEALS
+    from ...journal.seals import add_seal, keep_public_key, make_key, seal_head
+    from ...journal.store import JournalError
+    from ...samples.sample_selection import open_journal
+    from ...wire.frames import to_json
+
+    private, public = seal_key(home())
+    journal = open_journal()
+    try:
+        head = head_of(journal.store, journal.station)  # what is written from now on is not verified
+        wrong = journal.verify()
+        if wrong:
+            raise JournalError(f"{journal.name}: a journal that is not whole is not sealed: {wrong[0]}")
+        if key is None:
+            make_key(private)
+        keep_public_key(key or private, public)
+        made = seal_head(head, journal.station, key or private)
+        path = journal_folder(home()) / SEALS
+        add_seal(path, made)
+        print(to_json(made).decode() if as_json else f"sealed up to entry {made.number} of the chain, in {path}")
+    finally:
+        journal.close()
+
+
+@app.command("repair")
+def repair(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Write a lost or damaged database anew from what the recordings say of themselves. No daemon may run meanwhile.
+
+    The old database is kept beside the new one; a recording that does not say what it is goes to `orphans/`.
+
+    Example: pzctl journal repair
+    """
+    from ...files.config import journal_of, settings
+    from ...files.paths import home, journal_folder
+    from ...journal.repair import repair_folder
+    from ...journal.store import JournalError, without_password
+
+    url, _ = journal_of(settings({}))
+    if url is not None:
+        raise JournalError(
+            f"{without_password(url)}: a PostgreSQL database keeps recordings and rows together, so there is "
+            "nothing to repair from; bring it back by the server's own means, or from a `pzctl journal backup`"
+        )
+    report = repair_folder(journal_folder(home()))
+    if as_json:
+        kept = str(report.kept_database) if report.kept_database else None
+        told = {"events": report.events, "measurements": report.measurements, "kept": kept}
+        print(json.dumps(told | {"set_aside": report.set_aside}))
+        return
+    print(f"{report.events} events and {report.measurements} measurements were written anew from the recordings")
+    if report.kept_database:
+        print(f"the database that was there is kept as {report.kept_database}")
+    for sentence in report.set_aside:
+        print(f"moved to orphans/: {sentence}")
 
 
 @app.command("backup")
@@ -66,31 +153,6 @@ def backup(
         print(json.dumps(told) if as_json else f"{copied} events copied to {where} and verified")
     finally:
         journal.close()
-
-
-@app.command("repair")
-def repair(
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-) -> None:
-    """Rebuild a lost or damaged database from the recordings beside it. No daemon may run meanwhile.
-
-    Measurements, builds and sweeps come back; what fitters answered does not: fit them again. Nothing is removed.
-
-    Example: pzctl journal repair
-    """
-    from ...files.paths import home, journal_folder
-    from ...journal.repair import repair as repaired
-
-    done = repaired(journal_folder(home()))
-    silent = [str(path) for path in done.silent]
-    if as_json:
-        print(json.dumps({"recordings": done.recordings, "silent": silent, "aside": done.aside and str(done.aside)}))
-        return
-    if done.aside:
-        print(f"the damaged database is kept as {done.aside}")
-    print(f"{done.recordings} recordings put back")
-    if silent:
-        print(f"{len(silent)} files do not say what they are, and stay where they are: {', '.join(silent[:5])}")
 
 
 @app.command("prune")

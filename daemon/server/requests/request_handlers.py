@@ -16,7 +16,7 @@ from ...journal.journal_writer import JournalWriter
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
-from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent
+from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent, envelope
 from ...wire.metrics import Metrics
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
@@ -190,7 +190,9 @@ class RequestHandlers:
         events = self.journal.replay(request.since, until, request.max)
         self.metrics.counts["replayed"] += len(events)
         full = sum(len(frame) for event in events for frame in event) > MOST_REPLAYED
-        return _events(request.id, events, more=full or len(events) == request.max)
+        more = full or len(events) == request.max
+        missing = self.journal.missing(request.since, envelope(events[-1]).seq if more else until)
+        return _events(request.id, events, more=more, missing=missing)
 
     @answer.register
     def _(self, request: ask.SamplesRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -293,7 +295,10 @@ def _installed() -> frozenset[str]:
     return frozenset(entry_points(group=GROUP).names)
 
 
-def _events(request: str, events: Sequence[list[bytes]], *, more: bool = False) -> tuple[reply.Answer, list[bytes]]:
+def _events(
+    request: str, events: Sequence[list[bytes]], *, more: bool = False, missing: Sequence[reply.MissingEvents] = ()
+) -> tuple[reply.Answer, list[bytes]]:
     """Return the answer that carries events as they were published."""
-    answer = reply.EventsAnswer(id=request, frames=tuple(len(event) for event in events), more=more)
+    frames = tuple(len(event) for event in events)
+    answer = reply.EventsAnswer(id=request, frames=frames, more=more, missing=tuple(missing))
     return answer, [frame for event in events for frame in event]

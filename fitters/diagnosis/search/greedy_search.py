@@ -86,11 +86,7 @@ class GreedySearch:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
             for other in self.candidates:
-                if (
-                    other.effect is not effect.effect
-                    or other in one.effects
-                    or (other.where, other.steps) in twins
-                ):
+                if other.effect is not effect.effect or other in one.effects or (other.where, other.steps) in twins:
                     continue
                 if frozenset((*rest, other)) in self.found:
                     continue

@@ -20,8 +20,8 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, parse_build, read
 from pzctl.daemon.files.paths import home, keys_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.journal.opening import open_store
 from pzctl.daemon.journal.retention import copy_journal
-from pzctl.daemon.journal.store import open_store
 from pzctl.daemon.page.page_process import serve, served_beside
 from pzctl.daemon.report.fit_widget import sliders
 from pzctl.daemon.report.pictures.picture_file import save_picture

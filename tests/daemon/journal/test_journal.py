@@ -99,7 +99,7 @@ def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> Non
     assert not is_written(tmp_path / "journal")
 
 
-def test_the_rest_of_an_interrupted_write_is_set_aside(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
+def test_the_rest_of_an_interrupted_write_goes(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     kept = put_sweep(journal, build, "m")
     journal.close()
     arrays = tmp_path / "journal" / "arrays"
@@ -107,7 +107,6 @@ def test_the_rest_of_an_interrupted_write_is_set_aside(journal: JournalWriter, b
     (arrays / "0-whole.bin").write_bytes(b"abc")
     again = JournalWriter(tmp_path / "journal")
     assert [path.stem for path in arrays.iterdir()] == [kept.id]
-    assert {path.name for path in (tmp_path / "journal" / "orphans").iterdir()} == {"0-half.part", "0-whole.bin"}
     assert again.verify() == []
     again.close()
 
@@ -135,7 +134,7 @@ def test_a_later_journal_is_not_touched(journal: JournalWriter, tmp_path: Path) 
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
     db.close()
-    with pytest.raises(JournalError, match="a journal of version 9; version 3 is read here"):
+    with pytest.raises(JournalError, match="a journal of version 9; version 4 is read here"):
         JournalWriter(tmp_path / "journal")
 
 

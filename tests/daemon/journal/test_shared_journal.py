@@ -53,7 +53,7 @@ def url(server: postgres.Server) -> Iterator[str]:
     """An empty database."""
     yield server.url
     with psycopg.connect(server.url, autocommit=True) as db:
-        db.execute("DROP SCHEMA public CASCADE; DROP SCHEMA IF EXISTS pzctl_v3 CASCADE; CREATE SCHEMA public")
+        db.execute("DROP SCHEMA public CASCADE; DROP SCHEMA IF EXISTS pzctl_v4 CASCADE; CREATE SCHEMA public")
 
 
 def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str]":
@@ -231,17 +231,17 @@ def test_tables_change_when_nobody_writes_them_and_are_copied_first(
 ) -> None:
     journal = JournalWriter(tmp_path / "journal", url, "a")
     measurement, _ = journal.begin_measurement("r", build, "disk")
-    monkeypatch.setattr(migrations, "VERSION", 4)
+    monkeypatch.setattr(migrations, "VERSION", 5)
     monkeypatch.setattr(migrations, "PATIENCE", 0.1)
     monkeypatch.setattr(
         migrations, "_POSTGRES_STEPS", (*migrations._POSTGRES_STEPS, "ALTER TABLE runs ADD COLUMN x INT")
     )
-    with pytest.raises(JournalError, match="of version 3, and a daemon of an older pzctl writes it"):
+    with pytest.raises(JournalError, match="of version 4, and a daemon of an older pzctl writes it"):
         JournalWriter(tmp_path / "later", url, "b")
     journal.close()
-    with pytest.raises(JournalError, match="of version 3; version 4 is read here; start the daemon once"):
+    with pytest.raises(JournalError, match="of version 4; version 5 is read here; start the daemon once"):
         JournalReader(url)
     later = JournalReader(url, write=True)
     assert [one.id for one in later.measurements()] == [measurement]
-    assert later.store.all("SELECT id FROM pzctl_v3.measurements") == [(measurement,)]
+    assert later.store.all("SELECT id FROM pzctl_v4.measurements") == [(measurement,)]
     later.close()

@@ -1,4 +1,4 @@
-"""Opening the store that a journal's place names."""
+"""Opening a journal, wherever it is kept: the one module that knows both kinds of store."""
 
 from pathlib import Path
 
