@@ -30,8 +30,8 @@ class LeadInductance(Effect):
         """Return L in henry and what comes with it in ohm: the resistance, and the skin effect's share at 1 MHz."""
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
-            EffectParameter("resistance", "ohm", typical=0.05, prior=(0.05, 1.5)),
-            EffectParameter("skin", "ohm", typical=0.01, prior=(5e-3, 1.6)),
+            EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0)),
+            EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -195,11 +195,11 @@ def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> se
 def _alternatives(
     search: GreedySearch, final: Hypothesis, one: Candidate, alike: Collection[Candidate]
 ) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
-    """Return what the recordings do not tell from an effect, and what else was tried in its place."""
+    """Return what the recordings do not tell from an effect, and all that was tried in its place."""
     said = [
         (other in alike, Alternative(other.effect.name, other.where, search.inclusion({other.effect.name})))
         for _, other in _rivals(search, final, one)
     ]
     twins = [Alternative(one.effect.name, twin.where, 0.0) for twin in search.twins.get(one, ())]
     same = [*twins, *(entry for is_alike, entry in said if is_alike)]
-    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(entry for is_alike, entry in said if not is_alike))
+    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(entry for _, entry in said))
