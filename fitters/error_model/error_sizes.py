@@ -55,14 +55,22 @@ class ErrorSizes:
         """Ln of the prior probability on the grids."""
         total = 0.0
         for name, grid in GRIDS.items():
-            none = self._none_of_fixture if name == "fixture" else scales.NONE[name]
-            total += log(none) if getattr(self, name) == 0 else log((1 - none) / (len(grid) - 1))
+            none = self._none(name)
+            share = 1 / (len(grid) - 1) if name != "slow" else scales.LIKELY[self.slow]
+            total += log(none) if getattr(self, name) == 0 else log((1 - none) * share)
         return total
 
-    @property
-    def _none_of_fixture(self) -> float:
-        """Probability that the fixture leaves nothing: an instrument without any error has a fixture without one."""
-        return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
+    def _none(self, name: str) -> float:
+        """Return the probability that a part is not there, the others being as they are.
+
+        A fixture without error belongs to an instrument without any; and an instrument without error is none that
+        measured a real device: where the model itself is off, so is the instrument.
+        """
+        if name == "fixture":
+            return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
+        if name == "slow" and any((self.tau, self.rho, self.losses, self.shape, self.bend)):
+            return scales.FLAWLESS
+        return scales.NONE[name]
 
     @property
     def rough(self) -> Rough:

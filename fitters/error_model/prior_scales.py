@@ -34,6 +34,8 @@ RHOS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 """Standard deviation of the rough relative error."""
 SHARES = (0.0, 0.3, 1.0)
 """Instrument's slow error and fixture, in units of the specification."""
+LIKELY = {0.0: 0.0, 0.3: 0.2, 1.0: 0.8}
+"""Prior shares of these where there is an error: an analyzer may be off as much as it is specified to be."""
 THERE = (0.0, 1.0)
 """The fixture's residual, in units of its prior."""
 QUICK = (0.0, 0.1, 0.3)
@@ -59,5 +61,7 @@ NONE = {
     "colour": 0.8,
 }
 """Prior probability that a part of the error is not there at all; the other values of its grid share the rest."""
+FLAWLESS = 0.02
+"""The same of the instrument's slow error where the model is not exact: then the recording is a real one."""
 EXACT_FIXTURE = 0.999
 """The same of the fixture where the instrument has no error at all: then the recording is no real one."""

@@ -10,12 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
-from .error_sizes import ErrorSizes
+from .error_sizes import GRIDS, ErrorSizes, Value, chosen
 from .marginal_fit import MarginalFit
 from .point_covariance import Kernel
 
 SOURCES = ("noise", "instrument", "model", "dimensions")
 _INSTRUMENT = ("slow", "fast", "fixture")
+_BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture")
+"""Sizes that are chosen anew for each size of the instrument's slow error."""
+_NEGLIGIBLE = 1e-3
+"""Posterior probability of sizes that change no uncertainty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +39,28 @@ class CovarianceBySource:
 
 
 def spread_of(found: MarginalFit) -> CovarianceBySource:
-    """Return the covariance at a minimum by source."""
-    sizes, made = found.sizes, found.gram
+    """Return the covariance at a minimum by source.
+
+    Recordings often do not tell how much of a smooth error is the instrument's, but constants take it differently: so
+    it is that of the mixture over sizes of the instrument's error, by their posterior probability.
+    """
+    instead = [chosen(found.gram, (found.sizes.at("slow", size),), _BESIDE_THE_INSTRUMENT) for size in GRIDS["slow"]]
+    log_p = np.array([value.log_evidence for _, value in instead])
+    weights = np.exp(log_p - np.max(log_p)) / np.sum(np.exp(log_p - np.max(log_p)))
+    by = {name: np.zeros_like(found.value.H) for name in SOURCES}
+    for (sizes, value), weight in zip(instead, weights.tolist(), strict=True):
+        if weight < _NEGLIGIBLE:
+            continue
+        for name, part in _by_source(found, sizes, value).items():
+            by[name] += weight * part
+        away = value.step - found.value.step
+        by["instrument"] += weight * np.outer(away, away)
+    return CovarianceBySource(by)
+
+
+def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str, Reals]:
+    """Return the covariance by source where errors have these sizes."""
+    made = found.gram
     scale = made.columns.scaled(sizes.of_columns())
     on = np.flatnonzero(scale > 0)
     columns, d = made.columns.only(on), scale[on]
@@ -45,7 +69,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     CC = d[:, None] * c.squared() * d
     CJ = d[:, None] * c.times(j)
     JJ = j.squared()
-    H = found.value.H
+    H = value.H
     unit = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
     inverse = np.linalg.pinv(H / unit / unit[:, None], rcond=1e-13, hermitian=True) / unit / unit[:, None]
     # A C: what a unit of each column does to x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
@@ -57,15 +81,15 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
         "dimensions": inverse @ made.before.P @ inverse,
     }
     rest = inverse - sum(by.values(), np.zeros_like(inverse))
-    rough = 0.0 if not any(sizes.rough) else _rough_share(found, JJ)
+    rough = 0.0 if not any(sizes.rough) else _rough_share(found, sizes, JJ)
     by["noise"] = (1 - rough) * rest
     by["model"] = by["model"] + rough * rest
-    return CovarianceBySource({name: by[name] for name in SOURCES})
+    return by
 
 
-def _rough_share(found: MarginalFit, JJ: Reals) -> float:
+def _rough_share(found: MarginalFit, sizes: ErrorSizes, JJ: Reals) -> float:
     """Return the part of the information that the rough error takes: how much more noise alone would have told."""
-    kernel = Kernel(found.gram.columns.points, found.sizes.colour, (0.0, 0.0))
+    kernel = Kernel(found.gram.columns.points, sizes.colour, (0.0, 0.0))
     alone = np.diag(kernel.white(found.gram.J).squared())
     return float(np.clip(1 - np.median(np.diag(JJ) / np.maximum(alone, 1e-300)), 0.0, 1.0))
 

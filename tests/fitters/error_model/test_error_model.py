@@ -1,0 +1,115 @@
+"""The error model against dense linear algebra, against the process it expands, and against disks whose constants are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.error_model.error_sizes import factored
+from pzctl.fitters.error_model.marginal_fit import Marginal, MarginalFit, fit
+from pzctl.fitters.error_model.point_covariance import PointErrors, gram, under_colour
+from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH
+from pzctl.fitters.error_model.smooth_basis import smooth
+from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
+from pzctl.fitters.interface import FitTask
+from pzctl.fitters.layered.mason import Mason
+from pzctl.models.base.arrays import Reals
+from pzctl.models.sweep import Sweep
+from pzctl.sim.bench.sample import sample
+
+N = 60
+
+
+def dense(points: PointErrors, colour: float, rough: tuple[float, float]) -> Reals:
+    """Return the covariance of Re (or Im) of ln Z at every two points, shape (N, N)."""
+    lag = np.abs(np.subtract.outer(np.arange(N), np.arange(N)))
+    sigma = points.noise / under_colour(colour)
+    distance = np.abs(np.subtract.outer(points.log_f, points.log_f))
+    size = np.hypot(rough[0] * points.felt, rough[1] * points.bent)
+    return np.outer(sigma, sigma) * colour**lag + np.outer(size, size) * np.exp(-distance / ROUGH_LENGTH)
+
+
+@given(
+    st.sampled_from([0.0, 0.3, 0.8]),
+    st.sampled_from([(0.0, 0.0), (1e-3, 0.0), (3e-4, 0.1)]),
+    st.integers(0, 10**6),
+)
+@settings(max_examples=20, deadline=None)
+def test_products_in_units_of_coloured_noise_and_rough_error_are_those_of_the_dense_covariance(
+    colour: float, rough: tuple[float, float], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    log_f = np.sort(rng.uniform(14, 16, N))
+    points = PointErrors(log_f, rng.uniform(1e-4, 1e-3, N), rng.uniform(0.5, 20, N), rng.uniform(0, 0.1, N))
+    X = rng.normal(size=(N, 3)) + 1j * rng.normal(size=(N, 3))
+    G, log_det = gram([points], [X], colour, rough)
+    K = dense(points, colour, rough)
+    expected = X.real.T @ np.linalg.solve(K, X.real) + X.imag.T @ np.linalg.solve(K, X.imag)
+    np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-6 * float(np.max(np.abs(expected))))
+    assert log_det == pytest.approx(2 * float(np.linalg.slogdet(K)[1]), rel=1e-8)
+
+
+def test_a_few_smooth_functions_are_the_process() -> None:
+    u = np.linspace(0.0, 1.5, 40)
+    B = smooth(u, (0.0, 1.5), 0.8, 12)
+    d = np.sqrt(5) * np.abs(np.subtract.outer(u, u)) / 0.8
+    np.testing.assert_allclose(B @ B.T, (1 + d + d**2 / 3) * np.exp(-d), atol=2e-3)
+
+
+def test_a_matrix_that_rounding_has_spoilt_still_has_a_factor() -> None:
+    column = np.full((4, 1), 1e9)
+    L, log_det = factored(column @ column.T, np.ones(4))
+    assert np.all(np.isfinite(L))
+    assert log_det > np.log(4e18)
+
+
+BUILD = read_build(THESIS_BUILD)
+DISK = sample(0).stack("disk")
+TRUE = tuple((name, complex(getattr(DISK.layers[0], name))) for name in ("c33D", "eps33S", "h33"))
+
+
+def recorded(seed: int, gain: float) -> Sweep:
+    """Return a perfect disk swept by an analyzer whose gain and phase are off smoothly, with noise of 2e-4."""
+    rng = np.random.default_rng(seed)
+    f = np.linspace(2e6, 10e6, 401)
+    Z = DISK.impedance(f)
+    B = smooth(np.log(f), (np.log(2e6), np.log(10e6)), 1.0, 6)
+    off = gain * (B @ rng.normal(size=B.shape[1]) + 1j * (B @ rng.normal(size=B.shape[1])))
+    noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    return Sweep(f, Z * np.exp(off + noise))
+
+
+def test_an_exact_recording_shows_no_error_of_the_instrument() -> None:
+    found = fit_of(recorded(1, 0.0))
+    assert (found.sizes.slow, found.sizes.fast, found.sizes.fixture, found.sizes.rho) == (0.0, 0.0, 0.0, 0.0)
+    assert found.sizes.tau < 1e-4
+
+
+def fit_of(sweep: Sweep) -> MarginalFit:
+    objective = solve(FitTask(BUILD, {"disk": (sweep,)}), lambda _: None).judged
+    return fit(Marginal.of(objective), objective.coordinates.x)
+
+
+@pytest.mark.parametrize("gain", [0.0, 2e-4, 8e-4])
+def test_intervals_of_losses_cover_when_the_analyzer_is_off_within_its_specification(gain: float) -> None:
+    """Losses take the error of the phase; a dozen seeds, of which one in twenty may miss."""
+    covered: list[bool] = []
+    for seed in range(12):
+        constants = Mason().fit(FitTask(BUILD, {"disk": (recorded(seed, gain),)})).constants
+        for name, true in TRUE:
+            one = constants[f"disk.{name}"]
+            assert one.u_im
+            covered.append(abs(one.im - true.imag) < 1.96 * one.u_im)
+    assert np.mean(covered) > 0.85
+
+
+def test_what_each_source_contributes_adds_up_and_the_instrument_shows() -> None:
+    found = fit_of(recorded(3, 8e-4))
+    spread = spread_of(found)
+    assert tuple(spread.by) == SOURCES
+    np.testing.assert_allclose(spread.whole, sum(spread.by.values()))
+    u = spread.of(found.marginal.objective.coordinates.forward(found.x)[1])
+    at = found.marginal.objective.coordinates.parameters.index("disk.eps33S.im")
+    assert u["instrument"][at] > 3 * u["noise"][at]
