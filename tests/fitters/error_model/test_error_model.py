@@ -1,4 +1,4 @@
-"""The error model against dense linear algebra, against the process it expands, and against disks whose constants are known."""
+"""The error model against dense linear algebra, the process it expands, and disks whose constants are known."""
 
 import numpy as np
 import pytest
