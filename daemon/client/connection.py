@@ -9,12 +9,12 @@ import msgspec
 import zmq
 
 from ...models.base.errors import PzctlError
-from ..server.sockets import limit, unlock
 from ..wire.curve_keys import ClientKey
 from ..wire.events import WELCOME, Envelope, ReceivedEvent, decode, envelope
 from ..wire.frames import LARGEST_FRAME, WireError, from_json, to_json
 from ..wire.replies import Answer, EventsAnswer, HelloAnswer, Refusal
 from ..wire.requests import HelloRequest, ReplayRequest, Request
+from ..wire.socket_options import limit, unlock
 from ..wire.uuid7 import uuid7
 
 SILENCE = 20.0

@@ -10,16 +10,14 @@ import zmq
 import zmq.asyncio
 
 from ...models.base.errors import PzctlError
-from ..wire.curve_keys import ClientKey, KeyFileError
+from ..wire.curve_keys import KeyFileError
 from ..wire.events import WELCOME
 from ..wire.frames import LARGEST_FRAME
+from ..wire.socket_options import HIGH_WATER, limit
 from .access.access_control import DOMAIN, AccessControl
 
 LARGEST_SUBSCRIPTION = 512
 """Bytes; long enough for CURVE's handshake, which counts as well."""
-
-HIGH_WATER = 1000
-"""Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
 
 REQUESTS_KEPT = 10
 """Requests of one connection that wait to be read; its TCP connection holds back what comes then."""
@@ -97,25 +95,6 @@ def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: AccessContr
 def port_of(endpoint: str) -> int:
     """Return the port of a bound address; 0 where it has none."""
     return urlsplit(endpoint).port or 0
-
-
-def limit(any_socket: "zmq.Socket[bytes]") -> None:
-    """Set what every socket of this wire sets: limits, life signs, no waiting at the end."""
-    any_socket.set(zmq.LINGER, 0)
-    any_socket.set(zmq.SNDHWM, HIGH_WATER)
-    any_socket.set(zmq.RCVHWM, HIGH_WATER)
-    any_socket.set(zmq.MAXMSGSIZE, LARGEST_FRAME)
-    any_socket.set(zmq.HEARTBEAT_IVL, 1000)
-    any_socket.set(zmq.HEARTBEAT_TIMEOUT, 3000)
-    any_socket.set(zmq.TCP_KEEPALIVE, 1)
-
-
-def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
-    """Set the key that lets a client's socket in, where the daemon asks for one."""
-    if key is not None:
-        any_socket.set(zmq.CURVE_SERVERKEY, key.server.encode())
-        any_socket.set(zmq.CURVE_PUBLICKEY, key.public.encode())
-        any_socket.set(zmq.CURVE_SECRETKEY, key.secret.encode())
 
 
 def _bind(

@@ -9,16 +9,17 @@ import numpy as np
 from ..engine.multi_step_fit import solve
 from ..interface import FitTask
 from ..uncertainty.fit_result import curves_of
-from .data_quality.data_findings import of_the_data, verdict_with, where_disturbed
 from .data_quality.data_gates import Gated, gate
 from .findings import Diagnosis, Finding, Fitted, Leftover, Remaining, Size, Verdict
-from .hypotheses import finite_diameter as lateral
 from .hypotheses.candidates import candidates, flaws
+from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.hypothesis import Hypothesis
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .hypotheses.size_priors import shown
+from .inference import finite_diameter as lateral
 from .inference.conclusion import Conclusion, NamedEffect, conclude
+from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, covariance_of
 from .inference.undetectable import not_decidable
 from .search.greedy_search import GreedySearch
@@ -26,7 +27,6 @@ from .search.refit import Refit, as_refit
 from .search.score_test import scores
 from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
-from .validation.held_out import BANDS, bands_of
 from .validation.held_out_misfit import held_out_chi2, unforeseen
 from .validation.residual_summary import in_words, remainder
 

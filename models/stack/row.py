@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from .stack import Stack
@@ -22,6 +23,8 @@ class LayerRow:
     """Parts back to front, not yet a stack: the area of the faces is missing."""
 
     parts: tuple[Joins, ...]
+    stack_of: ClassVar[Callable[[Sequence[Joins], float], Stack]]
+    """Makes a stack of a row; set where stacks are defined, which stand on rows."""
 
     def __or__(self, other: Joins | LayerRow) -> LayerRow:
         """Return the row in which `other` stands in front of these parts."""
@@ -29,6 +32,4 @@ class LayerRow:
 
     def with_area(self, area: float) -> Stack:
         """Return the stack of these parts with faces of `area` m2. Raises StackError where no load ends the row."""
-        from .stack import Stack
-
-        return Stack.from_row(self.parts, area)
+        return LayerRow.stack_of(self.parts, area)

@@ -12,7 +12,7 @@ from .layers import Elastic, Piezo
 from .loads import AIR, Load
 from .lumps import Mass, Spring
 from .network import Network
-from .row import Joins
+from .row import Joins, LayerRow
 from .sections import sections_of
 from .slopes import Slopes
 
@@ -125,3 +125,6 @@ class Stack:
 
     def _unknown(self, name: str) -> KeyError:
         return KeyError(f"the stack has no parameter {name!r}; it has {', '.join(self.parameters())}")
+
+
+LayerRow.stack_of = Stack.from_row

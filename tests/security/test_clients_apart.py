@@ -10,9 +10,9 @@ import zmq
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import keys_folder
-from pzctl.daemon.server.sockets import unlock
 from pzctl.daemon.wire.curve_keys import ClientKey, make_client, make_server
 from pzctl.daemon.wire.frames import to_json
+from pzctl.daemon.wire.socket_options import unlock
 from pzctl.models.build import Build
 
 

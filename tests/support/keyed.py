@@ -4,8 +4,8 @@ import zmq
 
 from pzctl.daemon.client.location import Location, find
 from pzctl.daemon.files.paths import home, keys_folder
-from pzctl.daemon.server.sockets import unlock
 from pzctl.daemon.wire.curve_keys import local_keys
+from pzctl.daemon.wire.socket_options import unlock
 
 
 def unlocked(link: "zmq.Socket[bytes]", where: Location | None = None) -> "zmq.Socket[bytes]":

@@ -13,7 +13,7 @@ from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Marginal, MarginalFit, fit, plain
-from ..inference.decision_rules import COARSENED, ODDS
+from ..decision_rules import COARSENED, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, slopes_by_size
 

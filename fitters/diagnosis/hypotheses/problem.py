@@ -13,8 +13,8 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Prior, Recording
-from ..validation.held_out import BANDS, Masks, held_out
 from .conditions import as_devices
+from .held_out import BANDS, Masks, held_out
 
 _THIN = 1e-2
 """Part of a layer's nominal thickness from which a fit can still go either way."""

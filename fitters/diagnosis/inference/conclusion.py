@@ -9,12 +9,12 @@ import numpy as np
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import taken_up
+from ..decision_rules import CLASS, CLASS_NATS, INSTRUMENT, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.hypothesis import Hypothesis, coarseness
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
-from .decision_rules import CLASS, CLASS_NATS, INSTRUMENT, LEFT, NAMED, RIVALS, TOLERATED
 from .effect_size import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
 
 Kind = Literal["finding", "remark"]

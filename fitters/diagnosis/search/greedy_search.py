@@ -7,19 +7,9 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ...error_model.error_sizes import ErrorSizes
+from ..decision_rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, SUBSTITUTES, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.decision_rules import (
-    FITTED_FIRST,
-    FITTED_LATER,
-    MOST,
-    NEAR,
-    POLISHED,
-    SOFT,
-    SUBSTITUTES,
-    UNFINISHED,
-    WORTH,
-)
 from .screening import ScreenedCandidate, screened
 
 

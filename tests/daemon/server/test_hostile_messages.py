@@ -31,9 +31,10 @@ from pzctl.daemon.server.access.connection_guard import (
     _sockets,
 )
 from pzctl.daemon.server.requests.request_server import NAMES, _read
-from pzctl.daemon.server.sockets import LARGEST_SUBSCRIPTION, RECEIVE_BUFFER, REQUESTS_KEPT, limit
+from pzctl.daemon.server.sockets import LARGEST_SUBSCRIPTION, RECEIVE_BUFFER, REQUESTS_KEPT
 from pzctl.daemon.wire.events import decode
 from pzctl.daemon.wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError
+from pzctl.daemon.wire.socket_options import limit
 from pzctl.models.build import Build
 
 FOLDER = Path(__file__).parents[2] / "wire" / "v1"

@@ -16,7 +16,6 @@ from pzctl.daemon.client.async_client import connect_async
 from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import keys_folder
-from pzctl.daemon.server.sockets import unlock
 from pzctl.daemon.wire.curve_keys import (
     ClientKey,
     KeyFileError,
@@ -28,6 +27,7 @@ from pzctl.daemon.wire.curve_keys import (
     write_secret,
 )
 from pzctl.daemon.wire.frames import to_json
+from pzctl.daemon.wire.socket_options import unlock
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.diagnosis.data_quality.data_findings import of_the_data, verdict_with
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
+from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with
 from pzctl.models.sweep import Sweep
 from pzctl.sim.blind_cases.device_under_test import random_device
 from pzctl.sim.blind_cases.recording_process import SweepSpec, noisy, record

@@ -13,7 +13,7 @@ from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
-from pzctl.fitters.diagnosis.validation.held_out import blocks
+from pzctl.fitters.diagnosis.hypotheses.held_out import blocks
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.models.base.arrays import Complexes, Reals
 from pzctl.models.sweep import Sweep

@@ -1,11 +1,11 @@
 """What the gates found, as findings: recordings that were turned, and recordings that were disturbed."""
 
+from ..data_quality.data_gates import Gated
+from ..data_quality.data_issues import DataCheck
 from ..findings import Finding, Verdict
 from ..hypotheses.instrument_artefacts import ANY, UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
-from .data_gates import Gated
-from .data_issues import DataCheck
 
 _SURE = 0.99
 """Probability that what the gates call disturbed is so."""
