@@ -98,9 +98,14 @@ class GreedySearch:
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
-        """Return what is to be grown: the best, those near it, and the best with the effect a good bench would show."""
-        within = NEAR * coarseness(self.best.fit.shortfall)
-        near = [one for one in self.ranked[:PARENTS] if one.log_weight > self.best.log_weight - within]
+        """Return what is to be grown: the best, and the best with the effect that a good bench would show.
+
+        Where even the best leaves more than the usual errors, also others that may yet come out ahead.
+        """
+        short = self.best.fit.shortfall
+        within = NEAR * coarseness(short)
+        ahead = self.ranked[: PARENTS if short > NEAR else 1]
+        near = [one for one in ahead if one.log_weight > self.best.log_weight - within]
         likely = [one for one in self.ranked if self._likely in one.effects][:1]
         return [
             one
