@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import platformdirs
 
 from ...models.base.errors import PzctlError
-from ...models.base.names import among
+from ...models.base.names import NameFault, among, check_name
 from .auto_diagnosis import ASKED, AUTO
 from .worker_limits import Limits
 
@@ -47,10 +47,13 @@ def _text(value: Any) -> str:
     return value
 
 
+def _name(value: Any) -> str:
+    return check_name(_text(value), "name")
+
+
 def _names(value: Any) -> tuple[str, ...]:
-    if isinstance(value, str):
-        return tuple(name.strip() for name in value.split(",") if name.strip())
-    return tuple(_text(name) for name in value)
+    names = (name.strip() for name in value.split(",")) if isinstance(value, str) else value
+    return tuple(_name(name) for name in names if name != "")
 
 
 def _positive(value: Any) -> float:
@@ -89,10 +92,10 @@ SETTINGS: Mapping[str, Setting] = {
     "resource": Setting("a VISA resource, or recording:FILE", _text),
     "events": Setting("a ZeroMQ endpoint", _text),
     "requests": Setting("a ZeroMQ endpoint", _text),
-    "fitters": Setting("names of fitters", _names),
+    "fitters": Setting("names of fitters, each of at most 64 characters that can be printed", _names),
     "bench": Setting("host:port", _text),
     "journal": Setting("a URL such as postgresql://USER@HOST/DATABASE", _url),
-    "station": Setting("the name of this bench", _text),
+    "station": Setting("the name of this bench, at most 64 characters that can be printed", _name),
     "time_scale": Setting("a number from 0 up", _not_negative),
     "seed": Setting("a whole number", int),
     "max_bias_V": Setting("volts from 0 up", _not_negative),
@@ -171,5 +174,5 @@ def _checked(name: str, value: Any, where: str) -> Any:
         raise ConfigError(f"{where}: there is no such setting; {among(name, SETTINGS)}")
     try:
         return SETTINGS[name].read(value)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, NameFault):
         raise ConfigError(f"{where} is {value!r}; needed is {SETTINGS[name].allowed}") from None

@@ -5,6 +5,16 @@ import logging
 from datetime import UTC, datetime
 from typing import Literal
 
+from ...models.base.names import shown
+
+
+class TextLines(logging.Formatter):
+    """`time level message`, on one line whatever the message is; a traceback follows on lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        """Return the line, what cannot be printed escaped."""
+        return shown(super().formatMessage(record))
+
 
 class JsonLines(logging.Formatter):
     """`{"time", "level", "logger", "message"}`, and `trace` where there is an exception."""
@@ -19,12 +29,12 @@ class JsonLines(logging.Formatter):
         }
         if record.exc_info:
             line["trace"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
+        return json.dumps(line, ensure_ascii=True)
 
 
 def begin_log(form: Literal["text", "json"] = "text") -> None:
     """Log to standard error from now on, from level INFO."""
     handler = logging.StreamHandler()
-    text = logging.Formatter("%(asctime)s %(levelname)s %(message)s")
+    text = TextLines("%(asctime)s %(levelname)s %(message)s")
     handler.setFormatter(JsonLines() if form == "json" else text)
     logging.basicConfig(level=logging.INFO, handlers=[handler])

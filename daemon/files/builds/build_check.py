@@ -3,10 +3,10 @@
 import re
 from collections.abc import Iterable
 
+from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
 from .build_table import BuildError
 
-LONGEST_NAME = 64
 RESERVED = ("area", "back", "front", "lead")
 """First words of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
 
@@ -72,8 +72,10 @@ def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:
 
 def _check_name(name: str, where: str, pattern: re.Pattern[str], allowed: str) -> None:
     """Refuse what cannot stand in a topic, a path, `STEP=FILE` or a parameter's name."""
-    if len(name) > LONGEST_NAME:
-        raise BuildError(f"{where} has {len(name)} characters; at most {LONGEST_NAME} are allowed")
+    try:
+        check_name(name, where)
+    except NameFault as fault:
+        raise BuildError(str(fault)) from None
     if not pattern.fullmatch(name):
         raise BuildError(f"{where} is {name!r}; allowed are {allowed}, and it begins with a letter or digit")
 

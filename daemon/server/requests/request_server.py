@@ -21,6 +21,7 @@ from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.events import WIRE
 from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
+from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from .request_errors import RequestError
@@ -251,6 +252,7 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
         raise WireError(
             f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
         )
+    check_names(request)
     return request
 
 

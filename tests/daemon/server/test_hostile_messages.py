@@ -247,7 +247,7 @@ def test_a_fitter_that_says_hello_without_end_does_not_fill_the_journal(start_da
     context.term()
 
 
-@pytest.mark.parametrize("name", ["../../../escape", "/tmp/escape", "a\0b", "..", "x" * 5000])  # noqa: S108
+@pytest.mark.parametrize("name", ["../../../escape", "/tmp/escape", ".."])  # noqa: S108
 def test_no_name_leads_out_of_the_data_folder(start_daemon, build: Build, name: str) -> None:
     start_daemon("Echo")
     with connect() as lab:
