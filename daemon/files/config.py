@@ -20,6 +20,7 @@ import platformdirs
 from ...models.base.errors import PzctlError
 from ...models.base.names import NameFault, among, check_name
 from .auto_diagnosis import ASKED, AUTO
+from .database_url import without_password
 from .worker_limits import Limits
 
 if TYPE_CHECKING:
@@ -175,4 +176,5 @@ def _checked(name: str, value: Any, where: str) -> Any:
     try:
         return SETTINGS[name].read(value)
     except (ValueError, TypeError, NameFault):
-        raise ConfigError(f"{where} is {value!r}; needed is {SETTINGS[name].allowed}") from None
+        found = without_password(value) if isinstance(value, str) else value
+        raise ConfigError(f"{where} is {found!r}; needed is {SETTINGS[name].allowed}") from None

@@ -27,10 +27,10 @@ from ...models.sweep import now_utc
 from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
+from ..files.database_url import without_password
 from ..files.paths import journal_folder, keys_folder, log_file, unsaved_folder, writable_home
 from ..files.worker_limits import allow_many_files
 from ..journal.journal_writer import JournalWriter
-from ..journal.store import without_password
 from ..wire.events import BeatEvent, Event, FitEvent, InstrumentInfo, StateEvent, encode
 from ..wire.metrics import Metrics
 from ..wire.replies import FitterState

@@ -100,9 +100,10 @@ def repair(
     Example: pzctl journal repair
     """
     from ...files.config import journal_of, settings
+    from ...files.database_url import without_password
     from ...files.paths import home, journal_folder
     from ...journal.repair import repair_folder
-    from ...journal.store import JournalError, without_password
+    from ...journal.store import JournalError
 
     url, _ = journal_of(settings({}))
     if url is not None:
@@ -138,8 +139,8 @@ def backup(
     pzctl journal backup postgresql://pzctl@lab-server/pzctl --station bench1
     """
     from ...files.config import journal_of
+    from ...files.database_url import without_password
     from ...journal.retention import copy_journal
-    from ...journal.store import without_password
     from ...samples.sample_selection import open_journal
 
     to_url = target.startswith(("postgresql://", "postgres://"))
