@@ -71,6 +71,18 @@ def _not_negative(value: Any) -> float:
     return number
 
 
+def _host_port(value: Any) -> str:
+    host, _, port = _text(value).rpartition(":")
+    if not host or not host.isprintable() or not is_port(port) or port == "0":
+        raise ValueError
+    return value
+
+
+def is_port(text: str) -> bool:
+    """Return whether a text is the number of a TCP port; 0 is any free one."""
+    return text.isascii() and text.isdecimal() and len(text) <= 5 and int(text) <= 65535
+
+
 def _url(value: Any) -> str:
     if not _text(value).startswith(("postgresql://", "postgres://")):
         raise ValueError
@@ -94,7 +106,7 @@ SETTINGS: Mapping[str, Setting] = {
     "events": Setting("a ZeroMQ endpoint", _text),
     "requests": Setting("a ZeroMQ endpoint", _text),
     "fitters": Setting("names of fitters, each of at most 64 characters that can be printed", _names),
-    "bench": Setting("host:port", _text),
+    "bench": Setting("host:port, with a port from 1 to 65535", _host_port),
     "journal": Setting("a URL such as postgresql://USER@HOST/DATABASE", _url),
     "station": Setting("the name of this bench, at most 64 characters that can be printed", _name),
     "time_scale": Setting("a number from 0 up", _not_negative),

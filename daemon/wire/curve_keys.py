@@ -179,7 +179,8 @@ def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST_HEADER:  # to open a pipe would wait for ever
-            raise KeyFileError(f"{path} is no key: it is no file, or far too long")
+            why = "Is a directory" if stat.S_ISDIR(found.st_mode) else "it is no file of a key, or far too long"
+            raise KeyFileError(f"{path} cannot be read: {why}")
         text = path.read_bytes()
     except FileNotFoundError:
         raise KeyFileError(f"there is no key {path}; `pzctl keys --help` says how to make one") from None

@@ -46,11 +46,13 @@ def read_build(path: Path) -> Build:
     try:
         if path.is_dir():
             raise BuildError(f"{path}: this is a folder; a file like build.toml is needed")
+        if path.exists() and not path.is_file():
+            raise BuildError(f"{path}: this is a device or a pipe; a file like build.toml is needed")
         if path.stat().st_size > _LARGEST:
             raise BuildError(f"{path}: {path.stat().st_size} bytes is no description of a transducer; build.toml is")
         data = path.read_bytes()
-    except OSError as error:
-        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise BuildError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
