@@ -24,6 +24,7 @@ import zmq.asyncio
 from ...drivers import open_analyzer as open_visa
 from ...drivers.base.analyzer import Analyzer
 from ...models.sweep import now_utc
+from ...models.sweep_plan import LevelLimits
 from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
@@ -178,7 +179,7 @@ class Daemon:
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,
-            plan_limits=PlanLimits(options.max_bias_V, options.max_oscillator_V),
+            plan_limits=PlanLimits(LevelLimits(options.max_bias_V, options.max_oscillator_V)),
         )
         self._reception = RequestServer(requests, desk, gate, intake)
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
+from ....models.sweep_plan import PlanError
 from .build_table import BuildError
 
 RESERVED = ("area", "back", "front", "lead")
@@ -17,6 +18,11 @@ _NAME = re.compile(r"\w[\w+-]*")
 def check_build(build: Build, source: str) -> None:
     """Check what no single key can tell. Raises BuildError, which names the file as `source`."""
     _check_name(build.name, f"{source}: name", _BUILD_NAME, "letters, digits, space and _ + - . inside")
+    if build.plan is not None and build.limits is not None:
+        try:
+            build.limits.check(build.plan, "[sample]")
+        except PlanError as error:
+            raise BuildError(f"{source}: {error}") from None
     _check_layers(build, source)
     _check_unique((step.name for step in build.steps), source, "steps")
     if not build.steps:

@@ -11,7 +11,7 @@ import msgspec
 
 from ....models.base.errors import PzctlError
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
-from ....models.sweep_plan import PlanError, Segment, SweepPlan
+from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
 from .build_table import (
     ELASTIC_KEYS,
@@ -76,7 +76,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     except (RecursionError, ValueError):  # brackets in brackets; a whole number of thousands of digits
         raise BuildError(f"{source}: this is not a description of a transducer: nested or long beyond reason") from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep"))
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample"))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
@@ -90,6 +90,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         front=_load(load, "front"),
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
         plan=_plan(top.table("sweep")) if "sweep" in data else None,
+        limits=_limits(top.table("sample")) if "sample" in data else None,
     )
     check_build(build, source)
     return build
@@ -207,6 +208,17 @@ def _reground(table: Table) -> dict[str, Quantity]:
             raise inner.missing("thickness of its own", "a ground layer is tied to no other")
         found[layer] = thickness
     return found
+
+
+def _limits(table: Table) -> LevelLimits:
+    """Return the section [sample]: the most bias and test signal that the sample stands."""
+    keys = ("max_bias_V", "max_oscillator_V")
+    table.only(keys)
+    found = {key: table.number(key) for key in keys if key in table.data}
+    for key, number in found.items():
+        if number < 0:
+            raise table.error(key, f"is {number:g}; volts from 0 up are needed")
+    return LevelLimits(**found)
 
 
 def _plan(table: Table) -> SweepPlan:

@@ -148,7 +148,7 @@ class RequestHandlers:
                 "give a plan, or a [sweep] table in build.toml",
             )
         try:
-            self.plan_limits.check(plan, self.acquisition.seconds)
+            self.plan_limits.check(request.build, plan, self.acquisition.seconds)
         except PlanError as error:
             raise RequestError(
                 "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
