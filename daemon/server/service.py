@@ -49,6 +49,7 @@ from .sockets import bind_events, bind_requests, from_here, gate_for, port_of
 from .workers.job_runner import JobRunner, WorkerJob
 from .workers.pending_results import PendingResults
 from .workers.supervisor import Supervisor, WorkerExit
+from .workers.visitors import Visitors
 
 log = logging.getLogger(__name__)
 
@@ -165,6 +166,7 @@ class Daemon:
             ledger=self._ledger,
             changed=self._fitter_changed,
             died=self._fitter_died,
+            visitors=Visitors((*options.fitters, DIAGNOSIS)),
         )
         self._errands = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
         desk = RequestHandlers(
@@ -249,6 +251,7 @@ class Daemon:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
             self._voice.say(encode(beat))
+            self._supervisor.forget_silent()
             if self._gate.somebody_was_barred():
                 # libzmq asks for a key at the handshake alone: all must come in again, and miss nothing by it
                 self._intake.cut(self._heard_at, "a key was revoked, and whose this is cannot be told")
