@@ -18,6 +18,7 @@ from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
 from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent, envelope
 from ...wire.metrics import Metrics
+from ..access.bench_step import BenchStep
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
 from ..plan_limits import PlanLimits
@@ -56,6 +57,7 @@ class RequestHandlers:
     metrics: Metrics
     plan_limits: PlanLimits
     lease: Lease = field(default_factory=Lease)
+    bench_step: BenchStep = field(default_factory=BenchStep)
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -146,6 +148,7 @@ class RequestHandlers:
         if request.decides is not None:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
         self.lease.check(client, request.lease)
+        self.bench_step.check(request.step)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
@@ -157,7 +160,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
+        busy = self.acquisition.is_busy
         lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
