@@ -42,8 +42,6 @@ def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Seq
 
     A fitter is asked about a measurement together with those of the earlier steps of its sample.
     """
-    if not {*sweeps} & {*journal.sweep_ids(known.id)}:
-        return f"no sweep of measurement {known.id!r} is named"
     steps = [step.name for step in journal.build(known.id).steps]
     asked = steps[: steps.index(known.sample.step) + 1]
     for sweep in dict.fromkeys(sweeps):
@@ -55,7 +53,8 @@ def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Seq
                 f"sweep {sweep!r} is of {of.name!r} at step {of.step!r}; measurement {known.id!r} is of "
                 f"{known.sample.name!r} at step {known.sample.step!r}"
             )
-    return ""
+    own = {*sweeps} & {*journal.sweep_ids(known.id)}
+    return "" if own else f"no sweep of measurement {known.id!r} is named"
 
 
 def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | DiagnosisEvent:
