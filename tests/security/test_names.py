@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zmq
 from keyed import unlocked
@@ -19,8 +20,11 @@ from pzctl.daemon.files.builds.build_file import BuildError, build_from_json, bu
 from pzctl.daemon.files.config import ConfigError, settings
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.report.pictures.fit_pictures import fit_picture
+from pzctl.daemon.report.pictures.svg_pictures import circle_svg, correlation_svg, curves_svg, history_svg
 from pzctl.daemon.server.logs import TextLines
 from pzctl.daemon.wire.events import SampleStep, StateEvent
+from pzctl.fitters.interface import Constant, Curve, FitResult, Noise
 from pzctl.models.base.names import LONGEST_NAME, as_file_name
 from pzctl.models.build import Build
 
@@ -88,6 +92,33 @@ def test_an_old_journal_with_such_names_is_shown(
     assert ended.value.code in (0, None)
     assert ascii(name)[1:-1] in printed
     assert ESCAPE not in printed
+
+
+def test_a_name_is_no_formula_in_a_picture(tmp_path: Path) -> None:
+    f, z = np.linspace(1e6, 2e6, 11), np.full(11, 50 - 10j)
+    odd = "$\\x$" + ESCAPE
+    constants = {f"{odd}.{name}": Constant(1.0, 0.0, 0.1, None, odd) for name in ("c", "z")}
+    fit = FitResult(
+        build=odd,
+        fitter=odd,
+        version="1",
+        steps=(odd,),
+        noise=Noise(1e-3, "smoothness"),
+        chi2_per_dof=1.0,
+        constants=constants,
+        derived={},
+        correlation=((*constants, 0.9),),
+        rms_log_error=0.1,
+        converged=True,
+        evaluations=1,
+        seconds=0.1,
+        curves=(Curve(odd, f, z, z, z),),
+    )
+    assert fit_picture(fit, tmp_path / "fit.png").exists()
+    assert curves_svg(fit.curves, 1e-3)
+    assert circle_svg(fit.curves)
+    assert correlation_svg(fit.correlation)
+    assert history_svg({name: [(odd, one)] for name, one in constants.items()})
 
 
 def test_no_file_is_named_out_of_its_folder() -> None:

@@ -17,7 +17,7 @@ _NAME = re.compile(r"\w[\w+-]*")
 
 def check_build(build: Build, source: str) -> None:
     """Check what no single key can tell. Raises BuildError, which names the file as `source`."""
-    _check_name(build.name, f"{source}: name", _BUILD_NAME, "letters, digits, space and _ + - . inside")
+    check_build_name(build.name, f"{source}: name")
     if build.plan is not None and build.limits is not None:
         try:
             build.limits.check(build.plan, "[sample]")
@@ -49,6 +49,11 @@ def check_build(build: Build, source: str) -> None:
                 f"{where} lacks {gone[0]}, which is there in the step before ({before.name}); steps stand in gluing "
                 "order, each with all layers of the one before"
             )
+
+
+def check_build_name(name: str, where: str) -> None:
+    """Raise BuildError, which says what is wrong `where`, for a name that no transducer can have."""
+    _check_name(name, where, _BUILD_NAME, "letters, digits, space and _ + - . inside")
 
 
 def _check_layers(build: Build, source: str) -> None:
