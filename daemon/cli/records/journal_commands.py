@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ....models.base.names import shown
+
 app = typer.Typer(no_args_is_help=True, help="Check, seal, copy, repair and prune the journal.")
 
 
@@ -39,7 +41,7 @@ def verify(
             told = {"events": journal.size, "arrays": arrays, "wrong": wrong, "seals": len(sealed)}
             print(json.dumps(told))
         elif wrong:
-            print("\n".join(wrong))
+            print(shown("\n".join(wrong), keep="\n"))
         else:
             print(f"{journal.size} events, {arrays} arrays: all whole")
             if sealed:
@@ -121,7 +123,7 @@ def repair(
     if report.kept_database:
         print(f"the database that was there is kept as {report.kept_database}")
     for sentence in report.set_aside:
-        print(f"moved to orphans/: {sentence}")
+        print(shown(f"moved to orphans/: {sentence}"))
 
 
 @app.command("backup")
