@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ....models.base.names import shown
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
@@ -55,9 +56,9 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
         table.add_column(column)
     for name, of_sample in found.items():
         for k, one in enumerate(of_sample):
-            fits = ", ".join(journal.fitters(one.id)) if one.state == "measured" else one.state
+            fits = shown(", ".join(journal.fitters(one.id))) if one.state == "measured" else one.state
             when = f"{one.time[:10]} {one.time[11:19]} UTC"
-            table.add_row("" if k else name, one.sample.step, when, fits)
+            table.add_row("" if k else shown(name), shown(one.sample.step), when, fits)
         table.add_section()
     console().print(table)
 
