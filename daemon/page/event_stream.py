@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from ..client.client import connect
-from ..client.connection import DaemonError
+from ..client.protocol import DaemonError
 from .page_json import event_json
 
 WAITING = 500

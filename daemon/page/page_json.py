@@ -9,7 +9,7 @@ from ...fitters.interface import Curve, FitResult
 from ...models.base.arrays import Complexes
 from ...models.build import Build
 from ...models.sweep import Sweep
-from ..client.client import fit_of
+from ..client.result_waiter import fit_of
 from ..report.json_output.fit_json import fit_json
 from ..samples.sample_record import StepRecord
 from ..wire.events import BeatEvent, FitEvent, ReceivedEvent, SweepEvent

@@ -10,8 +10,8 @@ from ...fitters.population.batch import BatchJob
 from ...models.base.errors import CannotError, PzctlError
 from ...models.build import Build, Quantity
 from ...models.sweep import Sweep
-from ..client.client import fit_of
 from ..client.location import find
+from ..client.result_waiter import fit_of
 from ..files.builds.build_file import read_build
 from ..files.config import journal_of, settings
 from ..files.paths import home, journal_folder

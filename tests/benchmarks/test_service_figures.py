@@ -29,8 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from test_hostile_messages import ENDLESS
 
 from pzctl.daemon.client.client import Client, connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.journal_reader import JournalReader

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.journal import journal_reader
 from pzctl.daemon.wire.events import decode
 from pzctl.models.build import Build

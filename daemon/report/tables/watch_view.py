@@ -10,7 +10,7 @@ from rich.text import Text
 from ....fitters.interface import FitResult
 from ....models.build import Build
 from ....models.sweep import Sweep
-from ...client.client import fit_of
+from ...client.result_waiter import fit_of
 from ...wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, Sampled, StateEvent, SweepEvent
 from .fit_tables import fit_table
 

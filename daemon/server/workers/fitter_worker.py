@@ -13,7 +13,7 @@ from importlib.metadata import entry_points
 from ....fitters.interface import FitError, FitResult, FitTask, Fitter
 from ....models.sweep import Sweep
 from ...client.client import Client
-from ...client.connection import DaemonError
+from ...client.protocol import DaemonError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import ReceivedEvent, StateEvent, SweepEvent
 from .worker_main import FitterError, run_as_guest

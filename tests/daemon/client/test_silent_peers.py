@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 import zmq
-import zmq.asyncio
 
-from pzctl.daemon.client.async_connection import AsyncRequestClient, AsyncSubscription
-from pzctl.daemon.client.connection import DaemonError, RequestClient, Subscription
+from pzctl.daemon.client.async_client import AsyncClient
+from pzctl.daemon.client.client import Client
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.wire.frames import WireError
 from pzctl.daemon.wire.replies import HelloAnswer
 from pzctl.daemon.wire.requests import HelloRequest
@@ -41,34 +41,22 @@ def greet_all(greeter: "zmq.Socket[bytes]", ended: threading.Event) -> None:
             greeter.recv()
 
 
-def ask(events: str, requests: str, context: "zmq.Context[zmq.Socket[bytes]]") -> None:
-    asker = RequestClient(context, requests)
-    try:
+def ask_blocking(events: str, requests: str) -> None:
+    with Client(events, requests) as lab:
         with pytest.raises(DaemonError, match=NO_ANSWER):
-            asker.ask(HelloRequest(id="1"), HelloAnswer, patience=0.01)
+            lab.run(lab.conversations.answer_to(HelloRequest(id="1"), HelloAnswer, patience=0.01))
         with pytest.raises(WireError, match=NO_DAEMON):
-            Subscription(context, events, asker)
-    finally:
-        asker.close()
+            lab.listen()
 
 
 async def ask_async(events: str, requests: str) -> None:
-    context = zmq.asyncio.Context()
-    asker = AsyncRequestClient(context, requests, None)
-    listener = AsyncSubscription(context, events, asker, None)
-    try:
+    async with AsyncClient(events, requests) as lab:
         with pytest.raises(DaemonError, match=NO_ANSWER):
-            await asker.ask(HelloRequest(id="1"), HelloAnswer, patience=0.01)
+            await lab.run(lab.conversations.answer_to(HelloRequest(id="1"), HelloAnswer, patience=0.01))
         with pytest.raises(WireError, match=NO_DAEMON):
-            await listener.open()
-    finally:
-        listener.close()
-        await asker.close()
-        context.term()
+            await lab.listen()
 
 
 def test_a_peer_that_is_no_daemon_is_said(strangers: tuple[str, str]) -> None:
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    ask(*strangers, context)
-    context.term()
+    ask_blocking(*strangers)
     asyncio.run(asyncio.wait_for(ask_async(*strangers), 10))
