@@ -26,15 +26,20 @@ class EventFollower:
         self._waiting: deque[ReceivedEvent | MissingEvents] = deque()
 
     def open(self) -> Conversation[None]:
-        """Subscribe; every event from now on is heard. Raises DaemonError, and WireError where no daemon is there."""
+        """Subscribe; every event from now on is heard. Raises DaemonError, and WireError where no daemon is there.
+
+        The daemon is asked first where it stands: who is not let in learns it at once, and what is said until the
+        subscription counts is found missing and asked for again.
+        """
+        hello, _ = yield from ask_frames(self._requests, HelloRequest(id=uuid7()), HelloAnswer)
+        self._seq = hello.seq
         yield Subscribe()
         frames = yield Hear(SILENCE)
         if frames is None:
             raise DaemonError(f"daemon at {self._events}: no welcome within {SILENCE:g} s; is it running?")
         if frames != [WELCOME]:
             raise WireError(f"endpoint {self._events}: it begins with {frames[0][:40]!r}; a pzctl daemon says welcome")
-        hello, _ = yield from ask_frames(self._requests, HelloRequest(id=uuid7()), HelloAnswer)
-        self._seq, self._heard_at = hello.seq, time.monotonic()
+        self._heard_at = time.monotonic()
 
     def receive(self, patience: float) -> Conversation[ReceivedEvent | MissingEvents | None]:
         """Return the next event that is no beat, or which ones are missing before it; None after `patience` seconds.
