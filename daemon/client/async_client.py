@@ -104,8 +104,10 @@ class AsyncClient:
     async def close(self) -> None:
         """Let go of the sockets, those of listeners too; who still waits for an answer gets none."""
         self._reader.cancel()
-        await asyncio.wait({self._reader})
-        self._context.destroy(linger=0)
+        try:
+            await asyncio.wait({self._reader})
+        finally:  # who closes may be cancelled as well
+            self._context.destroy(linger=0)
 
     async def run(self, conversation: Conversation[T]) -> T:
         """Have a conversation to its end; return its result."""

@@ -63,7 +63,7 @@ class FitterWorker:
 
     def serve(self) -> None:
         """Answer what is open, then what comes. Raises DaemonError when the daemon has gone."""
-        events = self._client.listen(patience=float("inf"))
+        events = self._client.listen()
         self._client.hello(self._name, self._fitter.version)
         for measurement in self._client.unanswered(self._name):
             self.answer(measurement)

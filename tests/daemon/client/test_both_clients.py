@@ -4,15 +4,20 @@ import asyncio
 import inspect
 from collections.abc import AsyncGenerator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
+from pruned_hole import endpoints, prune_unheard
 
 from pzctl import connect, connect_async
+from pzctl.daemon.client import event_follower
 from pzctl.daemon.client.async_client import AsyncClient
 from pzctl.daemon.client.client import Client
+from pzctl.daemon.client.conversations import MissingEventsWarning
 from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.wire.events import StateEvent, SweepEvent
+from pzctl.daemon.wire.replies import MissingEvents
 from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build
 
@@ -124,5 +129,38 @@ def test_both_are_told_the_same_story(
             with pytest.raises(DaemonError, match="neither runs nor waits"):
                 await lab.cancel(one.id)
             await lab.shutdown()
+
+    asyncio.run(asyncio.wait_for(story(), 90))
+
+
+@pytest.mark.parametrize("client", [blocking, connect_async])
+def test_both_say_what_the_journal_no_longer_holds(
+    start_daemon,
+    build: Build,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    client: Callable[[], AbstractAsyncContextManager[Any]],
+) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    where = start_daemon(**endpoints())
+
+    async def story() -> None:
+        holes: list[MissingEvents] = []
+        async with client() as lab:
+            events = await lab.listen(90, missing=holes.append)
+            heard = (await lab.status()).seq
+            last = prune_unheard(start_daemon, where, tmp_path, build)
+            event = (await anext(events)).event
+            assert (event.state, event.seq) == ("started", last + 1)
+            assert [(hole.first, hole.last) for hole in holes] == [(heard + 1, last)], "before what came after it"
+            says = f"events {heard + 1} to {last} are no longer in the journal: pruned on "
+            assert holes[0].sentence.startswith(says)
+            await events.aclose()
+
+            holes.clear()
+            assert [one.event.seq async for one in lab.replay(1, last + 1, missing=holes.append)] == [last + 1]
+            assert [(hole.first, hole.last) for hole in holes] == [(1, last)]
+            with pytest.warns(MissingEventsWarning, match=says):
+                assert [one async for one in lab.replay(heard + 1, last)] == []
 
     asyncio.run(asyncio.wait_for(story(), 90))
