@@ -2,10 +2,14 @@
 
 import asyncio
 from contextlib import aclosing
+from pathlib import Path
 
 import pytest
+from pruned_hole import endpoints, prune_unheard
 
 from pzctl import connect_async
+from pzctl.daemon.client import event_follower
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.wire.events import StateEvent, SweepEvent
 from pzctl.models.build import Build
 
@@ -64,3 +68,22 @@ def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -
                 await asyncio.sleep(0.05)
 
     assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelled"]
+
+
+def test_a_measurement_whose_events_are_gone_is_not_waited_for(
+    start_daemon, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    where = start_daemon(time_scale=1.0, **endpoints())
+
+    async def story() -> None:
+        async with connect_async() as lab:
+            under_way = asyncio.Event()
+            waiting = asyncio.create_task(lab.measure(build, "disk", progress=lambda _: under_way.set()))
+            await under_way.wait()
+            await asyncio.to_thread(prune_unheard, start_daemon, where, tmp_path, build)
+            with pytest.raises(DaemonError, match=r"what became of it is not known; events .* pruned on") as refused:
+                await waiting
+            assert refused.value.code == "missing"
+
+    asyncio.run(asyncio.wait_for(story(), 90))
