@@ -84,6 +84,15 @@ class Build:
     plan: SweepPlan | None = None
     """How this transducer is to be measured, where the file says so."""
 
+    @property
+    def data_sheet(self) -> dict[str, Quantity]:
+        """What the data sheet says of each constant (`disk.c33D`); the build file, where there is no data sheet."""
+        return {
+            f"{layer.name}.{name}": quantity
+            for layer in self.layers
+            for name, quantity in {**layer.values, **layer.nominal}.items()
+        }
+
     def layer(self, name: str) -> LayerSpec:
         """Return the layer called `name`. Raises KeyError."""
         return {layer.name: layer for layer in self.layers}[name]

@@ -70,9 +70,8 @@ def build_json(build: Build) -> dict[str, Any]:
         ],
         "steps": [{"name": step.name, "layers": list(step.layers)} for step in build.steps],
         "sheet": {
-            f"{layer.name}.{name}": {"re": quantity.re, "im": quantity.im, "u": quantity.u, "u_im": quantity.u_im}
-            for layer in build.layers
-            for name, quantity in {**layer.values, **layer.nominal}.items()
+            name: {"re": quantity.re, "im": quantity.im, "u": quantity.u, "u_im": quantity.u_im}
+            for name, quantity in build.data_sheet.items()
         },
     }
 

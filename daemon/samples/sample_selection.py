@@ -172,7 +172,6 @@ def sheets_of(builds: Iterable[Build]) -> dict[str, Quantity]:
     """Return what data sheet or build file say of each constant (`disk.c33D`), where all builds say the same."""
     said: dict[str, list[Quantity]] = {}
     for build in builds:
-        for layer in build.layers:
-            for name, quantity in {**layer.values, **layer.nominal}.items():
-                said.setdefault(f"{layer.name}.{name}", []).append(quantity)
+        for name, quantity in build.data_sheet.items():
+            said.setdefault(name, []).append(quantity)
     return {name: all_[0] for name, all_ in said.items() if all(one.value == all_[0].value for one in all_)}
