@@ -1,13 +1,14 @@
-"""Hears the daemon's events in a thread and passes them on to every open page."""
+"""Hears the daemon's events and passes them on to every open page."""
 
 import asyncio
 import json
-import threading
 from collections.abc import AsyncIterator
 from typing import Any
 
-from ..client.client import connect
-from ..client.connection import DaemonError
+from ...models.base.errors import PzctlError
+from ..client.async_client import connect_async
+from ..wire.events import ReceivedEvent
+from ..wire.replies import MissingEvents
 from .page_json import event_json
 
 WAITING = 500
@@ -21,17 +22,16 @@ class EventStream:
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[str | None]] = set()
-        self._stop = threading.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._listener: asyncio.Task[None] | None = None
 
     def start(self) -> None:
         """Begin to listen, from within the loop that serves the pages."""
-        self._loop = asyncio.get_running_loop()
-        threading.Thread(target=self._listen, name="events", daemon=True).start()
+        self._listener = asyncio.create_task(self._listen())
 
     def stop(self) -> None:
         """End every page's stream and the listener."""
-        self._stop.set()
+        if self._listener is not None:
+            self._listener.cancel()
         for page in self._pages:
             if not page.full():
                 page.put_nowait(None)
@@ -47,21 +47,23 @@ class EventStream:
         finally:
             self._pages.discard(page)
 
-    def _listen(self) -> None:
-        while not self._stop.is_set():
+    async def _listen(self) -> None:
+        while True:
             try:
-                with connect() as lab:
+                async with connect_async() as lab:
+                    events = await lab.listen(missing=self._say_missing)
                     self._say({"kind": "daemon", "there": True})
-                    while not self._stop.is_set():
-                        for heard in lab.listen(0.5):
-                            self._say(event_json(heard))
-            except DaemonError as error:
+                    async for heard in events:
+                        self._spread(await asyncio.to_thread(_text, heard))
+            except PzctlError as error:
                 self._say({"kind": "daemon", "there": False, "says": str(error)})
-                self._stop.wait(AGAIN)
+                await asyncio.sleep(AGAIN)
+
+    def _say_missing(self, missing: MissingEvents) -> None:
+        self._say({"kind": "missing", "says": missing.sentence})
 
     def _say(self, event: dict[str, Any]) -> None:
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._spread, json.dumps(event))
+        self._spread(json.dumps(event))
 
     def _spread(self, text: str) -> None:
         for page in [*self._pages]:
@@ -71,3 +73,8 @@ class EventStream:
                 page.put_nowait(None)
             else:
                 page.put_nowait(text)
+
+
+def _text(heard: ReceivedEvent) -> str:
+    """Return an event as the pages read it; a long sweep takes a while."""
+    return json.dumps(event_json(heard))
