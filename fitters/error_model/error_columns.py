@@ -17,7 +17,7 @@ from .point_covariance import PointErrors
 from .smooth_basis import smooth
 
 Part = str
-"""`slow`, `fast`, `fixture`, `tau`, `imaginary`, `losses` or `shape`: what a column belongs to, and is scaled with."""
+"""What a column belongs to: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses` or `shape`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,13 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> Linearise
     return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes)
 
 
-def columns_of(places: Sequence[LinearisedRecording], *, fast: bool = True) -> ErrorColumns:
-    """Return all columns over all recordings of a session, which has one instrument and one fixture."""
+def columns_of(
+    places: Sequence[LinearisedRecording], held: Sequence[Sequence[Complexes]], *, fast: bool = True
+) -> ErrorColumns:
+    """Return all columns over all recordings of a session, which has one instrument and one fixture.
+
+    `held`: by value that is held as exact, d ln Z per its tolerance in each recording, shape (N,).
+    """
     edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
     ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
     parts: list[Part] = []
@@ -107,6 +112,9 @@ def columns_of(places: Sequence[LinearisedRecording], *, fast: bool = True) -> E
     _fixture(add)
     _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
     _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
+    for column in held:
+        of = {id(place): own for place, own in zip(places, column, strict=True)}
+        add("held", 0.0, lambda p, of=of: of[id(p)])
     blocks = tuple(np.stack(own, axis=1) for own in made)
     return ErrorColumns(tuple(parts), np.array(of_losses), blocks, tuple(_points(place) for place in places))
 

@@ -6,7 +6,7 @@ from math import log
 from typing import Self
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from ...models.base.arrays import Complexes, Reals
@@ -20,14 +20,14 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
     "slow": scales.SHARES,
     "fast": scales.QUICK,
     "fixture": scales.THERE,
+    "held": scales.THERE,
     "losses": scales.ON,
     "shape": scales.BENT,
     "bend": scales.BENDS,
     "colour": scales.COLOURS,
 }
 _ROUNDS = 3
-_RIDGE = 1e-10
-_RIDGES = (0.0, 1e-12, 1e-9)
+_RIDGES = (1e-12, 1e-10, 1e-8, 1e-6)
 """Added to a matrix of unit diagonal that rounding has left without a Cholesky factor."""
 _DEAR = ("rho", "bend", "colour")
 
@@ -41,6 +41,7 @@ class ErrorSizes:
     slow: float = 0.0
     fast: float = 0.0
     fixture: float = 0.0
+    held: float = 0.0
     losses: float = 0.0
     shape: float = 0.0
     bend: float = 0.0
@@ -68,11 +69,13 @@ class ErrorSizes:
     def _none(self, name: str) -> float:
         """Return the probability that a part is not there, the others being as they are.
 
-        A fixture without error belongs to an instrument without any; and an instrument without error is none that
-        measured a real device: where the model itself is off, so is the instrument.
+        A fixture without error, and a data sheet that is exact, belong to an instrument without any; and an instrument
+        without error is none that measured a real device: where the model itself is off, so is the instrument.
         """
         if name == "fixture":
             return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
+        if name == "held":
+            return scales.NONE["held"] if self.slow > 0 or self.fast > 0 else scales.EXACT_SHEET
         if name == "slow" and any((self.tau, self.rho, self.losses, self.shape, self.bend)):
             return scales.FLAWLESS
         return scales.NONE[name]
@@ -84,7 +87,7 @@ class ErrorSizes:
 
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
-        return {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "losses", "shape")}
+        return {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "held", "losses", "shape")}
 
 
 USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)
@@ -152,12 +155,17 @@ def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
         return np.zeros((0, 0)), 0.0
     S = np.eye(d.size) + d[:, None] * G * d
     unit = np.sqrt(np.diag(S))
+    scaled = unit[:, None] * _cholesky(S / unit / unit[:, None])
+    return scaled, 2 * float(np.sum(np.log(np.diag(scaled))))
+
+
+def _cholesky(S: Reals) -> Reals:
+    """Return the lower Cholesky factor of a matrix of unit diagonal. Raises LinAlgError."""
     for ridge in _RIDGES:
-        L, failed = dpotrf(S / unit / unit[:, None] + ridge * np.eye(d.size), lower=1)
+        L, failed = dpotrf(S + ridge * np.eye(len(S)), lower=1)
         if not failed:
-            scaled = unit[:, None] * L
-            return scaled, 2 * float(np.sum(np.log(np.diag(scaled))))
-    raise np.linalg.LinAlgError("errors' columns")
+            return np.tril(L)
+    raise np.linalg.LinAlgError("no covariance")
 
 
 def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
@@ -173,9 +181,9 @@ def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, size
     H = left[:-1, :-1] + before.P
     g, q = left[:-1, -1] + before.g, float(left[-1, -1]) + before.q
     unit = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    factor = cho_factor(H / unit / unit[:, None] + _RIDGE * np.eye(len(unit)), check_finite=False)
-    step = -cho_solve(factor, g / unit, check_finite=False) / unit
-    log_H = 2 * float(np.sum(np.log(np.diag(factor[0])) + np.log(unit)))
+    factor = _cholesky(H / unit / unit[:, None])
+    step = -cho_solve((factor, True), g / unit, check_finite=False) / unit
+    log_H = 2 * float(np.sum(np.log(np.diag(factor)) + np.log(unit)))
     here = q + log_K
     return Value(-0.5 * (here + float(g @ step) + log_H) + sizes.log_prior, here, H, step)
 
@@ -250,7 +258,7 @@ def _around(
 
 def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
     """Return the best along one grid; of what takes another product of all columns, only the neighbours."""
-    if name in ("shape", "bend") and "shape" not in made.columns.parts:
+    if name in ("shape", "bend", "held") and ("held" if name == "held" else "shape") not in made.columns.parts:
         return now, value
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again

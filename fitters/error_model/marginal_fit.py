@@ -8,12 +8,13 @@ from typing import Protocol
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, columns_of, place_of
 from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
 from .point_covariance import PointErrors
 
-ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
+ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
 _CLOSE = 0.02
 """Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
@@ -22,6 +23,10 @@ _WEIGHTED, _SETTLED = 10, 0.02
 """How often weights of plain least squares are taken from what is left; relative fall below which no more."""
 _FURTHEST = 1.5
 """Longest step in any coordinate (a logarithm, or standard deviations of a prior): what is linear ends there."""
+
+
+_LOOSE = ("z", "c", "q", "thickness", "density")
+"""What is held because a build gives it as a bare number, mostly of glue; other constants are held on purpose."""
 
 
 Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
@@ -75,7 +80,17 @@ class Marginal:
                 for name, sizes in self.shapes.items()
             }
             places.append(place_of(replace(recording, model=model), shapes))
-        return columns_of(places, fast=fast)
+        return columns_of(places, self._held(x), fast=fast)
+
+    def _held(self, x: Reals) -> list[list[Complexes]]:
+        """Return, by held value that a data sheet may have wrong, d ln Z per tolerance in each recording, (N,)."""
+        coordinates = self.objective.coordinates
+        values, _ = coordinates.forward(x)
+        names, tolerances = held_constants(coordinates, values)
+        loose = tuple(name for name in names if kind_of(name) in _LOOSE)
+        slopes = self._unweighted(slopes_by_held(self.objective, loose, values).T)
+        columns = [[own[:, k] * tolerances[name] for own in slopes] for k, name in enumerate(loose)]
+        return [column for column in columns if all(np.all(np.isfinite(own)) for own in column)]
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
         """Return everything that the marginal likelihood at `x` takes."""

@@ -37,7 +37,7 @@ SHARES = (0.0, 0.3, 1.0)
 LIKELY = {0.0: 0.0, 0.3: 0.2, 1.0: 0.8}
 """Prior shares of these where there is an error: an analyzer may be off as much as it is specified to be."""
 THERE = (0.0, 1.0)
-"""The fixture's residual, in units of its prior."""
+"""The fixture's residual, in units of its prior; what a build holds as exact, in units of its tolerance."""
 QUICK = (0.0, 0.1, 0.3)
 """Instrument's fast error in the same units."""
 ON = (0.0, 0.3, 1.0)
@@ -55,6 +55,7 @@ NONE = {
     "slow": 0.4,
     "fast": 0.7,
     "fixture": 0.1,
+    "held": 0.1,
     "losses": 0.4,
     "shape": 0.4,
     "bend": 0.4,
@@ -65,3 +66,5 @@ FLAWLESS = 0.02
 """The same of the instrument's slow error where the model is not exact: then the recording is a real one."""
 EXACT_FIXTURE = 0.999
 """The same of the fixture where the instrument has no error at all: then the recording is no real one."""
+EXACT_SHEET = 0.99
+"""The same of what a build holds as exact."""

@@ -16,7 +16,7 @@ from .point_covariance import Kernel
 
 SOURCES = ("noise", "instrument", "model", "dimensions")
 _INSTRUMENT = ("slow", "fast", "fixture")
-_BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture")
+_BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture", "held")
 """Sizes that are chosen anew for each size of the instrument's slow error."""
 _NEGLIGIBLE = 1e-3
 """Posterior probability of sizes that change no uncertainty."""
@@ -75,10 +75,12 @@ def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str,
     # A C: what a unit of each column does to x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
     felt = inverse @ np.linalg.solve(np.eye(on.size) + CC, CJ).T if on.size else np.zeros((len(H), 0))
     instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
+    held = np.array([part == "held" for part in columns.parts], dtype=bool)
+    model = ~(instrument | held)
     by = {
         "instrument": felt[:, instrument] @ felt[:, instrument].T,
-        "model": felt[:, ~instrument] @ felt[:, ~instrument].T,
-        "dimensions": inverse @ made.before.P @ inverse,
+        "model": felt[:, model] @ felt[:, model].T,
+        "dimensions": inverse @ made.before.P @ inverse + felt[:, held] @ felt[:, held].T,
     }
     rest = inverse - sum(by.values(), np.zeros_like(inverse))
     rough = 0.0 if not any(sizes.rough) else _rough_share(found, sizes, JJ)

@@ -12,27 +12,11 @@ import numpy as np
 
 from ...models.base.arrays import Reals
 from ..engine.covariance import Curvature, curvature
+from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
 from ..engine.parameters.assembly import priors_of
-from ..engine.parameters.coordinates import Coordinates
 from ..interface import Budget, Share
-
-_TOLERANCE = {
-    "z": 0.1,
-    "c": 0.1,
-    "q": 0.5,
-    "thickness": 0.1,
-    "density": 0.01,
-    "area": 0.005,
-    "c33D": 0.03,
-    "h33": 0.03,
-    "eps33S": 0.05,
-}
-_THICKNESS = 1e-6
-_LOSS = 0.3
-"""Relative standard tolerances of values taken as exact: a glue of unknown batch, a data sheet, a calliper; of a
-thickness never more than a micrometer."""
 
 
 def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budget:
@@ -49,8 +33,8 @@ def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budg
     noise = np.sqrt(np.sum(moved[:, : bent.data] ** 2, axis=1))
     names = [prior.parameter for prior in objective.priors]
     names += ["losses beforehand"] * (len(bent.rows) - bent.data - len(names))
-    held, tolerances = _held(objective.coordinates, values)
-    assumed = _assumed(bent, _columns(objective, held, values)[: bent.data] / bent.scale, tolerances)
+    held, tolerances = held_constants(objective.coordinates, values)
+    assumed = _assumed(bent, slopes_by_held(objective, held, values)[: bent.data] / bent.scale, tolerances)
     parts = np.hstack([moved[:, bent.data :], chain @ assumed])
     share = _Shares(objective.coordinates.parameters, noise, parts, [*names, *tolerances], len(names), by or {})
     return Budget(re=share.of(".re"), im=share.of(".im"), tolerances=tolerances)
@@ -123,38 +107,4 @@ class _Shares:
 
 
 def _is_dimension(name: str) -> bool:
-    return _kind(name) in ("thickness", "density", "area")
-
-
-def _kind(name: str) -> str:
-    """Return the bare constant of a full name: `thickness` of `ml1.thickness@polished`."""
-    return name.rpartition(".")[2].partition("@")[0]
-
-
-def _held(coordinates: Coordinates, values: dict[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Return the coordinates that are held, and by how much each may be off, SI (losses: the loss, relative)."""
-    held = tuple(name for name in coordinates.names if name not in coordinates.free)
-    tolerances: dict[str, float] = {}
-    for name in held:
-        value = abs(values.get(name, values.get(f"{name}.re", 1.0)))
-        kind = _kind(name.removesuffix(".loss"))
-        relative = _LOSS if name.endswith(".loss") else _TOLERANCE.get(kind, 1.0)
-        size = relative if name.endswith(".loss") else relative * value
-        tolerances[name] = min(size, _THICKNESS) if kind == "thickness" else size
-    return held, tolerances
-
-
-def _columns(objective: Objective, held: tuple[str, ...], values: dict[str, float]) -> Reals:
-    """Return d residual / d held value, shape (R, held); of a loss, by its coordinate."""
-    if not held:
-        return np.zeros((2 * objective.points, 0))
-    coordinates = Coordinates(objective.coordinates.blocks, values, held)
-    freed = Objective(objective.recordings, coordinates, ())
-    rows = freed.jacobian(coordinates.x)[: 2 * objective.points]
-    _, chain = coordinates.forward(coordinates.x)
-    place = {name: k for k, name in enumerate(coordinates.parameters)}
-    scale = [
-        chain[place.get(name, place.get(f"{name}.re", -1)), k] if not name.endswith(".loss") else 1.0
-        for k, name in enumerate(coordinates.free)
-    ]
-    return rows / np.where(np.array(scale) == 0, np.inf, scale)
+    return kind_of(name) in ("thickness", "density", "area")

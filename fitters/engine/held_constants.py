@@ -1,0 +1,59 @@
+"""What a fit holds as exact: how far each such value may be off, and what the recordings feel of it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from .objective import Objective
+from .parameters.coordinates import Coordinates
+
+_TOLERANCE = {
+    "z": 0.1,
+    "c": 0.1,
+    "q": 0.5,
+    "thickness": 0.1,
+    "density": 0.01,
+    "area": 0.005,
+    "c33D": 0.03,
+    "h33": 0.03,
+    "eps33S": 0.05,
+}
+_THICKNESS = 1e-6
+_LOSS = 0.3
+"""Relative standard tolerances of values taken as exact: a glue of unknown batch, a data sheet, a calliper; of a
+thickness never more than a micrometer."""
+
+
+def kind_of(name: str) -> str:
+    """Return the bare constant of a full name: `thickness` of `ml1.thickness@polished`."""
+    return name.rpartition(".")[2].partition("@")[0]
+
+
+def held_constants(coordinates: Coordinates, values: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return the coordinates that are held, and by how much each may be off, SI (losses: the loss, relative)."""
+    held = tuple(name for name in coordinates.names if name not in coordinates.free)
+    tolerances: dict[str, float] = {}
+    for name in held:
+        value = abs(values.get(name, values.get(f"{name}.re", 1.0)))
+        kind = kind_of(name.removesuffix(".loss"))
+        relative = _LOSS if name.endswith(".loss") else _TOLERANCE.get(kind, 1.0)
+        size = relative if name.endswith(".loss") else relative * value
+        tolerances[name] = min(size, _THICKNESS) if kind == "thickness" else size
+    return held, tolerances
+
+
+def slopes_by_held(objective: Objective, held: tuple[str, ...], values: Mapping[str, float]) -> Reals:
+    """Return d residual / d held value, shape (R, held); of a loss, by its coordinate."""
+    if not held:
+        return np.zeros((2 * objective.points, 0))
+    coordinates = Coordinates(objective.coordinates.blocks, dict(values), held)
+    freed = Objective(objective.recordings, coordinates, ())
+    rows = freed.jacobian(coordinates.x)[: 2 * objective.points]
+    _, chain = coordinates.forward(coordinates.x)
+    place = {name: k for k, name in enumerate(coordinates.parameters)}
+    scale = [
+        chain[place.get(name, place.get(f"{name}.re", -1)), k] if not name.endswith(".loss") else 1.0
+        for k, name in enumerate(coordinates.free)
+    ]
+    return rows / np.where(np.array(scale) == 0, np.inf, scale)
