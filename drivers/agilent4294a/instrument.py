@@ -8,10 +8,12 @@ from typing import TypeVar
 from ...models.sweep import Sweep
 from ...models.sweep_plan import Segment, SweepPlan
 from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..base.capabilities import Capabilities
 from ..visa import replies
 from ..visa.connection import Connection, ConnectionLost
 from . import instrument_files as files
 from . import limits
+from .capabilities import CAPABILITIES
 from .compensation import standards as compensation
 from .compensation.standards import Compensation, Standard
 from .protocol import saved_state as state
@@ -39,6 +41,11 @@ class Agilent4294A:
     def hears_requests(self) -> bool:
         """Whether the end of a sweep is told by service request; else the status byte is asked for."""
         return self._link.hears_requests
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What a 4294A can do."""
+        return CAPABILITIES
 
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""

@@ -7,6 +7,7 @@ from typing import Protocol
 from ...models.base.errors import PzctlError
 from ...models.sweep import Sweep
 from ...models.sweep_plan import SweepPlan
+from .capabilities import Capabilities
 
 
 class InstrumentError(PzctlError):
@@ -46,6 +47,11 @@ class Analyzer(Protocol):
 
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not of this analyzer."""
+        ...
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do; nothing is asked of it for this."""
         ...
 
     def make_safe(self) -> None:

@@ -1,13 +1,37 @@
 """A recording, or a folder of them, played as an analyzer: the same path for old data as for new."""
 
 import dataclasses
+import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from ...models.sweep import Sweep
-from ...models.sweep_plan import Segment, SweepPlan
+from ...models.sweep_plan import BANDWIDTHS, Segment, SweepPlan
 from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..base.capabilities import Capabilities
 from ..recordings import read_recording
+
+CAPABILITIES = Capabilities(
+    model="recording",
+    frequency_Hz=(0.0, math.inf),
+    oscillator_V=(0.0, math.inf),
+    oscillator_A=(0.0, math.inf),
+    bias_V=(-math.inf, math.inf),
+    points_per_sweep=sys.maxsize,
+    segments_per_sweep=sys.maxsize,
+    bandwidths=BANDWIDTHS,
+    averages=sys.maxsize,
+    delay_s=math.inf,
+    source_ohm=0.0,
+    noise=lambda plan, frequency, impedance: np.zeros(frequency.size),
+    accuracy=lambda plan, frequency, impedance: np.zeros(frequency.size),
+    points_seconds=lambda plan, frequency: 0.0,
+    setup_seconds=0.0,
+)
+"""Any plan is answered, at once, by what was recorded: nothing is added to it."""
 
 
 class Playback:
@@ -23,6 +47,11 @@ class Playback:
         self._path = path
         self._files = _files(path)
         self._next = 0
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """No limits: of what a plan asks for, what was recorded is played."""
+        return CAPABILITIES
 
     def identify(self) -> Identity:
         """Return who "answers": the recording itself."""

@@ -10,7 +10,7 @@ from ....models.sweep import Sweep
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import Identity
 from ..accuracy import relative_accuracy, relative_noise
-from ..limits import HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
+from ..capabilities import HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from ..protocol.settings import CONDITIONS, Value
 from ..sweep_time import estimated
 from .single_sweep import RawSweep
