@@ -3,16 +3,20 @@
 import dataclasses
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ...models.sweep import Sweep
 from ...models.sweep_plan import BANDWIDTHS, Segment, SweepPlan
-from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..base.analyzer import Cancelled, FileKind, Identity, InstrumentError, Progress
 from ..base.capabilities import Capabilities
+from ..base.compensation import Compensation, Standard
+from ..base.driver import PrefixDriver
 from ..recordings import read_recording
+
+PREFIX = "recording:"
 
 CAPABILITIES = Capabilities(
     model="recording",
@@ -87,8 +91,30 @@ class Playback:
         progress(Progress(1.0, 0.0, f"played {file.name}"))
         return sweeps
 
+    def compensate(
+        self,
+        standards: Sequence[Standard],
+        prompt: Callable[[str], None],
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+        adapter: str = "OFF",
+    ) -> Compensation:
+        """Raise InstrumentError: there is no fixture."""
+        raise self._no_fixture()
+
+    def restore(self, stored: Compensation) -> None:
+        """Raise InstrumentError: there is no fixture."""
+        raise self._no_fixture()
+
+    def fetch(self, kind: FileKind) -> bytes:
+        """Raise InstrumentError: there is no screen."""
+        raise self._no_fixture()
+
     def close(self) -> None:
         """Nothing to let go of."""
+
+    def _no_fixture(self) -> InstrumentError:
+        return InstrumentError(f"{PREFIX}{self._path}: a recording has no fixture and no screen; name an instrument")
 
     def _take(self) -> Path:
         if self._path.is_file():
@@ -123,3 +149,6 @@ def _within(recording: Sweep, segment: Segment, file: Path) -> Sweep:
     if not keep.all() or f[0] > segment.start_Hz or f[-1] < segment.stop_Hz:
         notes = (*notes, f"Played from {file.name}: {keep.sum()} recorded points within {asked}.")
     return dataclasses.replace(recording, frequency=f[keep], impedance=recording.impedance[keep], notes=notes)
+
+
+DRIVER = PrefixDriver("a recording (recording:FILE)", PREFIX, lambda path: Playback(Path(path).expanduser()))
