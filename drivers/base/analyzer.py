@@ -44,7 +44,7 @@ class Progress:
 
 
 class Analyzer(Protocol):
-    """An impedance analyzer. One thread at a time."""
+    """An impedance analyzer. One thread at a time. What has a body here is what most do; the rest is each one's own."""
 
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not of this analyzer."""
@@ -61,7 +61,8 @@ class Analyzer(Protocol):
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return how long the plan will take, asking the instrument nothing. Raises PlanError where it cannot do it."""
-        ...
+        self.capabilities.check(plan)
+        return self.capabilities.seconds(plan)
 
     def measure(
         self,
@@ -88,13 +89,13 @@ class Analyzer(Protocol):
 
         The instrument corrects every later sweep by them; the arrays are returned to be kept. `adapter`: one of
         `Capabilities.adapters`. Raises InstrumentError where a standard is not what it should be, or there is no
-        fixture, Cancelled, and what `prompt` raises.
+        fixture, Cancelled, and what `prompt` raises. Unless overridden, there is none.
         """
-        ...
+        raise InstrumentError(f"a {self.capabilities.model} has no compensation that pzctl can measure")
 
     def restore(self, stored: Compensation) -> None:
         """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
-        ...
+        raise InstrumentError(f"a {self.capabilities.model} has no compensation that pzctl can give back")
 
     def close(self) -> None:
         """Let go of the instrument."""
