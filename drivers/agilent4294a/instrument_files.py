@@ -8,6 +8,7 @@ from ..base.analyzer import FileKind, InstrumentError
 from ..visa import replies
 from ..visa.connection import Connection
 from .protocol import error_queue as errorqueue
+from .protocol.settings import LENGTH_DIGITS
 
 BLOCK_BYTES = 16_384
 
@@ -39,7 +40,7 @@ def read(link: Connection, name: str) -> bytes:
     size = replies.integer(link.ask(f'STOD MEMO;ROPEN "{name}";FSIZE? "{name}"'), what)
     data = bytearray()
     while len(data) < size:
-        block = link.ask_block("READ?", BLOCK_BYTES)
+        block = link.ask_block("READ?", BLOCK_BYTES, LENGTH_DIGITS)
         if not block:
             raise InstrumentError(f"{link.name}: {name} ends after {len(data)} bytes; {size} bytes were announced")
         data += block

@@ -105,7 +105,7 @@ def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
 
 def _array(link: Connection, name: Standard) -> Complexes:
     query = _RECIPES[name].output
-    data = link.ask_block(f"FORM3;{query}", MOST_BYTES)
+    data = link.ask_block(f"FORM3;{query}", MOST_BYTES, settings.LENGTH_DIGITS)
     pairs = replies.doubles(data, len(data) // 16 * 2, f"{link.name}: {query}")
     if not pairs.size:
         raise InstrumentError(f"{link.name}: {query}: no {name} compensation is stored")

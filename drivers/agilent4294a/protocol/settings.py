@@ -16,6 +16,9 @@ from ..capabilities import CAPABILITIES
 
 Value = float | bool | str
 
+LENGTH_DIGITS = 6
+"""In the head of a binary block: `#6000048` (Programming Manual p.80)."""
+
 
 @dataclass(frozen=True)
 class NumberSetting:
