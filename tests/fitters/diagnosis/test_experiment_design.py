@@ -14,8 +14,11 @@ from pzctl.fitters.diagnosis.design.experiment_design import proposals
 from pzctl.fitters.diagnosis.design.sweep_comparison import compared
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
 from pzctl.fitters.diagnosis.hypotheses.conditions import conditions_of
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.inference.inflated_uncertainty import widened
+from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.noise import noise_of
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Conditions, Device, find_effect
@@ -75,6 +78,13 @@ def test_a_plan_comes_back_out_of_settings() -> None:
     assert kinds["direction"].direction == "down"
     assert kinds["wider band"].segments[0].stop_Hz == 16.5e6
     assert "higher level" not in {one.kind for one in experiments([swept(oscillator_V=1.0)], INSTRUMENT)}
+
+
+def test_a_recording_says_what_lies_between_oscillator_and_device() -> None:
+    for said, null in (({"source_ohm": 50.0}, 50.0), ({}, 25.0)):
+        problem = Problem.of(solve(FitTask(BUILD, {"disk": (swept(**said),)}), lambda _: None), None)
+        (drive,) = (one for one in candidates(problem) if one.effect.name == "drive-nonlinearity")
+        assert {knob.name: knob.null for knob in drive.effect_parameters}["source"] == null
 
 
 def test_nothing_is_proposed_that_the_analyzer_cannot_do() -> None:
