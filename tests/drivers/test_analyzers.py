@@ -1,5 +1,7 @@
-"""Analyzers are found by their entry points; one that does not load is named and leaves the others alone."""
+"""Analyzers are found by their entry points, and each is known to its own folder alone."""
 
+import ast
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -7,6 +9,10 @@ import pytest
 
 from pzctl.drivers import capabilities_of, open_analyzer
 from pzctl.drivers.base.analyzer import InstrumentError
+
+ROOT = Path(__file__).parents[2]
+KNOW_IT = ("drivers/agilent4294a", "drivers/recordings")
+"""The analyzer's own folder; and the files that it writes, which are formats named as those of others are."""
 
 
 @pytest.fixture
@@ -35,3 +41,24 @@ def test_what_an_analyzer_can_do_is_known_by_its_identification() -> None:
     known = capabilities_of("HEWLETT-PACKARD,4294A,MY43202956,REV1.11")
     assert (known.frequency_Hz, known.points_per_sweep, known.source_ohm) == ((40.0, 110e6), 801, 25.0)
     assert capabilities_of("") is known, "what is assumed of a recording of unknown origin"
+
+
+def test_no_code_elsewhere_names_one_analyzer() -> None:
+    """Docstrings and sentences for people may."""
+    named = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {word}"
+        for room in ("models", "drivers", "fitters", "daemon")
+        for path in sorted((ROOT / room).rglob("*.py"))
+        if not path.relative_to(ROOT).as_posix().startswith(KNOW_IT)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for word in words(node)
+        if "4294" in word
+    ]
+    assert not named
+
+
+def words(node: ast.AST) -> Iterator[str]:
+    """Names, modules that are imported, and texts of one word: those are no sentence for people."""
+    yield from (str(value) for name in ("id", "attr", "name", "module", "arg") if (value := getattr(node, name, None)))
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " not in node.value.strip():
+        yield node.value
