@@ -35,15 +35,15 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
 
 
 def capabilities_of(idn: str) -> Capabilities:
-    """Return what the analyzer that answers `*IDN?` with `idn` can do; of one that nobody knows, what is assumed."""
+    """Return what the analyzer that answers `*IDN?` with `idn` can do; of one that nobody knows, what is assumed.
+
+    Raises InstrumentError where pzctl is not installed as it should be.
+    """
     instruments = [driver for driver in _working() if isinstance(driver, InstrumentDriver)]
     for driver in instruments:
         if driver.idn.fullmatch(idn.strip()):
             return driver.capabilities(idn.strip())
-    for driver in instruments:
-        if driver.assumed:
-            return driver.capabilities("")
-    raise InstrumentError(f"no analyzer is installed that could be assumed; {_known()}")
+    return next(driver for driver in instruments if driver.assumed).capabilities("")
 
 
 def _identified(resource: str, idn: str) -> InstrumentDriver:
@@ -58,11 +58,15 @@ def _known() -> str:
     drivers = list(_drivers())
     broken = [driver for driver in drivers if isinstance(driver, str)]
     names = [driver.name for driver in drivers if not isinstance(driver, str)]
-    return "; ".join([f"known are {', '.join(names) or 'none: install pzctl anew with pip'}", *broken])
+    return "; ".join([f"known are {', '.join(names)}", *broken])
 
 
-def _working() -> Iterator[Driver]:
-    return (driver for driver in _drivers() if not isinstance(driver, str))
+def _working() -> list[Driver]:
+    """Return those that load. Raises InstrumentError where pzctl's own are not among them."""
+    working = [driver for driver in _drivers() if not isinstance(driver, str)]
+    if not any(isinstance(driver, InstrumentDriver) and driver.assumed for driver in working):
+        raise InstrumentError(f"no analyzer of pzctl's own is registered ({GROUP}); install pzctl anew with pip")
+    return working
 
 
 def _drivers() -> Iterator[Driver | str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pzctl.drivers import capabilities_of, open_analyzer
+from pzctl.drivers import analyzers, capabilities_of, open_analyzer
 from pzctl.drivers.base.analyzer import InstrumentError
 
 ROOT = Path(__file__).parents[2]
@@ -41,6 +41,13 @@ def test_what_an_analyzer_can_do_is_known_by_its_identification() -> None:
     known = capabilities_of("HEWLETT-PACKARD,4294A,MY43202956,REV1.11")
     assert (known.frequency_Hz, known.points_per_sweep, known.source_ohm) == ((40.0, 110e6), 801, 25.0)
     assert capabilities_of("") is known, "what is assumed of a recording of unknown origin"
+
+
+def test_an_installation_from_before_there_were_entry_points_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(analyzers, "GROUP", "pzctl.none")
+    for ask in (lambda: capabilities_of(""), lambda: open_analyzer("recording:disk.csv")):
+        with pytest.raises(InstrumentError, match="install pzctl anew with pip"):
+            ask()
 
 
 def test_no_code_elsewhere_names_one_analyzer() -> None:
