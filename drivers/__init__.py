@@ -1,5 +1,5 @@
-"""Analyzers and recordings: the 4294A over VISA, files of other instruments."""
+"""Analyzers and recordings: instruments over VISA, files of theirs and of others."""
 
-from .visa.resources import open_analyzer
+from .analyzers import capabilities_of, open_analyzer
 
-__all__ = ["open_analyzer"]
+__all__ = ["capabilities_of", "open_analyzer"]

@@ -7,6 +7,11 @@ from typing import Literal
 
 from .base.errors import PzctlError
 
+USUAL_POINTS = 801
+"""Of a segment that does not say how many it has."""
+BANDWIDTHS = (1, 2, 3, 4, 5)
+"""Fast to precise: a scale that every analyzer shares; which of them it has, its driver knows."""
+
 
 class PlanError(PzctlError):
     """A sweep plan that no instrument could carry out."""
@@ -18,7 +23,7 @@ class Segment:
 
     start_Hz: float
     stop_Hz: float
-    points: int = 801
+    points: int = USUAL_POINTS
     spacing: Literal["linear", "log"] = "linear"
 
     def __post_init__(self) -> None:
@@ -38,8 +43,8 @@ class SweepPlan:
     segments: tuple[Segment, ...]
     oscillator_V: float = 0.5
     """rms; does not count where `oscillator_A` is given."""
-    bandwidth: int = 5
-    """1 (fast) to 5 (precise)."""
+    bandwidth: int = BANDWIDTHS[-1]
+    """One of `BANDWIDTHS`."""
     point_average: int = 1
     sweep_average: int = 1
     bias_V: float = 0.0

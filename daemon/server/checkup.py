@@ -12,9 +12,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from ...drivers.agilent4294a import Agilent4294A
+from ...drivers import open_analyzer
+from ...drivers.base.analyzer import Analyzer, OnALine
+from ...drivers.base.capabilities import Capabilities
 from ...drivers.visa.discover import Discovery, discover
-from ...drivers.visa.resources import open_analyzer
 from ...fitters.data_folder import in_folder
 from ...models.base.errors import PzctlError
 from ...models.sweep_plan import Segment, SweepPlan
@@ -29,8 +30,6 @@ ENOUGH_BYTES = 500_000_000
 """Room for some ten thousand sweeps."""
 DEVICES = ("ttyUSB*", "ttyACM*", "usbtmc*", "gpib*")
 """Device files behind which a GPIB adapter may sit (Linux)."""
-SHORT = SweepPlan((Segment(1e6, 2e6, 11),), oscillator_V=0.1, bandwidth=1)
-"""A sweep that harms nothing and lasts some hundredths of a second."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +146,8 @@ def _instrument(resource: str) -> list[Check]:
         try:
             identity = analyzer.identify()
             found = [Check("instrument", "ok", f"{identity.name}: {identity.idn}")]
-            if isinstance(analyzer, Agilent4294A):
-                found.append(_path(analyzer))
+            if isinstance(analyzer, OnALine):
+                found.append(_path(analyzer, analyzer.hears_requests))
         finally:
             analyzer.close()
     except PzctlError as error:
@@ -156,12 +155,19 @@ def _instrument(resource: str) -> list[Check]:
     return found
 
 
-def _path(analyzer: Agilent4294A) -> Check:
+def _path(analyzer: Analyzer, hears_requests: bool) -> Check:
     begun = time.monotonic()
-    (sweep,) = analyzer.measure(SHORT)
-    told = "by its service request" if analyzer.hears_requests else "by asking for the status byte"
+    (sweep,) = analyzer.measure(_short(analyzer.capabilities))
+    told = "by its service request" if hears_requests else "by asking for the status byte"
     says = f"{sweep.frequency.size} points swept and read in {time.monotonic() - begun:.1f} s, settings read back"
     return Check("path", "note" if sweep.notes else "ok", "; ".join((says, f"its end is told {told}", *sweep.notes)))
+
+
+def _short(can: Capabilities) -> SweepPlan:
+    """Return a sweep that harms nothing and lasts some hundredths of a second."""
+    start = min(max(1e6, can.frequency_Hz[0]), can.frequency_Hz[1] / 2)
+    level = min(max(0.1, can.oscillator_V[0]), can.oscillator_V[1])
+    return SweepPlan((Segment(start, 2 * start, 11),), oscillator_V=level, bandwidth=can.bandwidths[0])
 
 
 def _rehearsal() -> Check:

@@ -1,28 +1,27 @@
 """The 4294A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
 
 import dataclasses
-import re
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from ...models.sweep import Sweep
 from ...models.sweep_plan import Segment, SweepPlan
-from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ..base.analyzer import Cancelled, FileKind, Identity, InstrumentError, Progress
+from ..base.capabilities import Capabilities
+from ..base.compensation import Compensation, Standard
 from ..visa import replies
 from ..visa.connection import Connection, ConnectionLost
 from . import instrument_files as files
 from . import limits
+from .capabilities import CAPABILITIES
 from .compensation import standards as compensation
-from .compensation.standards import Compensation, Standard
+from .driver import IDN
 from .protocol import saved_state as state
 from .protocol.progress_tracker import ProgressTracker
 from .sweeps import grid, list_sweep
 from .sweeps.joined_segments import joined
 from .sweeps.single_sweep import expected_seconds, sweep
 from .sweeps.sweep_record import record
-
-# String 1 was HEWLETT-PACKARD even on Agilent's own units; later badges are allowed for.
-_IDN = re.compile(r'"?(HEWLETT-PACKARD|AGILENT[^,]*|KEYSIGHT[^,]*), ?4294A, ?([^,]*), ?([^,"]*)"?', re.IGNORECASE)
 
 Result = TypeVar("Result")
 
@@ -40,13 +39,18 @@ class Agilent4294A:
         """Whether the end of a sweep is told by service request; else the status byte is asked for."""
         return self._link.hears_requests
 
+    @property
+    def capabilities(self) -> Capabilities:
+        """What a 4294A can do."""
+        return CAPABILITIES
+
     def identify(self) -> Identity:
         """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
         try:
             answer = self._link.ask("*IDN?")
         except ConnectionLost:  # it was switched off and on since the last time
             answer = self._link.ask("*IDN?")
-        found = _IDN.fullmatch(answer.strip())
+        found = IDN.fullmatch(answer.strip())
         if not found:
             raise InstrumentError(
                 f"{self._link.name}: *IDN? is answered by {replies.quote(answer)}; "
@@ -124,11 +128,11 @@ class Agilent4294A:
 
         return self._as_found(measure_all)[0]
 
-    def apply_compensation(self, stored: Compensation) -> None:
+    def restore(self, stored: Compensation) -> None:
         """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
         self._as_found(lambda identity, _: compensation.apply(self._link, identity, stored))
 
-    def fetch(self, kind: files.Kind) -> bytes:
+    def fetch(self, kind: FileKind) -> bytes:
         """Return a file that the instrument makes. Raises InstrumentError.
 
         `screen`: a TIFF of what it shows; `ascii`, `binary`, `touchstone`: the sweep it shows, in its own formats. That

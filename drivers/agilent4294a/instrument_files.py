@@ -4,18 +4,15 @@ It saves to its RAM disk, and hands a file over in blocks of at most 16384 bytes
 Saving to a name that exists is an error; so the name is cleared first, and again when the file has been read.
 """
 
-from typing import Literal
-
-from ..base.analyzer import InstrumentError
+from ..base.analyzer import FileKind, InstrumentError
 from ..visa import replies
 from ..visa.connection import Connection
 from .protocol import error_queue as errorqueue
+from .protocol.settings import LENGTH_DIGITS
 
 BLOCK_BYTES = 16_384
 
-Kind = Literal["screen", "ascii", "binary", "touchstone"]
-
-_SAVE: dict[Kind, tuple[str, str]] = {
+_SAVE: dict[FileKind, tuple[str, str]] = {
     "screen": ("PRIC VARI;SAVDTIF", "pzctl.tif"),
     "ascii": ("SAVDASC", "pzctl.txt"),
     "binary": ("SAVDDAT", "pzctl.dat"),
@@ -24,7 +21,7 @@ _SAVE: dict[Kind, tuple[str, str]] = {
 """How each kind is saved, and under which name (8.3)."""
 
 
-def fetch(link: Connection, kind: Kind) -> bytes:
+def fetch(link: Connection, kind: FileKind) -> bytes:
     """Return the file that the instrument makes of its screen or of its last sweep. Raises InstrumentError."""
     if kind not in _SAVE:
         raise InstrumentError(f"{link.name}: no file of kind {kind!r}; there are {', '.join(_SAVE)}")
@@ -43,7 +40,7 @@ def read(link: Connection, name: str) -> bytes:
     size = replies.integer(link.ask(f'STOD MEMO;ROPEN "{name}";FSIZE? "{name}"'), what)
     data = bytearray()
     while len(data) < size:
-        block = link.ask_block("READ?", BLOCK_BYTES)
+        block = link.ask_block("READ?", BLOCK_BYTES, LENGTH_DIGITS)
         if not block:
             raise InstrumentError(f"{link.name}: {name} ends after {len(data)} bytes; {size} bytes were announced")
         data += block

@@ -12,11 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...models.base.arrays import Reals
 from ...models.base.errors import CannotError
 from ...models.sweep import Sweep
 from ...models.sweep_plan import Segment, SweepPlan
-from ..agilent4294a.sweep_time import estimated
+from ..base.capabilities import Capabilities
 from .resonances import Resonance, resonances
 
 POINTS_PER_LINEWIDTH = 20
@@ -29,14 +28,12 @@ BACKGROUND_POINTS = 120
 """Over the whole range, in equal ratios of frequency."""
 
 LOOK_POINTS = 1586
-"""Of the fast look: two full sweeps of a 4294A that overlap by 16 points, 0.3 % apart over a ratio of 160."""
+"""Of the fast look: 0.3 % apart over a ratio of 160; an analyzer of 801 points makes it in two full sweeps."""
 ZOOM_POINTS = 101
 MOST_ZOOMS = 3
 
 WIDEST_RATIO = 1.5
 """Of a background stretch's ends: its points are in equal steps."""
-SETUP_SECONDS = 0.5
-"""What setting up, checking and reading a segment takes: some eighty questions, which a LAN answers in 5 to 10 ms."""
 
 
 class AdaptiveError(CannotError):
@@ -73,46 +70,48 @@ class Adapted:
     """What the resonances were seen in."""
 
 
-def adapted(base: SweepPlan, seconds: float, measure: Callable[[SweepPlan], Sequence[Sweep]]) -> Adapted:
+def adapted(
+    base: SweepPlan, seconds: float, measure: Callable[[SweepPlan], Sequence[Sweep]], can: Capabilities
+) -> Adapted:
     """Look at the device over the range of `base` and return the plan that takes about `seconds`, the looks included.
 
-    `measure` carries out a plan: the fast look, then closer ones where a resonance is too narrow for it. Raises
-    AdaptiveError where nothing is seen or the time is too short, and what `measure` raises.
+    `measure` carries out a plan, on an analyzer that `can` this: the fast look, then closer ones where a resonance is
+    too narrow for it. Raises AdaptiveError where nothing is seen or the time is too short, and what `measure` raises.
     """
-    looks = tuple(measure(look_plan(base)))
+    looks = tuple(measure(look_plan(base, can)))
     seen = resonances(looks)
     for _ in range(MOST_ZOOMS):
         narrow = [one for one in seen if not one.resolved]
         if not narrow:
             break
-        looks += tuple(measure(zoom_plan(base, narrow)))
+        looks += tuple(measure(zoom_plan(base, narrow, can)))
         seen = resonances(looks)
     if not seen and all(np.median(look.impedance.real) < 0 for look in looks):
         raise AdaptiveError(
             "fast look: Re Z is negative, which no passive device has; is the polarity of the leads right?"
         )
-    fast = look_plan(base)
-    spent = sum(_points_seconds(look.frequency, fast) + _setup_seconds(fast) for look in looks)
-    plan, kept = adaptive_plan(base, seen, seconds - spent)
+    fast = look_plan(base, can)
+    spent = sum(can.points_seconds(fast, look.frequency) + can.segment_seconds(fast) for look in looks)
+    plan, kept = adaptive_plan(base, seen, seconds - spent, can)
     return Adapted(plan, kept, tuple(one for one in seen if one not in kept), looks)
 
 
-def look_plan(base: SweepPlan) -> SweepPlan:
+def look_plan(base: SweepPlan, can: Capabilities) -> SweepPlan:
     """Return the fast look over the range of `base`, at its level and bias: some seconds long."""
     whole = Segment(*_range(base), LOOK_POINTS, "log")
-    return replace(base, segments=(whole,), bandwidth=1, point_average=1, sweep_average=1, joined=False)
+    return replace(base, segments=(whole,), bandwidth=can.bandwidths[0], point_average=1, sweep_average=1, joined=False)
 
 
-def zoom_plan(base: SweepPlan, narrow: Sequence[Resonance]) -> SweepPlan:
+def zoom_plan(base: SweepPlan, narrow: Sequence[Resonance], can: Capabilities) -> SweepPlan:
     """Return the closer look at resonances that are too narrow for the last one."""
     low, high = _range(base)
     wanted = [(max(low, one.frequency - 8 * one.step), min(high, one.frequency + 8 * one.step)) for one in narrow]
     segments = tuple(Segment(a, b, ZOOM_POINTS) for a, b in _merged(wanted))
-    return replace(look_plan(base), segments=segments)
+    return replace(look_plan(base, can), segments=segments)
 
 
 def adaptive_plan(
-    base: SweepPlan, seen: Sequence[Resonance], seconds: float
+    base: SweepPlan, seen: Sequence[Resonance], seconds: float, can: Capabilities
 ) -> tuple[SweepPlan, tuple[Resonance, ...]]:
     """Return the plan of one recording that takes about `seconds`, and the resonances it serves, in rising order.
 
@@ -127,41 +126,35 @@ def adaptive_plan(
             "sweep with fixed points, or over another range"
         )
     kept = sorted(seen, key=lambda one: -one.strength)
-    while plan_seconds(shortest := _with_density(base, kept, 1.0)) > seconds:
+    while can.seconds(shortest := _with_density(base, kept, 1.0, can)) > seconds:
         if len(kept) == 1:
             raise AdaptiveError(
                 f"adaptive sweep: {seconds:.3g} s are left, and one resonance alone with {POINTS_PER_LINEWIDTH} points "
-                f"per linewidth takes {plan_seconds(shortest):.3g} s; allow more points or a wider bandwidth"
+                f"per linewidth takes {can.seconds(shortest):.3g} s; allow more points or a wider bandwidth"
             )
         kept.pop()
-    return _fill(base, kept, seconds), tuple(sorted(kept, key=lambda one: one.frequency))
+    return _fill(base, kept, seconds, can), tuple(sorted(kept, key=lambda one: one.frequency))
 
 
-def plan_seconds(plan: SweepPlan) -> float:
-    """Return the seconds that `plan` takes, the set-up of its segments included."""
-    frequency = np.concatenate([np.linspace(s.start_Hz, s.stop_Hz, s.points) for s in plan.segments])
-    return _points_seconds(frequency, plan) + len(plan.segments) * _setup_seconds(plan)
-
-
-def _fill(base: SweepPlan, kept: Sequence[Resonance], seconds: float) -> SweepPlan:
+def _fill(base: SweepPlan, kept: Sequence[Resonance], seconds: float, can: Capabilities) -> SweepPlan:
     """Return the densest plan that still takes at most `seconds`."""
     low, high = 1.0, 2.0
-    while plan_seconds(_with_density(base, kept, high)) <= seconds:
+    while can.seconds(_with_density(base, kept, high, can)) <= seconds:
         low, high = high, 2 * high
     for _ in range(20):
         middle = (low + high) / 2
-        if plan_seconds(_with_density(base, kept, middle)) <= seconds:
+        if can.seconds(_with_density(base, kept, middle, can)) <= seconds:
             low = middle
         else:
             high = middle
-    return _with_density(base, kept, low)
+    return _with_density(base, kept, low, can)
 
 
 def _range(plan: SweepPlan) -> tuple[float, float]:
     return min(s.start_Hz for s in plan.segments), max(s.stop_Hz for s in plan.segments)
 
 
-def _with_density(base: SweepPlan, kept: Sequence[Resonance], factor: float) -> SweepPlan:
+def _with_density(base: SweepPlan, kept: Sequence[Resonance], factor: float, can: Capabilities) -> SweepPlan:
     """Return the plan with `factor` times the least number of points everywhere."""
     low, high = _range(base)
     ratio = (high / low) ** (1 / (BACKGROUND_POINTS * factor))
@@ -176,7 +169,7 @@ def _with_density(base: SweepPlan, kept: Sequence[Resonance], factor: float) -> 
         _Stretch(a, b, min([(ratio - 1) * a, *(step for x, y, step in tiers if x <= (a + b) / 2 <= y)]))
         for a, b in pairwise(sorted(edges))
     ]
-    cheap = _setup_seconds(base) / _points_seconds(np.array([np.sqrt(low * high)]), base)
+    cheap = can.segment_seconds(base) / can.points_seconds(base, np.array([np.sqrt(low * high)]))
     return replace(base, segments=_segments(_simplified(stretches, cheap)), joined=True)
 
 
@@ -211,11 +204,3 @@ def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         else:
             made.append((a, b))
     return made
-
-
-def _points_seconds(frequency: Reals, plan: SweepPlan) -> float:
-    return estimated(frequency, plan.bandwidth, plan.point_average, plan.sweep_average, plan.point_delay_s, 0.0)
-
-
-def _setup_seconds(plan: SweepPlan) -> float:
-    return SETUP_SECONDS + plan.sweep_average * plan.sweep_delay_s

@@ -1,13 +1,41 @@
 """A recording, or a folder of them, played as an analyzer: the same path for old data as for new."""
 
 import dataclasses
-from collections.abc import Callable
+import math
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ...models.sweep import Sweep
-from ...models.sweep_plan import Segment, SweepPlan
-from ..base.analyzer import Cancelled, Identity, InstrumentError, Progress
+from ...models.sweep_plan import BANDWIDTHS, Segment, SweepPlan
+from ..base.analyzer import Cancelled, FileKind, Identity, InstrumentError, Progress
+from ..base.capabilities import Capabilities
+from ..base.compensation import Compensation, Standard
+from ..base.driver import PrefixDriver
 from ..recordings import read_recording
+
+PREFIX = "recording:"
+
+CAPABILITIES = Capabilities(
+    model="recording",
+    frequency_Hz=(0.0, math.inf),
+    oscillator_V=(0.0, math.inf),
+    oscillator_A=(0.0, math.inf),
+    bias_V=(-math.inf, math.inf),
+    points_per_sweep=sys.maxsize,
+    segments_per_sweep=sys.maxsize,
+    bandwidths=BANDWIDTHS,
+    averages=sys.maxsize,
+    delay_s=math.inf,
+    source_ohm=0.0,
+    noise=lambda plan, frequency, impedance: np.zeros(frequency.size),
+    accuracy=lambda plan, frequency, impedance: np.zeros(frequency.size),
+    points_seconds=lambda plan, frequency: 0.0,
+    setup_seconds=0.0,
+)
+"""Any plan is answered, at once, by what was recorded: nothing is added to it."""
 
 
 class Playback:
@@ -25,6 +53,11 @@ class Playback:
         self._path = path
         self._files = _files(path)
         self._next = 0
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """No limits: of what a plan asks for, what was recorded is played."""
+        return CAPABILITIES
 
     def identify(self) -> Identity:
         """Return who "answers": the recording itself."""
@@ -60,8 +93,30 @@ class Playback:
         progress(Progress(1.0, 0.0, f"played {file.name}"))
         return sweeps
 
+    def compensate(
+        self,
+        standards: Sequence[Standard],
+        prompt: Callable[[str], None],
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+        adapter: str = "OFF",
+    ) -> Compensation:
+        """Raise InstrumentError: there is no fixture."""
+        raise self._no_fixture()
+
+    def restore(self, stored: Compensation) -> None:
+        """Raise InstrumentError: there is no fixture."""
+        raise self._no_fixture()
+
+    def fetch(self, kind: FileKind) -> bytes:
+        """Raise InstrumentError: there is no screen."""
+        raise self._no_fixture()
+
     def close(self) -> None:
         """Nothing to let go of."""
+
+    def _no_fixture(self) -> InstrumentError:
+        return InstrumentError(f"{PREFIX}{self._path}: a recording has no fixture and no screen; name an instrument")
 
     def _take(self) -> Path:
         if self._path.is_file():
@@ -96,3 +151,6 @@ def _within(recording: Sweep, segment: Segment, file: Path) -> Sweep:
     if not keep.all() or f[0] > segment.start_Hz or f[-1] < segment.stop_Hz:
         notes = (*notes, f"Played from {file.name}: {keep.sum()} recorded points within {asked}.")
     return dataclasses.replace(recording, frequency=f[keep], impedance=recording.impedance[keep], notes=notes)
+
+
+DRIVER = PrefixDriver("a recording (recording:FILE)", PREFIX, lambda path: Playback(Path(path).expanduser()))

@@ -25,7 +25,7 @@ SLICE_SECONDS = 0.25
 CHUNK_BYTES = 4096
 
 LONGEST_LINE_BYTES = 4096
-"""No ASCII answer the driver asks for is longer (an `OUTPERRO?` text is the longest)."""
+"""No ASCII answer that a driver asks for is longer."""
 
 
 class ConnectionLost(InstrumentError):
@@ -87,19 +87,19 @@ class Connection:
                 f"{self.name}: the answer to {_short(message)} is {shown}; plain text is expected"
             ) from None
 
-    def ask_block(self, message: str, most_bytes: int) -> bytes:
-        """Send `message`; return the data of the `#6` block it is answered with.
+    def ask_block(self, message: str, most_bytes: int, digits: int) -> bytes:
+        """Send `message`; return the data of the block it is answered with, whose head says its length in `digits`.
 
         Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
         a newline.
         """
         with self._exchange():
-            return self._block(message, most_bytes)
+            return self._block(message, most_bytes, digits)
 
-    def _block(self, message: str, most_bytes: int) -> bytes:
+    def _block(self, message: str, most_bytes: int, digits: int) -> bytes:
         self._send(message)
         what = f"{self.name}: {_short(message)}"
-        length = replies.block_length(self._exactly(replies.HEADER_BYTES, message), what)
+        length = replies.block_length(self._exactly(2 + digits, message), digits, what)
         if length > most_bytes:
             raise InstrumentError(f"{what}: {length} bytes are announced; at most {most_bytes} are expected")
         data = self._exactly(length, message)

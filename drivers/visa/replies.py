@@ -1,38 +1,24 @@
-"""Strict reading of what a 4294A answers: numbers, flags, words, blocks of big-endian doubles, errors.
+"""Strict reading of what an instrument answers: numbers, flags, words, blocks of big-endian doubles.
 
 Nothing is guessed: an answer that is not exactly of the expected form raises InstrumentError with a sentence
-that quotes it. Forms from the Programming Manual p.78-83 and p.256 (ASCII whatever FORM is set; `#6` blocks).
+that quotes it. Forms are those of IEEE 488.2.
 """
 
 import math
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 
 from ...models.base.arrays import Reals
 from ..base.analyzer import InstrumentError
 
-# Programming Manual p.78-79: integer form `201` or `+201`, floating form with exponent. A leading space does occur.
+# Integer form `201` or `+201`, floating form with exponent. A leading space does occur.
 _NUMBER = re.compile(r" ?[+-]?(\d+\.?\d*|\.\d+)([Ee][+-]?\d{1,3})?", re.ASCII)
 _INTEGER = re.compile(r" ?[+-]?\d{1,9}", re.ASCII)
-_ERROR = re.compile(r' ?([+-]?\d{1,6}),"?([^"]*)"?', re.ASCII)
-
-HEADER_BYTES = 8
-"""`#6` and six digits: the head of every binary block."""
 
 QUOTED_CHARACTERS = 60
 """An answer is quoted in an error up to here: enough to recognise it, short enough for one sentence."""
-
-
-@dataclass(frozen=True)
-class QueuedError:
-    """One entry of the instrument's error queue."""
-
-    number: int
-    """0 where the queue is empty."""
-    text: str
 
 
 def quote(text: str) -> str:
@@ -70,27 +56,19 @@ def word(text: str, what: str, allowed: Collection[str]) -> str:
     return text
 
 
-def queued_error(text: str, what: str) -> QueuedError:
-    """Return the error that `OUTPERRO?` answered: `<number>,<text>`. Raises InstrumentError."""
-    found = _ERROR.fullmatch(text)
-    if not found:
-        raise InstrumentError(f"{what}: the answer is {quote(text)}; <number>,<text> is expected")
-    return QueuedError(int(found[1]), found[2])
-
-
-def block_length(header: bytes, what: str) -> int:
-    """Return how many bytes of data follow the `header` of a block: `#6` and six digits. Raises InstrumentError."""
-    digits = header[2:]
-    if len(header) != HEADER_BYTES or header[:2] != b"#6" or not digits.isdigit():
+def block_length(header: bytes, digits: int, what: str) -> int:
+    """Return how many bytes of data follow the `header` of a block: `#6` and six `digits`. Raises InstrumentError."""
+    length = header[2:]
+    if len(header) != 2 + digits or header[:2] != b"#%d" % digits or not length.isdigit():
         shown = quote(header.decode("latin-1"))
-        raise InstrumentError(f"{what}: the answer begins with {shown}; #6 and six digits are expected")
-    return int(digits)
+        raise InstrumentError(f"{what}: the answer begins with {shown}; #{digits} and {digits} digits are expected")
+    return int(length)
 
 
 def doubles(data: bytes, count: int, what: str) -> Reals:
     """Return `count` big-endian doubles, shape (count,), from a block's `data`. Raises InstrumentError.
 
-    Every value must be finite and the length exact: FORM3, Programming Manual p.80.
+    Every value must be finite and the length exact.
     """
     if len(data) != 8 * count:
         raise InstrumentError(f"{what}: {len(data)} bytes came; {8 * count} bytes ({count} numbers) are expected")

@@ -4,10 +4,9 @@ import contextlib
 import os
 import re
 import socket
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.analyzer import Analyzer, InstrumentError
+from ..base.analyzer import InstrumentError
 
 if TYPE_CHECKING:
     from pyvisa.resources import MessageBasedResource
@@ -38,7 +37,6 @@ _PROLOGIX = re.compile(
 )
 _NETWORK = re.compile(r"(?:TCPIP|PRLGX-TCPIP)\d*::([^:,\s]+)::(\d{1,5})::(?:SOCKET|INTFC)", re.IGNORECASE)
 _GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECASE)
-_RECORDING = "recording:"
 
 
 def resource_name(given: str) -> str:
@@ -59,23 +57,6 @@ def resource_name(given: str) -> str:
     if _GATEWAY.fullmatch(text):
         return text
     raise InstrumentError(f"resource {given!r}: not an instrument's address; allowed are {ALLOWED}")
-
-
-def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
-    """Return the analyzer behind `resource` (see `ALLOWED`); it is connected to, but not yet asked who it is.
-
-    `timeout_seconds`: how long a single answer may take; the wait for a sweep is computed from the plan.
-    Raises InstrumentError: not a resource, unknown host, refused, nobody there, no VISA library for it.
-    """
-    if resource.strip().startswith(_RECORDING):
-        from ..playback.played_recording import Playback
-
-        return Playback(Path(resource.strip().removeprefix(_RECORDING)).expanduser())
-    from ..agilent4294a import Agilent4294A
-    from .connection import Connection
-
-    name = resource_name(resource)
-    return Agilent4294A(Connection(resource.strip(), lambda: open_session(name), timeout_seconds))
 
 
 def open_session(name: str) -> "Session":

@@ -13,8 +13,8 @@ from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.modified_laws import Factor
 from .base.scale import active, reactance
 
-_SOURCE = 25.0
-"""ohm, between the oscillator of a 4294A and the device."""
+_USUAL_SOURCE = 25.0
+"""ohm, between oscillator and device, of a recording that does not say."""
 _RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
 _ROUNDS = 25
@@ -49,7 +49,7 @@ class DriveNonlinearity(Effect):
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
             EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
-            EffectParameter("source", "ohm", typical=10.0, upper=4 * _SOURCE, null=_SOURCE),
+            EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_USUAL_SOURCE, setting="source_ohm"),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -77,7 +77,7 @@ def _usual_strain(stack: Stack) -> float:
     per_field = abs(disk.h33) * disk.eps33S.real / disk.c33D.real
     coupling = abs(disk.h33) * per_field  # kt^2
     R = pi**2 / 8 * reactance(stack) / max(coupling * Q, 1e-3)
-    return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _SOURCE)
+    return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _USUAL_SOURCE)
 
 
 def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:

@@ -6,7 +6,8 @@ import numpy as np
 
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.planning.adaptive import adapted, plan_seconds
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
+from pzctl.drivers.planning.adaptive import adapted
 from pzctl.fitters.disk.disk_fitter import DiskFitter
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.models.constants.causal import continued
@@ -18,7 +19,7 @@ from pzctl.sim.server import SimOptions, running
 SEEDS = range(8)
 LINEAR = SweepPlan((Segment(50e3, 8e6, 801),))
 LOG = SweepPlan((Segment(50e3, 8e6, 801, "log"),))
-SECONDS = plan_seconds(LOG)
+SECONDS = CAPABILITIES.seconds(LOG)
 NAMES = ("s11E", "sigma_p", "c33D", "s11E''", "c33D''")
 
 BUILD = """
@@ -69,7 +70,7 @@ def errors(sample, sweeps):
 def recordings(sim):
     """What each way of measuring gives of the disk on the bench."""
     analyzer = open_analyzer(sim.resource)
-    found = adapted(LOG, SECONDS, analyzer.measure)
+    found = adapted(LOG, SECONDS, analyzer.measure, CAPABILITIES)
     ways = {
         "801 linear": analyzer.measure(LINEAR),
         "801 log": analyzer.measure(LOG),

@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from pzctl.drivers.agilent4294a.protocol.error_queue import queued_error
 from pzctl.drivers.base.analyzer import InstrumentError
 from pzctl.drivers.visa import replies
 
@@ -20,9 +21,9 @@ PARSERS = [
     (
         "error",
         b'-113,"UNDEFINED HEADER"',
-        lambda b: replies.queued_error(b.decode("latin-1"), "OUTPERRO?").number < 1e6,
+        lambda b: queued_error(b.decode("latin-1"), "OUTPERRO?").number < 1e6,
     ),
-    ("header", BLOCK[:8], lambda b: 0 <= replies.block_length(b, "OUTPDATA?") < 1e6),
+    ("header", BLOCK[:8], lambda b: 0 <= replies.block_length(b, 6, "OUTPDATA?") < 1e6),
     ("doubles", BLOCK[8:], lambda b: bool(np.isfinite(replies.doubles(b, 6, "OUTPDATA?")).all())),
 ]
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.agilent4294a import Agilent4294A
-from pzctl.drivers.agilent4294a.compensation import compensation_file
-from pzctl.drivers.agilent4294a.compensation.standards import Compensation
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
+from pzctl.drivers.agilent4294a.instrument import Agilent4294A
 from pzctl.drivers.agilent4294a.limits import check
+from pzctl.drivers.base import compensation_file
 from pzctl.drivers.base.analyzer import InstrumentError
+from pzctl.drivers.base.compensation import Compensation
 from pzctl.drivers.recordings import RecordingError, read_data_trace, read_recording, write_netcdf
 from pzctl.drivers.recordings.formats import netcdf_hdf5 as archive
 from pzctl.drivers.recordings.formats.datatrace import _GAP, _POINT, _PREAMBLE
@@ -54,11 +55,11 @@ def cancelled(analyzer: Agilent4294A) -> object:
 
 
 def apply(analyzer: Agilent4294A) -> object:
-    return analyzer.apply_compensation(STORED)
+    return analyzer.restore(STORED)
 
 
 def apply_that_of_another(analyzer: Agilent4294A) -> object:
-    return analyzer.apply_compensation(Compensation(STORED.arrays, "M1", STORED.taken, "HP,4294A,JP1KG00001,REV1.11"))
+    return analyzer.restore(Compensation(STORED.arrays, "M1", STORED.taken, "HP,4294A,JP1KG00001,REV1.11"))
 
 
 def unknown_standard(analyzer: Agilent4294A) -> object:
@@ -89,7 +90,12 @@ def ask_unplugged(analyzer: Agilent4294A) -> object:
         ),
         (sweep, {"SING": [b""], "*ESR?": [b"16\n"]}, "SING was refused (event status register 16)"),
         (sweep, {"DCO?": [b"1\n"]}, "the DC bias is still ON after DCO OFF; switch it off at the front panel"),
-        (sweep, {"*IDN?": [5000 * b"x"]}, "the answer to *IDN? does not end; garbage on the line?"),
+        (
+            sweep,
+            {"*IDN?": [IDN, b"HEWLETT-PACKARD,4395A,MY41101925,REV1.12\n"]},
+            "4395A,MY41101925,REV1.12'; this driver needs an HP, Agilent or Keysight 4294A",
+        ),
+        (sweep, {"*IDN?": [IDN, 5000 * b"x"]}, "the answer to *IDN? does not end; garbage on the line?"),
         (sweep, {"*STB?": [b"300\n"]}, "the status byte is 300; 0 to 255 is allowed"),
         (with_bias, {"DCO?": [b"0\n"]}, "the DC bias of 4 V did not come on; reported: no error"),
         (sweep, {"HOLD": [b""]}, "it goes on sweeping after HOLD"),
@@ -168,10 +174,13 @@ def test_an_archive_of_another_format(tmp_path: Path, monkeypatch: pytest.Monkey
             "sweep plan: spacing 'cubic' is not known; linear or log is allowed",
         ),
         (
-            lambda folder: compensation_file.save(folder / "no" / "c.json", STORED),
+            lambda folder: compensation_file.save(folder / "no" / "c.json", STORED, "4294A"),
             "c.json: the compensation cannot be written: No such file or directory",
         ),
-        (lambda folder: compensation_file.load(emptied(folder)), "c.json: the compensation holds no values for open"),
+        (
+            lambda folder: compensation_file.load(emptied(folder), CAPABILITIES),
+            "c.json: the compensation holds no values for open",
+        ),
         (
             lambda folder: write_netcdf(replace(SWEEP, id="a\0b"), folder / "a.nc"),
             "recording 'a?b' cannot be written: a NUL is no text",
@@ -193,7 +202,7 @@ SWEEP = Sweep(np.array([1e6, 2e6]), np.array([1j, 2j]))
 
 def emptied(folder: Path) -> Path:
     path = folder / "c.json"
-    compensation_file.save(path, STORED)
+    compensation_file.save(path, STORED, "4294A")
     path.write_text(re.sub(r'"open":\[.*?\]\]', '"open":[]', path.read_text()))
     return path
 

@@ -19,12 +19,14 @@ def adapted_plan(lab: "Client", build: "Build", step: str, console: "Console") -
     Looks are measurements like any other, in the journal too. Raises UsageError where the build says nothing of what
     to sweep, AdaptiveError where nothing is seen, DaemonError.
     """
-    from ....drivers.planning.adaptive import adapted, plan_seconds
+    from ....drivers import capabilities_of
+    from ....drivers.planning.adaptive import adapted
 
     if build.plan is None:
         raise UsageError(f"--adaptive: build {build.name!r} has no [sweep]; its range and its time are needed")
-    seconds = plan_seconds(build.plan)
-    found = adapted(build.plan, seconds, lambda plan: lab.measure(build, step, plan).sweeps)
+    can = capabilities_of(lab.hello().instrument.idn)
+    seconds = can.seconds(build.plan)
+    found = adapted(build.plan, seconds, lambda plan: lab.measure(build, step, plan).sweeps, can)
     points = sum(segment.points for segment in found.plan.segments)
     console.print(
         f"{step}: looked {len(found.looks)} time(s); {points} points in {len(found.plan.segments)} segments for "

@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ....drivers import capabilities_of
 from ....models.materials import find
+from ....models.sweep_plan import USUAL_POINTS
 from ...report.tables.numbers import complex_with_uncertainty
 
 _SWEEP = """
 [sweep]                            # how to measure: around the resonance, then wide
 segments = [
-    {{ start_MHz = {near_start:.4g}, stop_MHz = {near_stop:.4g}, points = 801 }},
-    {{ start_MHz = {wide_start:.4g}, stop_MHz = {wide_stop:.4g}, points = 801 }},
+    {{ start_MHz = {near_start:.4g}, stop_MHz = {near_stop:.4g}, points = {points} }},
+    {{ start_MHz = {wide_start:.4g}, stop_MHz = {wide_stop:.4g}, points = {points} }},
 ]
 oscillator_V = 0.5
 bandwidth = 5                      # 1 fast to 5 precise
@@ -93,8 +95,13 @@ def _sweep(new: NewBuild) -> str:
     values = find(disk.material).values
     speed = (values["c33D"].re / values["density"].re) ** 0.5 if "c33D" in values else 4400.0
     f_MHz = speed / (2e3 * disk.thickness_mm)
+    highest_MHz = capabilities_of("").frequency_Hz[1] / 1e6
     return _SWEEP.format(
-        near_start=0.25 * f_MHz, near_stop=1.5 * f_MHz, wide_start=0.12 * f_MHz, wide_stop=min(3.6 * f_MHz, 110.0)
+        near_start=0.25 * f_MHz,
+        near_stop=1.5 * f_MHz,
+        wide_start=0.12 * f_MHz,
+        wide_stop=min(3.6 * f_MHz, highest_MHz),
+        points=USUAL_POINTS,
     )
 
 

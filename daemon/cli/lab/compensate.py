@@ -11,8 +11,8 @@ from ..analysis.fit import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ....drivers.agilent4294a import Agilent4294A
-    from ....drivers.agilent4294a.compensation.standards import Compensation, Standard
+    from ....drivers.base.analyzer import Analyzer
+    from ....drivers.base.compensation import Compensation, Standard
 
 
 def compensate(
@@ -34,21 +34,21 @@ def compensate(
 
     Example: pzctl compensate clips.json --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from ....drivers.agilent4294a.compensation import compensation_file
+    from ....drivers.base import compensation_file
     from ...report.terminal import console
-    from .instrument_access import own_4294a
+    from .instrument_access import own_analyzer
 
     if apply and (standard or adapter != "OFF"):
         raise UsageError("--apply: standards and adapter are those of the file; leave --standard and --adapter away")
     wanted = _standards(standard or ["open", "short"])
     screen = console(stderr=True)
-    with own_4294a(resource) as analyzer:
+    with own_analyzer(resource) as analyzer:
         if apply:
-            stored = compensation_file.load(file)
-            analyzer.apply_compensation(stored)
+            stored = compensation_file.load(file, analyzer.capabilities)
+            analyzer.restore(stored)
         else:
             stored = _measured(analyzer, wanted, adapter, screen)
-            compensation_file.save(file, stored)
+            compensation_file.save(file, stored, analyzer.capabilities.model)
     if as_json:
         told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
         print(json.dumps(told | {"measured": not apply}))
@@ -60,7 +60,7 @@ def compensate(
 
 
 def _standards(names: list[str]) -> "list[Standard]":
-    from ....drivers.agilent4294a.compensation.standards import Standard
+    from ....drivers.base.compensation import Standard
 
     known: tuple[Standard, ...] = get_args(Standard)
     for name in names:
@@ -69,15 +69,14 @@ def _standards(names: list[str]) -> "list[Standard]":
     return [name for name in known if name in names]
 
 
-def _measured(analyzer: "Agilent4294A", wanted: "list[Standard]", adapter: str, console: "Console") -> "Compensation":
+def _measured(analyzer: "Analyzer", wanted: "list[Standard]", adapter: str, console: "Console") -> "Compensation":
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from ....drivers.agilent4294a.protocol.settings import CONDITIONS, ChoiceSetting
     from ....drivers.base.analyzer import Progress as Step
 
-    kind = CONDITIONS["E4TP"]
-    if isinstance(kind, ChoiceSetting) and adapter not in kind.allowed:
-        raise UsageError(f"--adapter {adapter}: there are {', '.join(kind.allowed)}")
+    adapters = analyzer.capabilities.adapters
+    if adapters and adapter not in adapters:
+        raise UsageError(f"--adapter {adapter}: there are {', '.join(adapters)}")
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     progress = Progress(*columns, TimeRemainingColumn(), console=console, transient=True)
     task = progress.add_task("", total=1.0)

@@ -9,9 +9,9 @@ import typer
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
-    from ....drivers.agilent4294a.instrument_files import Kind
+    from ....drivers.base.analyzer import FileKind
 
-KINDS: "dict[str, Kind]" = {".tif": "screen", ".txt": "ascii", ".dat": "binary", ".s1p": "touchstone"}
+KINDS: "dict[str, FileKind]" = {".tif": "screen", ".txt": "ascii", ".dat": "binary", ".s1p": "touchstone"}
 """What the file's name ends with, and what it then holds."""
 
 
@@ -26,14 +26,16 @@ def screenshot(
 
     Example: pzctl screenshot clips.tif --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from ....drivers.base.analyzer import InstrumentError
+    from ....drivers.base.analyzer import InstrumentError, MakesFiles
     from ...report.terminal import console
-    from .instrument_access import own_4294a
+    from .instrument_access import own_analyzer
 
     kind = KINDS.get(file.suffix.lower())
     if kind is None:
         raise UsageError(f"{file}: the name ends with {file.suffix!r}; allowed are {', '.join(KINDS)}")
-    with own_4294a(resource) as analyzer:
+    with own_analyzer(resource) as analyzer:
+        if not isinstance(analyzer, MakesFiles):
+            raise UsageError(f"--resource {resource}: this analyzer makes no files of what it shows")
         data = analyzer.fetch(kind)
     try:
         file.write_bytes(data)

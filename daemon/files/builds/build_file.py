@@ -11,7 +11,7 @@ import msgspec
 
 from ....models.base.errors import PzctlError
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
-from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
+from ....models.sweep_plan import BANDWIDTHS, USUAL_POINTS, LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
 from .build_table import (
     ELASTIC_KEYS,
@@ -233,8 +233,10 @@ def _plan(table: Table) -> SweepPlan:
     for key in ("point_delay_s", "sweep_delay_s"):
         if settings.get(key, 0.0) < 0:
             raise table.error(key, f"is {settings[key]:g}; 0 s (none) or more is needed")
-    if not 1 <= settings.get("bandwidth", 1) <= 5:
-        raise table.error("bandwidth", f"is {settings['bandwidth']}; 1 (fast) to 5 (precise) is allowed")
+    if settings.get("bandwidth", BANDWIDTHS[0]) not in BANDWIDTHS:
+        fast, precise = BANDWIDTHS[0], BANDWIDTHS[-1]
+        says = f"is {settings['bandwidth']}; {fast} (fast) to {precise} (precise) is allowed"
+        raise table.error("bandwidth", says)
     for key in ("point_average", "sweep_average"):
         if settings.get(key, 1) < 1:
             raise table.error(key, f"is {settings[key]}; 1 (off) or more is needed")
@@ -265,7 +267,7 @@ def _segment(table: Table) -> Segment:
         if len(given) != 1:
             raise table.missing(f"single {end}", f"give one of {', '.join(keys)}")
         found[end] = table.number(given[0]) * keys[given[0]]
-    points = table.integer("points") if "points" in table.data else 801
+    points = table.integer("points") if "points" in table.data else USUAL_POINTS
     spacing = table.string("spacing") if "spacing" in table.data else "linear"
     if spacing not in ("linear", "log"):
         raise table.error("spacing", f'is {spacing!r}; "linear" or "log" is needed')

@@ -8,13 +8,11 @@ from typing import Any
 
 import msgspec
 
-from ....drivers.agilent4294a.accuracy import relative_noise
-from ....drivers.planning.adaptive import plan_seconds
-from ....fitters.diagnosis.design.experiment_design import InstrumentLimits, Proposal, Question, proposals
+from ....drivers import capabilities_of
+from ....fitters.diagnosis.design.experiment_design import Proposal, Question, proposals
 from ....fitters.diagnosis.design.sweep_comparison import compared
 from ....fitters.diagnosis.findings import Diagnosis
 from ....fitters.interface import FitTask
-from ....models.base.arrays import Frequencies, Impedances, Reals
 from ....models.sweep_plan import SweepPlan
 
 
@@ -29,7 +27,7 @@ def deciding_json(task: FitTask, diagnosis: Diagnosis, own: FitTask, propose: bo
     if further:
         found["compared"] = [one.says for one in compared(own.sweeps[step], further)]
     if propose:
-        instrument = InstrumentLimits(plan_seconds, _noise)
+        instrument = capabilities_of(str(own.sweeps[step][0].settings.get("instrument", "")))
         found["would_measure"] = [_proposal(one, diagnosis) for one in proposals(task, diagnosis, instrument)]
     return found
 
@@ -73,9 +71,3 @@ def _named(question: Question) -> str:
 
 def _listed(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _noise(plan: SweepPlan, frequency: Frequencies, impedance: Impedances) -> Reals:
-    """Return what is expected of a 4294A."""
-    averages = plan.point_average * plan.sweep_average
-    return relative_noise(frequency, impedance, plan.bandwidth, plan.oscillator_V, averages)

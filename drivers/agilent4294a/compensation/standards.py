@@ -7,20 +7,18 @@ measures at its own points from 40 Hz to 110 MHz and interpolates, so that one c
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from ....models.base.arrays import Complexes
 from ....models.sweep import now_utc
 from ...base.analyzer import Identity, InstrumentError
+from ...base.compensation import Compensation, Standard
 from ...visa import replies
 from ...visa.connection import Connection
 from ..protocol import error_queue as errorqueue
 from ..protocol import settings
 from ..protocol import sweep_wait as wait
-
-Standard = Literal["open", "short", "load"]
 
 STANDARD_SECONDS = 110.0
 """How long a standard takes: tens of seconds to minutes are reported; others wait for 120 to 180 s."""
@@ -49,20 +47,6 @@ _RECIPES: Mapping[Standard, _Recipe] = {
     ),
     "load": _Recipe("COMC", "COMSTC", "OUTPCOMC3?", "INPUCOMC3", f"Connect the {LOAD_OHM:g} ohm load."),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Compensation:
-    """What a fixture adds, as the instrument measured it."""
-
-    arrays: Mapping[Standard, Complexes]
-    """At the instrument's fixed points, lowest frequency first: open in siemens (G + jB), short and load in ohm."""
-    adapter: str
-    """Token of `E4TP`; the arrays hold for it alone."""
-    taken: str
-    """When, RFC 3339, UTC."""
-    instrument: str
-    """Answer to `*IDN?`; the arrays hold for it alone."""
 
 
 def measure(
@@ -121,7 +105,7 @@ def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
 
 def _array(link: Connection, name: Standard) -> Complexes:
     query = _RECIPES[name].output
-    data = link.ask_block(f"FORM3;{query}", MOST_BYTES)
+    data = link.ask_block(f"FORM3;{query}", MOST_BYTES, settings.LENGTH_DIGITS)
     pairs = replies.doubles(data, len(data) // 16 * 2, f"{link.name}: {query}")
     if not pairs.size:
         raise InstrumentError(f"{link.name}: {query}: no {name} compensation is stored")

@@ -12,8 +12,12 @@ from dataclasses import dataclass
 from ...base.analyzer import InstrumentError
 from ...visa import replies
 from ...visa.connection import Connection
+from ..capabilities import CAPABILITIES
 
 Value = float | bool | str
+
+LENGTH_DIGITS = 6
+"""In the head of a binary block: `#6000048` (Programming Manual p.80)."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ SETTINGS: dict[str, Kind] = {
 
 CONDITIONS: dict[str, Kind] = {
     "CALP": ChoiceSetting("points of compensation", ("FIXED", "USER")),
-    "E4TP": ChoiceSetting("adapter", ("OFF", "M1", "M2", "APC7", "PROBE")),
+    "E4TP": ChoiceSetting("adapter", CAPABILITIES.adapters),
     "CALST": FlagSetting("user calibration"),
     "COMSTA": FlagSetting("open compensation"),
     "COMSTB": FlagSetting("short compensation"),

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....models.base.arrays import Frequencies
 from ....models.sweep_plan import Segment
-from ..limits import MOST_POINTS
+from ..capabilities import MOST_POINTS
 
 OVERLAP_POINTS = 16
 """Points that two neighbouring sweeps of one segment share: 32 real numbers to estimate noise and drift from."""

@@ -20,7 +20,7 @@ from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import InstrumentError
 from ...visa import replies
 from ...visa.connection import Connection, ConnectionLost
-from .. import limits
+from .. import capabilities
 from ..protocol import error_queue as errorqueue
 from ..protocol import settings
 from ..protocol import sweep_wait as wait
@@ -29,9 +29,6 @@ from . import single_sweep as sweeping
 
 LINE_POINTS = 201
 """A line of the table has at most."""
-LINES = 18
-"""A table has at most."""
-
 _OF_A_LINE = ("STAR", "STOP", "POIN", "BWFACT", "POWE")
 """Settings of a line; in a list sweep the sweep's own have no meaning."""
 
@@ -51,8 +48,8 @@ def why_not(plan: SweepPlan) -> str:
         return "its segments are not one recording"
     if any(segment.spacing == "log" for segment in plan.segments):
         return "a line of the table has linear steps alone"
-    if any(segment.points > limits.MOST_POINTS for segment in plan.segments):
-        return f"a segment has more than {limits.MOST_POINTS} points"
+    if any(segment.points > capabilities.MOST_POINTS for segment in plan.segments):
+        return f"a segment has more than {capabilities.MOST_POINTS} points"
     if plan.bias_V or plan.point_average > 1:
         return "how a line of the table sets bias and point averaging is not known"
     return ""
@@ -63,7 +60,7 @@ def batches(plan: SweepPlan) -> tuple[tuple[Segment, ...], ...]:
     made: list[list[Segment]] = [[]]
     for segment in plan.segments:
         both = [*made[-1], segment]
-        if len(lines(both)) > LINES or sum(one.points for one in both) > limits.MOST_POINTS:
+        if len(lines(both)) > capabilities.MOST_LINES or sum(one.points for one in both) > capabilities.MOST_POINTS:
             made.append([segment])
         else:
             made[-1] = both
@@ -127,10 +124,10 @@ def _level(plan: SweepPlan) -> float:
 
 def _others(plan: SweepPlan) -> dict[str, settings.Value]:
     """Return settings of the sweep itself that none of its lines has: what shows which of both is read and written."""
-    least = limits.LOWEST_OSCILLATOR_V if plan.oscillator_A is None else limits.LOWEST_OSCILLATOR_A
+    least = capabilities.LOWEST_OSCILLATOR_V if plan.oscillator_A is None else capabilities.LOWEST_OSCILLATOR_A
     level = _level(plan)
     return {
-        "POIN": limits.MOST_POINTS,
+        "POIN": capabilities.MOST_POINTS,
         "BWFACT": plan.bandwidth - 1 if plan.bandwidth > 1 else 2,
         "POWE": level / 2 if level / 2 >= least else 2 * level,
     }

@@ -135,7 +135,9 @@ def read(link: Connection, expected: Frequencies) -> tuple[Frequencies, Impedanc
     """
     n = expected.size
     blocks = {
-        query: replies.doubles(link.ask_block(f"FORM3;{query}", 8 * count), count, f"{link.name}: {query}")
+        query: replies.doubles(
+            link.ask_block(f"FORM3;{query}", 8 * count, settings.LENGTH_DIGITS), count, f"{link.name}: {query}"
+        )
         for query, count in (("OUTPSWPRM?", n), ("OUTPDATA?", 2 * n))
     }
     frequency, pairs = blocks["OUTPSWPRM?"], blocks["OUTPDATA?"]

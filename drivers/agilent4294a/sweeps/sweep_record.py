@@ -10,7 +10,7 @@ from ....models.sweep import Sweep
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import Identity
 from ..accuracy import relative_accuracy, relative_noise
-from ..limits import HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
+from ..capabilities import CAPABILITIES, HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from ..protocol.settings import CONDITIONS, Value
 from ..sweep_time import estimated
 from .single_sweep import RawSweep
@@ -42,6 +42,7 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
         "resource": identity.name,
         **_as_read_back(got, segment, plan),
         **_conditions(got),
+        "source_ohm": CAPABILITIES.source_ohm,
         "started": raws[0].started,
         "ended": raws[-1].ended,
         "sweep_seconds": round(sum(raw.seconds for raw in raws), 3),

@@ -1,23 +1,53 @@
 """What an impedance analyzer can do differently: another level, bandwidth, direction, band, or the same once more."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from ....models.base.arrays import Frequencies
+from ....models.base.arrays import Frequencies, Impedances, Reals
 from ....models.sweep import Sweep
 from ....models.sweep_plan import Segment, SweepPlan
 
-_LOWEST_V, _HIGHEST_V = 5e-3, 1.0
-_HIGHEST_HZ, _LOWEST_HZ = 110e6, 40.0
 _LEVEL_STEP = 5.0
-_SLOW, _FAST = 5, 1
-_MOST_POINTS, _DENSER = 801, 3
-"""Of a sweep over a wider band: a resonance must not fall between its points."""
+_DENSER = 3
+"""A sweep over a wider band has as many times the points: a resonance must not fall between them."""
 _OVERTONE = 3.3
 """The third harmonic and what lies above it, from the stop of a sweep over the fundamental."""
+
+
+class InstrumentLimits(Protocol):
+    """What has to be known of an analyzer to plan with it."""
+
+    @property
+    def frequency_Hz(self) -> tuple[float, float]:
+        """Lowest and highest."""
+        ...
+
+    @property
+    def oscillator_V(self) -> tuple[float, float]:
+        """Lowest and highest, rms."""
+        ...
+
+    @property
+    def bandwidths(self) -> tuple[int, ...]:
+        """Fast to precise."""
+        ...
+
+    @property
+    def points_per_sweep(self) -> int:
+        """In one sweep, at most."""
+        ...
+
+    @property
+    def noise(self) -> Callable[[SweepPlan, Frequencies, Impedances], Reals]:
+        """Relative standard deviation of Re and Im of Z from point to point, shape (N,)."""
+        ...
+
+    def seconds(self, plan: SweepPlan) -> float:
+        """Return how long a plan takes."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -31,12 +61,12 @@ class Experiment:
     plan: SweepPlan
 
 
-def experiments(sweeps: Sequence[Sweep]) -> tuple[Experiment, ...]:
-    """Return what can be tried of a step that was recorded in `sweeps`; the narrowest of them is varied."""
+def experiments(sweeps: Sequence[Sweep], can: InstrumentLimits) -> tuple[Experiment, ...]:
+    """Return what `can` be tried of a step that was recorded in `sweeps`; the narrowest of them is varied."""
     sweep = min(sweeps, key=lambda one: float(one.frequency[-1] / one.frequency[0]))
     base = plan_of(sweep)
-    found = [_other_bandwidth(base), _other_direction(base), _wider(base), _finer(base, sweep)]
-    found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base)]
+    found = [_other_bandwidth(base, can), _other_direction(base), _wider(base, can), _finer(base, sweep)]
+    found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base, can)]
     return tuple(one for one in found if one is not None)
 
 
@@ -70,24 +100,26 @@ def frequencies(plan: SweepPlan) -> Frequencies:
     return np.asarray(space(segment.start_Hz, segment.stop_Hz, segment.points), np.float64)
 
 
-def _other_levels(base: SweepPlan) -> list[Experiment]:
+def _other_levels(base: SweepPlan, can: InstrumentLimits) -> list[Experiment]:
     if base.oscillator_A is not None:
         return []
     V = base.oscillator_V
+    lowest, highest = can.oscillator_V
     made: list[Experiment] = []
-    if V / _LEVEL_STEP >= _LOWEST_V:
+    if lowest <= V / _LEVEL_STEP:
         low = round(V / _LEVEL_STEP, 4)
         made.append(
             Experiment("lower level", f"sweep at {low:g} V instead of {V:g} V", replace(base, oscillator_V=low))
         )
-    if V <= _HIGHEST_V / 2:
-        says = f"sweep at {_HIGHEST_V:g} V instead of {V:g} V"
-        made.append(Experiment("higher level", says, replace(base, oscillator_V=_HIGHEST_V)))
+    if highest / 2 >= V:
+        says = f"sweep at {highest:g} V instead of {V:g} V"
+        made.append(Experiment("higher level", says, replace(base, oscillator_V=highest)))
     return made
 
 
-def _other_bandwidth(base: SweepPlan) -> Experiment:
-    other, word = (_FAST, "faster") if base.bandwidth == _SLOW else (_SLOW, "slower")
+def _other_bandwidth(base: SweepPlan, can: InstrumentLimits) -> Experiment:
+    fast, slow = can.bandwidths[0], can.bandwidths[-1]
+    other, word = (fast, "faster") if base.bandwidth == slow else (slow, "slower")
     says = f"sweep {word}, with bandwidth {other} instead of {base.bandwidth}"
     return Experiment("bandwidth", says, replace(base, bandwidth=other))
 
@@ -97,12 +129,13 @@ def _other_direction(base: SweepPlan) -> Experiment:
     return Experiment("direction", f"sweep {other} instead of {base.direction}", replace(base, direction=other))
 
 
-def _wider(base: SweepPlan) -> Experiment | None:
+def _wider(base: SweepPlan, can: InstrumentLimits) -> Experiment | None:
     (one,) = base.segments
-    low, high = max(one.start_Hz / 2, _LOWEST_HZ), min(_OVERTONE * one.stop_Hz, _HIGHEST_HZ)
+    lowest, highest = can.frequency_Hz
+    low, high = max(one.start_Hz / 2, lowest), min(_OVERTONE * one.stop_Hz, highest)
     if high <= one.stop_Hz:
         return None
-    return _over(base, "wider band", low, high, max(one.points, min(_MOST_POINTS, _DENSER * one.points)))
+    return _over(base, "wider band", low, high, max(one.points, min(can.points_per_sweep, _DENSER * one.points)))
 
 
 def _finer(base: SweepPlan, sweep: Sweep) -> Experiment | None:

@@ -5,19 +5,18 @@ something else; how far off it stays after it has bent as far as the recordings 
 worth. A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57 (T-optimal discrimination), linear in the bending.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from ....models.base.arrays import Frequencies, Impedances, Reals
+from ....models.base.arrays import Reals
 from ....models.base.model import Model
 from ....models.build import Build
 from ....models.effects import Conditions, Device
 from ....models.effects.base.effect import Stage
 from ....models.sweep import Sweep
-from ....models.sweep_plan import SweepPlan
 from ...engine.multi_step_fit import solve
 from ...engine.objective import Objective
 from ...engine.recording import Recording
@@ -30,7 +29,7 @@ from ..hypotheses.instrument_artefacts import ANY, UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..search.refit import Refit, refit
 from ..search.trial_fits import resoftened
-from .candidate_sweeps import Experiment, experiments, frequencies, settings_of
+from .candidate_sweeps import Experiment, InstrumentLimits, experiments, frequencies, settings_of
 
 TELLS = 100.0
 """chi2 by which a measurement must tell two explanations apart to be proposed: ten standard deviations."""
@@ -40,16 +39,6 @@ _LIKELY = 0.02
 """Probability from which something else is worth a measurement."""
 _MOST = 3
 """Measurements that are proposed at once."""
-
-
-@dataclass(frozen=True)
-class InstrumentLimits:
-    """What has to be known of an instrument to plan with it."""
-
-    seconds: Callable[[SweepPlan], float]
-    """How long a plan takes."""
-    noise: Callable[[SweepPlan, Frequencies, Impedances], Reals]
-    """Relative standard deviation of Re and Im of Z from point to point, shape (N,)."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +81,7 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits)
     """
     sweeps = gate(task.sweeps).sweeps
     step = list(sweeps)[-1]
-    choice = bearable(experiments(sweeps[step]), task.build)
+    choice = bearable(experiments(sweeps[step], instrument), task.build)
     if diagnosis.verdict in ("unexplained", "partly-explained"):
         return _unexplained(choice, instrument)
     problem = Problem.of(solve(replace(task, sweeps=sweeps), lambda _: None), task.free)

@@ -61,7 +61,11 @@ def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
 
 
 def _recorded(problem: Problem, knob: EffectParameter) -> EffectParameter:
-    """Return a parameter that is a frequency within the recorded band: what lies beyond it shows no line."""
+    """Return a parameter as the recordings say it; a frequency within their band: what lies beyond shows no line."""
+    if knob.setting:
+        said = (recording.sweep.settings.get(knob.setting) for recording in problem.recordings)
+        known = next((float(value) for value in said if value is not None), knob.null)
+        return replace(knob, null=float(np.clip(known, knob.lower, knob.upper)))
     if knob.name != "frequency" or knob.unit != "Hz":
         return knob
     low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)

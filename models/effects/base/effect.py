@@ -56,6 +56,8 @@ class EffectParameter:
     """How large it is in nature, before any recording: median and standard deviation of its logarithm, where it grows
     from nothing; else mean and standard deviation. None: three typical sizes within a factor of five (or around null).
     """
+    setting: str = ""
+    """The setting of a recording that says its null, where there is one."""
 
     @property
     def from_nothing(self) -> bool:

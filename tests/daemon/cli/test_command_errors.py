@@ -91,7 +91,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             ["screenshot", "s.tif", "--resource", "recording:disk.csv"],
-            "--resource recording:disk.csv: a recording has no fixture and no screen; name an instrument",
+            "recording:disk.csv: a recording has no fixture and no screen; name an instrument",
         ),
         (["new", "disk.csv"], "disk.csv: this file is there already; name another one"),
         (["new", "x.toml"], "x.toml: not written: the answers ended before the questions did"),

@@ -56,11 +56,11 @@ def bench(sim, **command):
 def attempt(sim, kind=None, at=0, plan=PLAN):
     """Measure `plan` with a fault of `kind` at the `at`-th exchange."""
     bench(sim, command="power-cycle", seconds=0.0)
+    analyzer = open_analyzer(sim.resource, timeout_seconds=SILENT_SECONDS if kind in SILENT else ANSWER_SECONDS)
     if kind:
         bench(sim, command="fault", kind=kind, at=at, **KINDS[kind])
     before = bench(sim, command="status")["exchanges"]
     begun, impedance, error = time.monotonic(), None, ""
-    analyzer = open_analyzer(sim.resource, timeout_seconds=SILENT_SECONDS if kind in SILENT else ANSWER_SECONDS)
     try:
         impedance = analyzer.measure(plan)[0].impedance
     except InstrumentError as raised:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.agilent4294a.compensation import compensation_file
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
+from pzctl.drivers.base import compensation_file
 from pzctl.drivers.base.analyzer import Cancelled, InstrumentError
 from pzctl.drivers.recordings import read_recording
 from pzctl.models.sweep_plan import Segment, SweepPlan
@@ -148,9 +149,8 @@ def test_compensation_takes_the_clips_out_and_can_be_given_back(clips, tmp_path)
     analyzer, asked = open_analyzer(clips.resource), []
     (raw,) = analyzer.measure(plan)
 
-    compensation_file.save(
-        tmp_path / "clips.json", analyzer.compensate(("open", "short"), standards_put_in(clips, asked))
-    )
+    taken = analyzer.compensate(("open", "short"), standards_put_in(clips, asked))
+    compensation_file.save(tmp_path / "clips.json", taken, "4294A")
 
     assert len(asked) == 2
     bench(clips, command="connect", what="device")
@@ -167,10 +167,13 @@ def test_compensation_takes_the_clips_out_and_can_be_given_back(clips, tmp_path)
 
     bench(clips, command="power-cycle", seconds=0.0)
     again = open_analyzer(clips.resource)
-    again.apply_compensation(compensation_file.load(tmp_path / "clips.json"))
+    again.restore(compensation_file.load(tmp_path / "clips.json", CAPABILITIES))
     (restored,) = again.measure(plan)
     again.close()
     np.testing.assert_allclose(restored.impedance, compensated.impedance, rtol=1e-5)
+
+
+KEPT = b'{"kind": "%s", "version": 1, "instrument": "", "adapter": "%s", "taken": "", "arrays": {"open": [[0, 1]]}}'
 
 
 @pytest.mark.parametrize(
@@ -178,7 +181,9 @@ def test_compensation_takes_the_clips_out_and_can_be_given_back(clips, tmp_path)
     [
         (None, "cannot be read: No such file"),
         (b"not JSON", "this is no compensation: JSON is malformed"),
-        (b'{"kind": "something else"}', r"this is no compensation: Invalid enum value .* at `\$\.kind`"),
+        (b'{"kind": "something else"}', "this is no compensation: Object missing required field"),
+        (KEPT % (b"E4990A compensation", b"OFF"), "kind is 'E4990A compensation'; 4294A compensation is allowed"),
+        (KEPT % (b"4294A compensation", b"N"), "adapter is 'N'; OFF, M1, M2, APC7, PROBE is allowed"),
     ],
 )
 def test_a_file_that_is_no_compensation(tmp_path, content, words):
@@ -186,7 +191,7 @@ def test_a_file_that_is_no_compensation(tmp_path, content, words):
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(InstrumentError, match=words):
-        compensation_file.load(file)
+        compensation_file.load(file, CAPABILITIES)
 
 
 def test_a_standard_that_is_none_is_refused(clips):

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.drivers import open_analyzer
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.drivers.agilent4294a.sweeps import grid
-from pzctl.drivers.planning.adaptive import AdaptiveError, adapted, adaptive_plan, look_plan, plan_seconds
+from pzctl.drivers.planning.adaptive import AdaptiveError, adapted, adaptive_plan, look_plan
 from pzctl.drivers.planning.resonances import Resonance, resonances
 from pzctl.models.sweep import Sweep
 from pzctl.models.sweep_plan import PlanError, Segment, SweepPlan
@@ -41,7 +42,7 @@ def looking_at(q, seen):
 @pytest.mark.parametrize("q", [50, 1000, 5000])
 def test_a_resonance_too_narrow_for_the_fast_look_is_looked_at_again(q):
     plans = []
-    found = adapted(BASE, BASE_SECONDS, looking_at(q, plans))
+    found = adapted(BASE, BASE_SECONDS, looking_at(q, plans), CAPABILITIES)
     assert (len(plans) > 1) == (q >= 1000)
     series, parallel = found.resonances
     assert series.frequency == pytest.approx(1e6, rel=0.2 / q)
@@ -67,7 +68,7 @@ def test_a_resonance_too_narrow_for_the_fast_look_is_looked_at_again(q):
     st.floats(60.0, 600.0),
 )
 def test_every_resonance_kept_has_its_points_and_the_time_is_kept(seen, seconds):
-    plan, kept = adaptive_plan(BASE, seen, seconds)
+    plan, kept = adaptive_plan(BASE, seen, seconds, CAPABILITIES)
     f = axis(plan)
     assert np.all(np.diff(f) > 0)
     assert f[0] == 50e3
@@ -83,20 +84,20 @@ def test_every_resonance_kept_has_its_points_and_the_time_is_kept(seen, seconds)
 
 def test_a_segment_saves_more_than_its_set_up_takes():
     one = Resonance(1e6, 1e4, 0.9, 100.0)
-    precise, _ = adaptive_plan(BASE, [one], 60.0)
-    fast, _ = adaptive_plan(replace(BASE, bandwidth=1), [one], 5.0)
+    precise, _ = adaptive_plan(BASE, [one], 60.0, CAPABILITIES)
+    fast, _ = adaptive_plan(replace(BASE, bandwidth=1), [one], 5.0, CAPABILITIES)
     assert len(fast.segments) < len(precise.segments)
-    patient, _ = adaptive_plan(replace(BASE, sweep_delay_s=5.0), [one], 120.0)
-    assert plan_seconds(patient) <= 120.0
+    patient, _ = adaptive_plan(replace(BASE, sweep_delay_s=5.0), [one], 120.0, CAPABILITIES)
+    assert CAPABILITIES.seconds(patient) <= 120.0
     assert len(patient.segments) < len(precise.segments)
 
 
 def test_no_resonance_and_no_time_are_said():
     with pytest.raises(AdaptiveError, match="no resonance between 50 and 8000 kHz"):
-        adaptive_plan(BASE, (), 100.0)
+        adaptive_plan(BASE, (), 100.0, CAPABILITIES)
     one = Resonance(1e6, 1e4, 0.9, 100.0)
     with pytest.raises(AdaptiveError, match="10 s are left, and one resonance alone"):
-        adaptive_plan(BASE, [one], 10.0)
+        adaptive_plan(BASE, [one], 10.0, CAPABILITIES)
 
 
 def test_an_inverted_device_is_said_to_be_one():
@@ -104,11 +105,11 @@ def test_an_inverted_device_is_said_to_be_one():
         return tuple(Sweep(f := grid.points(s), -resonator(f, 50)) for s in plan.segments)
 
     with pytest.raises(AdaptiveError, match="polarity of the leads"):
-        adapted(BASE, BASE_SECONDS, measure)
+        adapted(BASE, BASE_SECONDS, measure, CAPABILITIES)
 
 
 def test_noise_of_a_bare_capacitor_is_no_resonance():
-    f = grid.points(look_plan(BASE).segments[0])
+    f = grid.points(look_plan(BASE, CAPABILITIES).segments[0])
     rng = np.random.default_rng(1)
     noise = 2e-4 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
     assert resonances((Sweep(f, np.exp(noise) / (2j * np.pi * f * 1e-9 * (1 - 0.002j))),)) == ()
@@ -118,7 +119,10 @@ def test_at_the_lowest_level_noise_is_not_taken_for_resonances():
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, radial=True)) as sim:
         analyzer = open_analyzer(sim.resource)
         loud, quiet = (
-            [one.frequency for one in resonances(analyzer.measure(look_plan(replace(BASE, oscillator_V=volts))))]
+            [
+                one.frequency
+                for one in resonances(analyzer.measure(look_plan(replace(BASE, oscillator_V=volts), CAPABILITIES)))
+            ]
             for volts in (0.5, 0.005)
         )
         analyzer.close()
@@ -134,7 +138,7 @@ def test_segments_that_are_joined_must_rise():
 def test_a_joined_plan_comes_back_as_one_recording():
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, radial=True)) as sim:
         analyzer = open_analyzer(sim.resource)
-        found = adapted(BASE, BASE_SECONDS, analyzer.measure)
+        found = adapted(BASE, BASE_SECONDS, analyzer.measure, CAPABILITIES)
         (sweep,) = analyzer.measure(found.plan)
         apart = analyzer.measure(replace(found.plan, joined=False))
         analyzer.close()

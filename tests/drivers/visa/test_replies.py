@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pzctl.drivers.agilent4294a.protocol.error_queue import queued_error
 from pzctl.drivers.base.analyzer import InstrumentError
 from pzctl.drivers.visa import replies
 
@@ -15,8 +16,8 @@ PARSERS = {
     "integer": lambda text: replies.integer(text, "X?"),
     "flag": lambda text: replies.flag(text, "X?"),
     "word": lambda text: replies.word(text, "X?", ("LIN", "LOG")),
-    "error": lambda text: replies.queued_error(text, "X?"),
-    "header": lambda text: replies.block_length(text.encode("latin-1", "replace"), "X?"),
+    "error": lambda text: queued_error(text, "X?"),
+    "header": lambda text: replies.block_length(text.encode("latin-1", "replace"), 6, "X?"),
 }
 
 
@@ -39,7 +40,7 @@ def test_what_python_takes_for_a_number_and_an_instrument_never_sends(text):
     [('0,"NO ERROR"', (0, "NO ERROR")), ("+0,NO ERROR", (0, "NO ERROR")), ('-113,"UNDEFINED"', (-113, "UNDEFINED"))],
 )
 def test_errors_with_and_without_quotes(text, error):
-    found = replies.queued_error(text, "OUTPERRO?")
+    found = queued_error(text, "OUTPERRO?")
     assert (found.number, found.text) == error
 
 

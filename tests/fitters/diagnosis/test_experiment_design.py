@@ -8,14 +8,17 @@ import pytest
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.planning.adaptive import plan_seconds
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments, plan_of
-from pzctl.fitters.diagnosis.design.experiment_design import InstrumentLimits, proposals
+from pzctl.fitters.diagnosis.design.experiment_design import proposals
 from pzctl.fitters.diagnosis.design.sweep_comparison import compared
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.findings import Diagnosis
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
 from pzctl.fitters.diagnosis.hypotheses.conditions import conditions_of
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.inference.inflated_uncertainty import widened
+from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.noise import noise_of
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Conditions, Device, find_effect
@@ -28,6 +31,7 @@ from pzctl.sim.server import SimOptions, running
 BUILD = read_build(THESIS_BUILD)
 F = np.linspace(3e6, 5e6, 161)
 NOISE = 5e-5
+INSTRUMENT = replace(CAPABILITIES, noise=lambda plan, f, Z: np.full(f.size, NOISE))
 STILL = ("stray-capacitance", "electrode-mass")
 CONSIDERED = ("drive-nonlinearity", "sweep-lag", "temperature-drift", "lead-inductance", *STILL)
 """What is like what is hidden here; the daemon's tests, the open cases and the guide consider the whole catalogue."""
@@ -69,25 +73,42 @@ def test_how_sweeps_ran_is_read_from_their_settings() -> None:
 def test_a_plan_comes_back_out_of_settings() -> None:
     plan = plan_of(swept(bandwidth=3, direction="down"))
     assert (plan.bandwidth, plan.direction, plan.oscillator_V) == (3, "down", 0.5)
-    kinds = {one.kind: one.plan for one in experiments([swept()])}
+    kinds = {one.kind: one.plan for one in experiments([swept()], INSTRUMENT)}
     assert kinds["lower level"].oscillator_V == 0.1
     assert kinds["direction"].direction == "down"
     assert kinds["wider band"].segments[0].stop_Hz == 16.5e6
-    assert "higher level" not in {one.kind for one in experiments([swept(oscillator_V=1.0)])}
+    assert "higher level" not in {one.kind for one in experiments([swept(oscillator_V=1.0)], INSTRUMENT)}
+
+
+def test_a_recording_says_what_lies_between_oscillator_and_device() -> None:
+    for said, null in (({"source_ohm": 50.0}, 50.0), ({}, 25.0)):
+        problem = Problem.of(solve(FitTask(BUILD, {"disk": (swept(**said),)}), lambda _: None), None)
+        (drive,) = (one for one in candidates(problem) if one.effect.name == "drive-nonlinearity")
+        assert {knob.name: knob.null for knob in drive.effect_parameters}["source"] == null
+
+
+def test_nothing_is_proposed_that_the_analyzer_cannot_do() -> None:
+    own = experiments([swept()], INSTRUMENT)
+    small = replace(
+        INSTRUMENT, frequency_Hz=(2e6, 7e6), oscillator_V=(0.2, 0.6), bandwidths=(2, 3), points_per_sweep=100
+    )
+    kinds = {one.kind: one.plan for one in experiments([swept()], small)}
+    assert {one.kind for one in own} - kinds.keys() == {"lower level", "higher level"}
+    (wider,) = kinds["wider band"].segments
+    assert (wider.start_Hz, wider.stop_Hz, kinds["bandwidth"].bandwidth) == (2e6, 7e6, 3)
 
 
 def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosis]) -> None:
     task, diagnosis = told
     assert [finding.effect for finding in diagnosis.findings] == ["drive-nonlinearity"]
-    instrument = InstrumentLimits(lambda plan: 10.0, lambda plan, f, Z: np.full(f.size, NOISE))
     asked = {
-        (q.effect, q.kind): one.experiment.kind for one in proposals(task, diagnosis, instrument) for q in one.decides
+        (q.effect, q.kind): one.experiment.kind for one in proposals(task, diagnosis, INSTRUMENT) for q in one.decides
     }
     assert "level" in asked["drive-nonlinearity", "seen once"]
     again = replace(task, sweeps={"disk": (swept(), swept(Conditions(level_V=0.1), 2, oscillator_V=0.1))})
     sure = replace(diagnosis, findings=(replace(diagnosis.findings[0], alternatives=()),), not_decidable=())
-    assert [one.decides[0].kind for one in proposals(task, sure, instrument)] == ["seen once"]
-    assert not proposals(again, sure, instrument), "it was seen at two levels"
+    assert [one.decides[0].kind for one in proposals(task, sure, INSTRUMENT)] == ["seen once"]
+    assert not proposals(again, sure, INSTRUMENT), "it was seen at two levels"
 
 
 @pytest.mark.parametrize(
@@ -103,7 +124,6 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
 ) -> None:
     """The first sweep shows it by its shape alone, or nothing."""
     plan = SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5)
-    instrument = InstrumentLimits(plan_seconds, lambda plan, f, Z: np.full(f.size, NOISE))
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})
     considered = CONSIDERED if hidden != "drive-nonlinearity" else ("drive-nonlinearity", "sweep-lag", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
@@ -112,7 +132,7 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
         task = FitTask(BUILD, {"disk": own})
         first = diagnose(task, considered)
         assert [finding.effect for finding in first.findings] == at_first
-        asked = [one.experiment for one in proposals(task, first, instrument)]
+        asked = [one.experiment for one in proposals(task, first, INSTRUMENT)]
         further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]
     assert any(kind in one.kind for one in asked)
     decided = diagnose(replace(task, sweeps={"disk": (*own, *further)}), considered)

@@ -6,26 +6,30 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from ...base.analyzer import InstrumentError
-from .standards import Compensation, Standard
+from .analyzer import InstrumentError
+from .capabilities import Capabilities
+from .compensation import Compensation, Standard
 
 
 class _Stored(msgspec.Struct, forbid_unknown_fields=True):
     """What stands in the file; `arrays` holds pairs of real and imaginary part, in siemens (open) or ohm."""
 
-    kind: Literal["4294A compensation"]
+    kind: str
     version: Literal[1]
     instrument: str
-    adapter: Literal["OFF", "M1", "M2", "APC7", "PROBE"]
+    adapter: str
     taken: str
     arrays: dict[Standard, list[tuple[float, float]]]
 
 
-def save(path: Path, compensation: Compensation) -> None:
-    """Write `compensation` to `path`, whole or not at all. Raises InstrumentError where it cannot be written."""
+def save(path: Path, compensation: Compensation, model: str) -> None:
+    """Write what an analyzer of this `model` measured to `path`, whole or not at all.
+
+    Raises InstrumentError where it cannot be written.
+    """
     arrays = {name: [(z.real, z.imag) for z in values.tolist()] for name, values in compensation.arrays.items()}
     content = {
-        "kind": "4294A compensation",
+        "kind": _kind(model),
         "version": 1,
         "instrument": compensation.instrument,
         "adapter": compensation.adapter,
@@ -40,14 +44,18 @@ def save(path: Path, compensation: Compensation) -> None:
         raise InstrumentError(f"{path}: the compensation cannot be written: {error.strerror}") from None
 
 
-def load(path: Path) -> Compensation:
-    """Return the compensation in the file at `path`. Raises InstrumentError where it is none."""
+def load(path: Path, can: Capabilities) -> Compensation:
+    """Return the compensation in the file at `path`. Raises InstrumentError where it is none of such an analyzer."""
     try:
         stored = msgspec.json.decode(path.read_bytes(), type=_Stored)
     except OSError as error:
         raise InstrumentError(f"{path}: the compensation cannot be read: {error.strerror}") from None
     except msgspec.MsgspecError as error:
         raise InstrumentError(f"{path}: this is no compensation: {error}") from None
+    for key, value, allowed in (("kind", stored.kind, (_kind(can.model),)), ("adapter", stored.adapter, can.adapters)):
+        if value not in allowed:
+            found = f"{key} is {value!r}; {', '.join(allowed)} is allowed"
+            raise InstrumentError(f"{path}: this is no compensation: {found}")
     empty = [name for name, pairs in stored.arrays.items() if not pairs]
     if empty or not stored.arrays:
         raise InstrumentError(f"{path}: the compensation holds no values{' for ' + empty[0] if empty else ''}")
@@ -55,3 +63,7 @@ def load(path: Path) -> Compensation:
         name: np.array([complex(*pair) for pair in pairs]) for name, pairs in stored.arrays.items()
     }
     return Compensation(arrays, stored.adapter, stored.taken, stored.instrument)
+
+
+def _kind(model: str) -> str:
+    return f"{model} compensation"

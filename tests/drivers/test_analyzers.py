@@ -1,0 +1,71 @@
+"""Analyzers are found by their entry points, and each is known to its own folder alone."""
+
+import ast
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from pzctl.drivers import analyzers, capabilities_of, open_analyzer
+from pzctl.drivers.base.analyzer import InstrumentError
+
+ROOT = Path(__file__).parents[2]
+KNOW_IT = ("drivers/agilent4294a", "drivers/recordings")
+"""The analyzer's own folder; and the files that it writes, which are formats named as those of others are."""
+
+
+@pytest.fixture
+def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two packages of somebody else: a module that is missing, and something that is no driver."""
+    info = tmp_path / "acme-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[pzctl.analyzers]\na = no_such_module:DRIVER\nb = math:pi\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+
+@pytest.mark.usefixtures("broken")
+def test_what_does_not_load_is_named_and_the_others_are_found(play) -> None:
+    with closing(open_analyzer(play().resource)) as analyzer:
+        assert analyzer.identify().model == "4294A"
+    with pytest.raises(InstrumentError) as caught:
+        open_analyzer(play({"*IDN?": [b"ACME,Z1000,7,1.0\n"]}).resource)
+    assert str(caught.value).endswith(
+        "*IDN? is answered by 'ACME,Z1000,7,1.0'; known are HP, Agilent or Keysight 4294A, a recording "
+        "(recording:FILE); a of acme does not load: No module named 'no_such_module'; b of acme is no driver, but float"
+    )
+
+
+def test_what_an_analyzer_can_do_is_known_by_its_identification() -> None:
+    known = capabilities_of("HEWLETT-PACKARD,4294A,MY43202956,REV1.11")
+    assert (known.frequency_Hz, known.points_per_sweep, known.source_ohm) == ((40.0, 110e6), 801, 25.0)
+    assert capabilities_of("") is known, "what is assumed of a recording of unknown origin"
+
+
+def test_an_installation_from_before_there_were_entry_points_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(analyzers, "GROUP", "pzctl.none")
+    for ask in (lambda: capabilities_of(""), lambda: open_analyzer("recording:disk.csv")):
+        with pytest.raises(InstrumentError, match="install pzctl anew with pip"):
+            ask()
+
+
+def test_no_code_elsewhere_names_one_analyzer() -> None:
+    """Docstrings and sentences for people may."""
+    named = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {word}"
+        for room in ("models", "drivers", "fitters", "daemon")
+        for path in sorted((ROOT / room).rglob("*.py"))
+        if not path.relative_to(ROOT).as_posix().startswith(KNOW_IT)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for word in words(node)
+        if "4294" in word
+    ]
+    assert not named
+
+
+def words(node: ast.AST) -> Iterator[str]:
+    """Names, modules that are imported, and texts of one word: those are no sentence for people."""
+    yield from (str(value) for name in ("id", "attr", "name", "module", "arg") if (value := getattr(node, name, None)))
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " not in node.value.strip():
+        yield node.value
