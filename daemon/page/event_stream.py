@@ -6,12 +6,17 @@ import threading
 from collections.abc import AsyncIterator
 from typing import Any
 
+from starlette.responses import JSONResponse, StreamingResponse
+from starlette.types import Receive, Scope, Send
+
 from ..client.client import connect
 from ..client.connection import DaemonError
 from .page_json import event_json
 
 WAITING = 500
 """Events that wait for a page; one that is slower is let go, and comes back by itself."""
+MOST_PAGES = 50
+"""Pages that may hear at once."""
 AGAIN = 1.0
 """Seconds until a daemon that has gone is looked for again."""
 
@@ -21,6 +26,7 @@ class EventStream:
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[str | None]] = set()
+        self._connected = 0
         self._stop = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -36,16 +42,20 @@ class EventStream:
             if not page.full():
                 page.put_nowait(None)
 
-    async def stream(self) -> AsyncIterator[str]:
-        """Yield server-sent events until the page is closed or too slow."""
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a page with server-sent events until it is closed or too slow, or that there are enough of them."""
+        if self._connected >= MOST_PAGES:
+            says = f"{MOST_PAGES} pages hear the events already; close one, and load this one again"
+            await JSONResponse({"error": says}, 503)(scope, receive, send)
+            return
         page: asyncio.Queue[str | None] = asyncio.Queue(WAITING)
         self._pages.add(page)
+        self._connected += 1
         try:
-            yield "retry: 1000\n\n"
-            while (text := await page.get()) is not None:
-                yield f"data: {text}\n\n"
+            await StreamingResponse(_stream(page), media_type="text/event-stream")(scope, receive, send)
         finally:
             self._pages.discard(page)
+            self._connected -= 1
 
     def _listen(self) -> None:
         while not self._stop.is_set():
@@ -71,3 +81,9 @@ class EventStream:
                 page.put_nowait(None)
             else:
                 page.put_nowait(text)
+
+
+async def _stream(page: "asyncio.Queue[str | None]") -> AsyncIterator[str]:
+    yield "retry: 1000\n\n"
+    while (text := await page.get()) is not None:
+        yield f"data: {text}\n\n"

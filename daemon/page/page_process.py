@@ -16,6 +16,8 @@ from ..files.builds.build_file import read_build
 from ..server.workers.subprocesses import end_child, end_with_parent, start_child
 
 PORT = 8294
+MOST_CONNECTIONS = 200
+"""A page holds two or three; those beyond are answered 503."""
 _LOOPBACK = "127.0.0.1"
 
 
@@ -38,9 +40,18 @@ def serve(build: Build, host: str, port: int, token: str | None) -> None:
     import uvicorn
 
     from .page_server import page_app
+    from .timed_protocol import TimedProtocol
 
     config = uvicorn.Config(
-        page_app(build, token), host, port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+        page_app(build, token),
+        host,
+        port,
+        http=TimedProtocol,
+        ws="none",
+        limit_concurrency=MOST_CONNECTIONS,
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=2,
     )
     try:
         uvicorn.Server(config).run()
