@@ -3,7 +3,7 @@
 import asyncio
 import json
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from starlette.responses import JSONResponse, StreamingResponse
@@ -24,7 +24,9 @@ AGAIN = 1.0
 class EventStream:
     """One listener for any number of pages. Acquisition does not wait for it: the daemon drops what is not read."""
 
-    def __init__(self) -> None:
+    def __init__(self, may_hear: Callable[[Scope], bool] = lambda _: True) -> None:
+        """`may_hear` says of an open page, at each event, whether it may still hear."""
+        self._may_hear = may_hear
         self._pages: set[asyncio.Queue[str | None]] = set()
         self._connected = 0
         self._stop = threading.Event()
@@ -52,7 +54,8 @@ class EventStream:
         self._pages.add(page)
         self._connected += 1
         try:
-            await StreamingResponse(_stream(page), media_type="text/event-stream")(scope, receive, send)
+            stream = _stream(page, lambda: self._may_hear(scope))
+            await StreamingResponse(stream, media_type="text/event-stream")(scope, receive, send)
         finally:
             self._pages.discard(page)
             self._connected -= 1
@@ -83,7 +86,7 @@ class EventStream:
                 page.put_nowait(text)
 
 
-async def _stream(page: "asyncio.Queue[str | None]") -> AsyncIterator[str]:
+async def _stream(page: "asyncio.Queue[str | None]", may_hear: Callable[[], bool]) -> AsyncIterator[str]:
     yield "retry: 1000\n\n"
-    while (text := await page.get()) is not None:
+    while (text := await page.get()) is not None and may_hear():
         yield f"data: {text}\n\n"

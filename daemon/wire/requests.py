@@ -24,6 +24,8 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="request"):
 
     id: Id
     v: int = WIRE
+    by: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
+    """For whom a client asks that serves several people, as the live page does. The client says so, nobody checks."""
 
 
 class HelloRequest(Request, frozen=True, kw_only=True, tag="hello"):

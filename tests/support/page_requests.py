@@ -3,8 +3,11 @@
 import asyncio
 from typing import Any
 
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.page.page_server import page_app
+from pzctl.daemon.page.page_users import PageUsers
 
 BUILD = """
 name = "B"
@@ -24,9 +27,18 @@ layers = ["disk"]
 
 
 def ask(
-    path: str, token: str | None = None, method: str = "GET", body: bytes | None = b"{}", **headers: str
+    path: str,
+    token: str | None = None,
+    method: str = "GET",
+    body: bytes | None = b"{}",
+    users: PageUsers | None = None,
+    trusts_proxy: bool = False,
+    **headers: str,
 ) -> tuple[int, dict[str, str], bytes]:
-    """Return status, headers and body of the answer; without a body, the one who asks never sends it."""
+    """Return status, headers and body of the answer.
+
+    Without a body, the one who asks never sends it; `trusts_proxy` reads what a proxy on this machine adds.
+    """
     where, _, query = path.partition("?")
     given = {"host": "127.0.0.1:8294", **headers}
     scope = {
@@ -53,6 +65,8 @@ def ask(
     async def send(message: Any) -> None:
         heard.append(dict(message))
 
-    asyncio.run(page_app(parse_build(BUILD), token)(scope, receive, send))
+    page: Any = page_app(parse_build(BUILD), token, users)
+    app = ProxyHeadersMiddleware(page) if trusts_proxy else page  # as uvicorn does by default
+    asyncio.run(app(scope, receive, send))
     answer = b"".join(message.get("body", b"") for message in heard)
     return heard[0]["status"], {name.decode(): value.decode() for name, value in heard[0]["headers"]}, answer

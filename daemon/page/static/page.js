@@ -158,6 +158,12 @@ function showDaemon(daemon) {
   say(daemon.there ? (view.running ? `measuring ${daemon.step}` : "ready") : "no daemon");
 }
 
+// Who may only look has no buttons that command; a name that the server knows is the one under a fit.
+function showUser(user) {
+  document.body.classList.toggle("looks-only", user.right !== "act");
+  if (user.name) Object.assign($("hand-by"), { value: user.name, readOnly: true });
+}
+
 function say(text, fraction = 0, left = "") {
   $("state").textContent = text; $("progress").value = fraction; $("left").textContent = left;
 }
@@ -185,6 +191,7 @@ async function refresh() {
 async function begin() {
   const now = await ask("/api/now");
   showDaemon(now.daemon);
+  showUser(now.user);
   view.build ??= now.build;
   await refresh();
   const known = view.samples.find((one) => one.name === now.build.name);
@@ -196,7 +203,7 @@ const heard = {
   progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
   state: (event) => {
     if (!event.measurement) return;
-    const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned"].includes(event.state);
+    const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned", "withdrawn"].includes(event.state);
     view.running = ended ? null : event.measurement;
     say(ended ? `${event.sample.step} ${event.state}` : `${event.state} ${event.sample.step}`, event.state === "measured" ? 1 : 0, event.state === "measured" ? "" : event.says);
     if (event.state === "failed") $("problem").textContent = event.says;
