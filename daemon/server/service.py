@@ -31,6 +31,7 @@ from ..files.paths import journal_folder, keys_folder, log_file, unsaved_folder,
 from ..files.worker_limits import allow_many_files
 from ..journal.journal_writer import JournalWriter
 from ..journal.store import without_password
+from ..wire.curve_keys import LOCAL
 from ..wire.events import BeatEvent, Event, FitEvent, InstrumentInfo, StateEvent, encode
 from ..wire.metrics import Metrics
 from ..wire.replies import FitterState
@@ -204,7 +205,7 @@ class Daemon:
         """Serve until told to end. Raises JournalError where the journal fails."""
         _on_signals(self._end)
         self._publisher.catch_up()
-        self.publish(StateEvent(state="started"), ())
+        self.publish(StateEvent(state="started", says=_limits(self._options), client=LOCAL), ())
         for left in self._journal.unfinished():
             says = "the daemon ended before this measurement did; measure again"
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
@@ -277,6 +278,18 @@ class Daemon:
                 error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
             )
             self.publish(refusal, ())
+
+
+def _limits(options: DaemonOptions) -> str:
+    """Return the settings that keep the sample and the instrument safe, as the journal keeps them."""
+    return (
+        f"on {options.resource}; bias up to {_most(options.max_bias_V)}, oscillator up to "
+        f"{_most(options.max_oscillator_V)}"
+    )
+
+
+def _most(volts: float | None) -> str:
+    return "what the analyzer can" if volts is None else f"{volts:g} V"
 
 
 def _on_signals(stop: Callable[[], None]) -> None:

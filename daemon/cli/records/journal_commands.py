@@ -1,4 +1,4 @@
-"""`pzctl journal`: check, seal, copy, repair and prune the record of everything that was measured."""
+"""`pzctl journal`: check, seal, audit, copy, repair and prune the record of everything that was measured."""
 
 import json
 import sys
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Check, seal, copy, repair and prune the journal.")
+app = typer.Typer(no_args_is_help=True, help="Check, seal, audit, copy, repair and prune the journal.")
 
 
 @app.command("verify")
@@ -87,6 +87,35 @@ def seal(
         print(to_json(made).decode() if as_json else f"sealed up to entry {made.number} of the chain, in {path}")
     finally:
         journal.close()
+
+
+@app.command("audit")
+def audit(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """List who did what: measurements, cancels, bench commands, leases, starts of the daemon. Needs no daemon.
+
+    Each entry is an event of the journal, so `pzctl journal verify` finds one that was changed or removed.
+
+    Example: pzctl journal audit
+    """
+    import msgspec
+
+    from ...journal.audit import audit_entries
+    from ...samples.sample_selection import open_journal
+
+    journal = open_journal()
+    try:
+        entries = list(audit_entries(journal.store))
+    finally:
+        journal.close()
+    if as_json:
+        print(json.dumps({"audit": msgspec.to_builtins(entries)}))
+        return
+    from ...report.tables.audit_table import print_audit
+    from ...report.terminal import console
+
+    print_audit(console(), entries)
 
 
 @app.command("repair")

@@ -160,8 +160,9 @@ class RequestHandlers:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
         if new:
-            job = MeasurementJob(measurement, request.build, request.step, plan, request.priority, request.decides)
-            self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
+            wishes = (plan, request.priority, request.decides, client, request.by)
+            job = MeasurementJob(measurement, request.build, request.step, *wishes)
+            self.audit(request, client, "queued", measurement=measurement, sample=job.sample)
             self.acquisition.add(job)
         return reply.MeasureAnswer(id=request.id, measurement=measurement), []
 
@@ -169,19 +170,23 @@ class RequestHandlers:
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
         lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
+        self.audit(request, client, "leased", f"to {request.owner!r} for {request.seconds:g} s")
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
     @answer.register
     def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.lease.give_back(client, request.lease)
+        self.audit(request, client, "released")
         return reply.Answer(id=request.id), []
 
     @answer.register
     def _(self, request: ask.CancelRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.lease.check_client(client)
-        if not self.acquisition.cancel(request.measurement):
+        job = self.acquisition.cancel(request.measurement)
+        if job is None:
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
+        self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample)
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -251,8 +256,22 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.audit(request, client, "shutdown")
         self.shutdown()
         return reply.Answer(id=request.id), []
+
+    def audit(
+        self,
+        request: ask.Request,
+        client: str,
+        did: str,
+        says: str = "",
+        measurement: str | None = None,
+        sample: SampleStep | None = None,
+    ) -> None:
+        """Publish who asked for what is done now: the journal keeps it, hashed and chained like every event."""
+        event = StateEvent(state=did, says=says, measurement=measurement, sample=sample, client=client, by=request.by)
+        self.publish(event, ())
 
     def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Begin an errand on a complete measurement."""

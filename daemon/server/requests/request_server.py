@@ -52,6 +52,9 @@ ONCE = (
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
 """Those that others than the desk have a part in, or that look through the whole journal."""
 
+MOST_TOLD = 1000
+"""Characters of a bench command that the journal keeps."""
+
 Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
 """The frames of an answer, or of one that takes a while."""
 
@@ -171,7 +174,9 @@ class RequestServer:
         try:
             if isinstance(request, ask.BenchRequest):
                 self._desk.lease.check_client(client)
-                return [to_json(await self._bench(request))]
+                answer = await self._bench(request)
+                self._desk.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
+                return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._desk.errands.effects())
             if isinstance(request, ask.SamplesRequest):
