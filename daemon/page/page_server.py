@@ -157,7 +157,14 @@ class _PageRequestHandlers:
         """Answer what is known of a sample, or of one measurement."""
         record = _record(words["name"])
         steps = [record_json(one) for one in record.steps]
-        return JSONResponse({"sample": record.name, "build": build_json(record.build), "steps": steps})
+        return JSONResponse(
+            {
+                "sample": record.name,
+                "build": build_json(record.build),
+                "steps": steps,
+                "withdrawn": list(record.withdrawn),
+            }
+        )
 
     def history(self, _: dict[str, str], user: PageUser) -> Response:
         """Answer the constants of the newest samples, step by step."""

@@ -118,8 +118,8 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
 
     Of the daemon: `started`, `shutdown` (asked for), `stopping`, `bench` (a command of the simulated bench), `leased`,
     `released`. Of a measurement: `queued`, `measuring`, `cancelling`, then one of `measured`, `measured-aside`
-    (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`. Of a fitter:
-    `fitter-ready`, `fitter-ended`, `fitter-broken`.
+    (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`, and later, maybe,
+    `withdrawn`. Of a fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
     """
 
     state: str

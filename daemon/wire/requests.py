@@ -87,6 +87,13 @@ class CancelRequest(Request, frozen=True, kw_only=True, tag="cancel"):
     measurement: str | None = None
 
 
+class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
+    """Mark a complete measurement as withdrawn, in the name of `by`; for the daemon's own account alone."""
+
+    measurement: str
+    why: Annotated[str, msgspec.Meta(min_length=1, max_length=1000)]
+
+
 class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
     """The events `since` .. `until` (both included) once more; at most `max` in one answer."""
 
@@ -176,6 +183,7 @@ AnyRequest: TypeAlias = (
     | SettingsRequest
     | MeasureRequest
     | CancelRequest
+    | WithdrawRequest
     | LeaseRequest
     | ReleaseRequest
     | ReplayRequest

@@ -9,31 +9,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import zmq
+from keyed import asked
 
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import home, journal_folder, keys_folder
 from pzctl.daemon.journal.audit import audit_entries
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.page.page_client import PageClient
-from pzctl.daemon.wire.curve_keys import ClientKey, make_client, make_server
+from pzctl.daemon.wire.curve_keys import make_client, make_server
 from pzctl.daemon.wire.events import SweepEvent, decode
 from pzctl.daemon.wire.frames import to_json
-from pzctl.daemon.wire.socket_options import unlock
 from pzctl.models.build import Build
 
 PZCTL = Path(sys.executable).with_name("pzctl")
-
-
-def asked(where: Location, key: ClientKey, request: dict[str, object]) -> dict[str, object]:
-    """Return the header of the answer to one request."""
-    with zmq.Context() as context, context.socket(zmq.REQ) as link:
-        link.linger = 0
-        unlock(link, key)
-        link.connect(where.requests)
-        link.send(json.dumps({"v": 1, **request}).encode())
-        assert link.poll(30_000)
-        return json.loads(link.recv_multipart()[0])
 
 
 def pzctl(*words: str) -> tuple[int, str]:

@@ -118,6 +118,69 @@ def audit(
     print_audit(console(), entries)
 
 
+@app.command("withdraw")
+def withdraw(
+    measurement: Annotated[str, typer.Argument(help="Id of a complete measurement; see `pzctl samples --json`.")],
+    by: Annotated[str, typer.Option(help="Who withdraws it.")],
+    why: Annotated[str, typer.Option(help="Why, in one sentence.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Mark a measurement as withdrawn: it stays in the record, and no fit or population counts it unless asked to.
+
+    Example: pzctl journal withdraw 0197d2b0-77a1-7d2f-8f5a-1c0e --by Ana --why "the lead had come off"
+    """
+    from ...client.location import find
+    from ...files.paths import home
+    from ..analysis.fit import UsageError
+
+    who, reason = by.strip(), why.strip()
+    for option, text, most in (("--by", who, 200), ("--why", reason, 1000)):
+        if not 1 <= len(text) <= most:
+            raise UsageError(f"{option}: {len(text)} characters; 1 to {most} are needed")
+    if find(home()) is not None:
+        _ask_to_withdraw(measurement, who, reason)
+    else:
+        _withdraw_here(measurement, who, reason)
+    told = {"measurement": measurement, "by": who, "why": reason}
+    print(json.dumps(told) if as_json else f"{measurement} is withdrawn, by {who}: {reason}")
+
+
+def _ask_to_withdraw(measurement: str, by: str, why: str) -> None:
+    """Have the daemon that writes the journal do it."""
+    import zmq
+
+    from ...client.connection import RequestClient
+    from ...client.location import address
+    from ...wire.replies import Answer
+    from ...wire.requests import WithdrawRequest
+    from ...wire.uuid7 import uuid7
+
+    _, endpoint, key = address(None, None, None)
+    with zmq.Context() as context:
+        daemon = RequestClient(context, endpoint, key)
+        try:
+            daemon.ask(WithdrawRequest(id=uuid7(), measurement=measurement, why=why, by=by), Answer)
+        finally:
+            daemon.close()
+
+
+def _withdraw_here(measurement: str, by: str, why: str) -> None:
+    """Write it: no daemon does."""
+    from ...files.config import journal_of, settings
+    from ...files.paths import home, journal_folder
+    from ...journal.journal_writer import JournalWriter
+    from ...journal.withdrawal import withdrawal_event
+    from ...samples.sample_selection import open_journal
+    from ...wire.curve_keys import LOCAL
+
+    open_journal().close()  # where nothing was measured yet, no journal is begun
+    journal = JournalWriter(journal_folder(home()), *journal_of(settings({})))
+    try:
+        journal.append(withdrawal_event(journal, measurement, why, LOCAL, by))
+    finally:
+        journal.close()
+
+
 @app.command("repair")
 def repair(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,

@@ -6,7 +6,7 @@ import { history, stack } from "./sketch.js";
 import { complexWithUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
-const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null };
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, withdrawn: [] };
 
 function element(tag, text, properties = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, properties);
@@ -81,7 +81,7 @@ function showFit() {
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
   const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "The model describes all that the noise lets one see." : "The recording shows something that the model does not have."];
-  const words = [...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
+  const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
   $("words").replaceChildren(...words.map((word) => element("p", word)));
   body.replaceChildren(...Object.entries(fit?.constants ?? {}).map(([name, c]) => {
     const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
@@ -178,7 +178,7 @@ function painted(time) {
 async function open(sample, step) {
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
   const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
-  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null });
+  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null, withdrawn: record.withdrawn });
   showAll();
 }
 
@@ -211,7 +211,7 @@ const heard = {
   },
   sweep: (event) => {
     if (event.decides) return; // made to decide a diagnosis: no record of its step
-    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0 });
+    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, withdrawn: [] });
     view.sweeps.push(event.sweep);
     showAll();
     painted(event.time);

@@ -13,6 +13,7 @@ from ....models.base.names import among
 from ....models.sweep_plan import PlanError
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
+from ...journal.withdrawal import WITHDRAWN, WithdrawalError, withdrawal_event
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
@@ -190,6 +191,19 @@ class RequestHandlers:
         return reply.Answer(id=request.id), []
 
     @answer.register
+    def _(self, request: ask.WithdrawRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        if client != LOCAL:
+            raise RequestError("not-allowed", "only programs of the daemon's own account may withdraw a measurement")
+        if request.by is None:
+            raise RequestError("bad-request", "withdraw: `by` is missing; a measurement is withdrawn by somebody")
+        try:
+            event = withdrawal_event(self.journal, request.measurement, request.why, client, request.by)
+        except WithdrawalError as error:
+            raise RequestError("not-withdrawn", str(error)) from error
+        self.publish(event, ())
+        return reply.Answer(id=request.id), []
+
+    @answer.register
     def _(self, request: ask.ReplayRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
         events = self.journal.replay(request.since, until, request.max)
@@ -235,7 +249,7 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
-            self._known(other)
+            self._refuse_withdrawn(self._known(other))
         effects = tuple(sorted({*request.effects})) if request.effects else None
         errand = WorkerJob(request.measurement, None, effects, request.also, request.propose)
         return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
@@ -276,11 +290,17 @@ class RequestHandlers:
     def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Begin an errand on a complete measurement."""
         known = self._known(errand.measurement)
+        self._refuse_withdrawn(known)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
         if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
             raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
         return reply.JobAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+
+    @staticmethod
+    def _refuse_withdrawn(known: JournalMeasurement) -> None:
+        if known.state == WITHDRAWN:
+            raise RequestError("withdrawn", f"measurement {known.id!r} was withdrawn; `pzctl show {known.id}` says why")
 
     def _check_decides(self, measurement: str, sample: SampleStep) -> None:
         of = self._known(measurement).sample

@@ -41,6 +41,7 @@ is waited: who floods the daemon does not take a whole core, and so what is aske
 ONCE = (
     ask.MeasureRequest,
     ask.CancelRequest,
+    ask.WithdrawRequest,
     ask.BenchRequest,
     ask.FitRequest,
     ask.DiagnoseRequest,
