@@ -127,6 +127,7 @@ class Acquisition:
         instrument: InstrumentInfo,
         publish: Callable[[Event, Payload], None],
         ready: Callable[[], Awaitable[None]],
+        annotated: Callable[[Sweep], Sweep],
     ) -> None:
         self.current: MeasurementJob | None = None
         self.waiting: deque[MeasurementJob] = deque()
@@ -134,6 +135,7 @@ class Acquisition:
         self._instrument = instrument
         self._publish = publish
         self._ready = ready
+        self._annotated = annotated
         self._more = asyncio.Event()
 
     def seconds(self, plan: SweepPlan) -> float:
@@ -184,7 +186,7 @@ class Acquisition:
         self._state(job, "measuring")
         try:
             sweeps = await self._analyzer.measure(job, self._reporter(job))
-            self._announce(job, sweeps)
+            self._announce(job, tuple(map(self._annotated, sweeps)))
         except Cancelled as error:
             self._state(job, "cancelled", str(error))
         except JournalError:

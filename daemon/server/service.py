@@ -27,7 +27,7 @@ from ...models.sweep import now_utc
 from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
-from ..files.paths import journal_folder, keys_folder, log_file, unsaved_folder, writable_home
+from ..files.paths import compensation_file, journal_folder, keys_folder, log_file, unsaved_folder, writable_home
 from ..files.worker_limits import allow_many_files
 from ..journal.journal_writer import JournalWriter
 from ..journal.store import without_password
@@ -38,6 +38,7 @@ from ..wire.replies import FitterState
 from .access.access_control import AccessControl
 from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
 from .acquisition import Acquisition, AnalyzerThread
+from .compensation_check import CompensationCheck
 from .plan_limits import PlanLimits
 from .publishing.durable_publisher import DurablePublisher
 from .publishing.event_publisher import EventPublisher
@@ -157,7 +158,8 @@ class Daemon:
         self._metrics = metrics
         self._publisher = DurablePublisher(journal, Spool(unsaved_folder(folder)), self._metrics, voice.say, self._said)
         self.publish = self._publisher.publish
-        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there)
+        check = CompensationCheck(compensation_file(folder), options.compensation_days)
+        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there, check)
         self._ledger = PendingResults(options.fitters)
         self._supervisor = Supervisor(
             *around,

@@ -19,12 +19,13 @@ class _Stored(msgspec.Struct, forbid_unknown_fields=True):
     adapter: Literal["OFF", "M1", "M2", "APC7", "PROBE"]
     taken: str
     arrays: dict[Standard, list[tuple[float, float]]]
+    fixture: str = ""
 
 
 def save(path: Path, compensation: Compensation) -> None:
     """Write `compensation` to `path`, whole or not at all. Raises InstrumentError where it cannot be written."""
     arrays = {name: [(z.real, z.imag) for z in values.tolist()] for name, values in compensation.arrays.items()}
-    content = {
+    content: dict[str, object] = {
         "kind": "4294A compensation",
         "version": 1,
         "instrument": compensation.instrument,
@@ -32,6 +33,8 @@ def save(path: Path, compensation: Compensation) -> None:
         "taken": compensation.taken,
         "arrays": arrays,
     }
+    if compensation.fixture:  # without, earlier versions read the file as well
+        content["fixture"] = compensation.fixture
     beside = path.with_name(path.name + ".part")
     try:
         beside.write_bytes(msgspec.json.encode(content))
@@ -54,4 +57,4 @@ def load(path: Path) -> Compensation:
     arrays: dict[Standard, np.ndarray] = {
         name: np.array([complex(*pair) for pair in pairs]) for name, pairs in stored.arrays.items()
     }
-    return Compensation(arrays, stored.adapter, stored.taken, stored.instrument)
+    return Compensation(arrays, stored.adapter, stored.taken, stored.instrument, stored.fixture)
