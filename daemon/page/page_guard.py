@@ -46,6 +46,12 @@ def user_of(scope: Scope) -> PageUser:
     return found
 
 
+def shown_token(request: Request) -> str:
+    """Return the token that a browser keeps, or that a program sends as a bearer."""
+    scheme, _, bearer = request.headers.get("authorization", "").partition(" ")
+    return bearer.strip() if scheme.lower() == "bearer" else request.cookies.get(COOKIE, "")
+
+
 class Guard:
     """Lets through who may: without tokens, requests for this machine by its own name; with some, who shows one.
 
@@ -64,7 +70,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
-        user = self._user(request.cookies.get(COOKIE, ""))
+        user = self._user(shown_token(request))
         refusal = self._refusal(request, user)
         scope["pzctl.user"] = user
 

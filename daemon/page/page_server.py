@@ -27,7 +27,7 @@ from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
 from .manual_fit_pool import ManualFitPool, ManualFitRequest
 from .page_client import PageClient
-from .page_guard import COOKIE, Guard, user_of
+from .page_guard import Guard, shown_token, user_of
 from .page_json import build_json, record_json
 from .page_users import PageUser, PageUsers
 from .request_body import BodyError, NoFields, read_body
@@ -46,7 +46,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
     """Return the page of a lab that builds `build`; with a token or users, only who shows one is let in."""
 
     def may_hear(scope: Scope) -> bool:
-        return users is None or users.of_token(Request(scope).cookies.get(COOKIE, "")) is not None
+        return users is None or users.of_token(shown_token(Request(scope))) is not None
 
     hub, hands = EventStream(may_hear), ManualFitPool()
     desk = _PageRequestHandlers(build)
@@ -64,6 +64,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
     routes = [
         Route("/", index),
         Route("/api/events", hub, methods=["GET"]),
+        Route("/metrics", _answering(desk.metrics)),
         Route("/api/now", _answering(desk.now)),
         Route("/api/record/{name:path}", _answering(desk.record)),
         Route("/api/history", _answering(desk.history)),
@@ -152,6 +153,20 @@ class _PageRequestHandlers:
         except DaemonError as error:
             daemon["says"] = str(error)
         return JSONResponse({"daemon": daemon, "build": build_json(self._build), "user": msgspec.to_builtins(user)})
+
+    def metrics(self, _: dict[str, str], user: PageUser) -> Response:
+        """Answer what a Prometheus server reads, whether a daemon is there or not."""
+        try:
+            from . import prometheus_metrics
+        except ModuleNotFoundError as error:
+            says = f"{error.name} is not installed; metrics need it: pip install 'pzctl[metrics]'"
+            return PlainTextResponse(says, 501)
+        try:
+            with PageClient(user.name) as lab:
+                text = prometheus_metrics.exposition(lab.metrics(), lab.status())
+        except DaemonError:
+            text = prometheus_metrics.exposition(None, None)
+        return Response(text, media_type=prometheus_metrics.CONTENT_TYPE)
 
     def record(self, words: dict[str, str], user: PageUser) -> Response:
         """Answer what is known of a sample, or of one measurement."""
