@@ -86,4 +86,4 @@ def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -
                     return states
                 await asyncio.sleep(0.05)
 
-    assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelled"]
+    assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelling", "cancelled"]
