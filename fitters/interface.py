@@ -127,6 +127,7 @@ class FitResult:
     steps: tuple[str, ...]
     noise: Noise
     chi2_per_dof: float
+    """Misfit in units of the noise; what the analyzer's own error may account for is taken off."""
     constants: Mapping[str, Constant]
     derived: Mapping[str, Constant]
     correlation: tuple[tuple[str, str, float], ...]

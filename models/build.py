@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .sweep_plan import SweepPlan
+from .sweep_plan import LevelLimits, SweepPlan
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,8 @@ class Build:
     """m; None where only the area is known."""
     plan: SweepPlan | None = None
     """How this transducer is to be measured, where the file says so."""
+    limits: LevelLimits | None = None
+    """What this sample stands, where the file says so; no plan with more is measured."""
 
     def layer(self, name: str) -> LayerSpec:
         """Return the layer called `name`. Raises KeyError."""

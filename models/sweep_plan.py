@@ -63,3 +63,38 @@ class SweepPlan:
                     f"sweep plan: segment {k} starts at {following.start_Hz:.12g} Hz and the one before stops at "
                     f"{one.stop_Hz:.12g} Hz; segments that are joined must rise and not overlap"
                 )
+
+
+@dataclass(frozen=True)
+class LevelLimits:
+    """The most that may be applied to a sample, or at a bench; None where nobody set a limit."""
+
+    max_bias_V: float | None = None
+    """Volts, of either sign."""
+    max_oscillator_V: float | None = None
+    """Volts rms."""
+
+    def check(self, plan: SweepPlan, whose: str) -> None:
+        """Raise PlanError where a plan applies more; `whose` says what allows it, as `this bench`."""
+        bias, level = self.max_bias_V, self.max_oscillator_V
+        if bias is not None and not abs(plan.bias_V) <= bias:
+            raise PlanError(f"sweep plan: bias is {plan.bias_V:g} V; {whose} allows {bias:g} V (max_bias_V)")
+        if level is None:
+            return
+        if plan.oscillator_A is not None:
+            raise PlanError(
+                f"sweep plan: oscillator is {plan.oscillator_A:g} A, whatever voltage that takes; {whose} allows "
+                f"{level:g} V (max_oscillator_V): drive by a voltage"
+            )
+        if not plan.oscillator_V <= level:
+            raise PlanError(
+                f"sweep plan: oscillator is {plan.oscillator_V:g} V; {whose} allows {level:g} V (max_oscillator_V)"
+            )
+
+    def allows(self, plan: SweepPlan) -> bool:
+        """Return whether a plan keeps within these limits."""
+        try:
+            self.check(plan, "")
+        except PlanError:
+            return False
+        return True

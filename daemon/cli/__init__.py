@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from ...models.base.errors import PzctlError
+from ...models.base.names import shown
 from .analysis import diagnose, effects, fit, fitters, materials, prove
 from .bench import measure, status, watch
 from .bench import new_build as new
@@ -123,7 +124,7 @@ def main() -> None:
     try:
         app()
     except PzctlError as error:
-        print(f"pzctl: {error}", file=sys.stderr)
+        print(f"pzctl: {shown(str(error), keep=chr(10))}", file=sys.stderr)
         sys.exit(error.exit_status)
     except KeyboardInterrupt:
         print("pzctl: stopped", file=sys.stderr)

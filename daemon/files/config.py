@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any
 import platformdirs
 
 from ...models.base.errors import PzctlError
-from ...models.base.names import among
+from ...models.base.names import NameFault, among, check_name
 from .auto_diagnosis import ASKED, AUTO
+from .database_url import without_password
 from .worker_limits import Limits
 
 if TYPE_CHECKING:
@@ -47,10 +48,13 @@ def _text(value: Any) -> str:
     return value
 
 
+def _name(value: Any) -> str:
+    return check_name(_text(value), "name")
+
+
 def _names(value: Any) -> tuple[str, ...]:
-    if isinstance(value, str):
-        return tuple(name.strip() for name in value.split(",") if name.strip())
-    return tuple(_text(name) for name in value)
+    names = (name.strip() for name in value.split(",")) if isinstance(value, str) else value
+    return tuple(_name(name) for name in names if name != "")
 
 
 def _positive(value: Any) -> float:
@@ -65,6 +69,18 @@ def _not_negative(value: Any) -> float:
     if not 0 <= number < float("inf"):
         raise ValueError
     return number
+
+
+def _host_port(value: Any) -> str:
+    host, _, port = _text(value).rpartition(":")
+    if not host or not host.isprintable() or not is_port(port) or port == "0":
+        raise ValueError
+    return value
+
+
+def is_port(text: str) -> bool:
+    """Return whether a text is the number of a TCP port; 0 is any free one."""
+    return text.isascii() and text.isdecimal() and len(text) <= 5 and int(text) <= 65535
 
 
 def _url(value: Any) -> str:
@@ -89,10 +105,10 @@ SETTINGS: Mapping[str, Setting] = {
     "resource": Setting("a VISA resource, or recording:FILE", _text),
     "events": Setting("a ZeroMQ endpoint", _text),
     "requests": Setting("a ZeroMQ endpoint", _text),
-    "fitters": Setting("names of fitters", _names),
-    "bench": Setting("host:port", _text),
+    "fitters": Setting("names of fitters, each of at most 64 characters that can be printed", _names),
+    "bench": Setting("host:port, with a port from 1 to 65535", _host_port),
     "journal": Setting("a URL such as postgresql://USER@HOST/DATABASE", _url),
-    "station": Setting("the name of this bench", _text),
+    "station": Setting("the name of this bench, at most 64 characters that can be printed", _name),
     "time_scale": Setting("a number from 0 up", _not_negative),
     "seed": Setting("a whole number", int),
     "max_bias_V": Setting("volts from 0 up", _not_negative),
@@ -176,5 +192,6 @@ def _checked(name: str, value: Any, where: str) -> Any:
         raise ConfigError(f"{where}: there is no such setting; {among(name, SETTINGS)}")
     try:
         return SETTINGS[name].read(value)
-    except (ValueError, TypeError):
-        raise ConfigError(f"{where} is {value!r}; needed is {SETTINGS[name].allowed}") from None
+    except (ValueError, TypeError, NameFault):
+        found = without_password(value) if isinstance(value, str) else value
+        raise ConfigError(f"{where} is {found!r}; needed is {SETTINGS[name].allowed}") from None

@@ -149,9 +149,14 @@ class JournalReader:
         )
         return tuple(row[0] for row in rows)
 
-    def has_sweep(self, sweep: str) -> bool:
-        """Return whether there is a sweep with this id."""
-        return self._one("SELECT 1 FROM events WHERE id = ? AND kind = 'sweep'", sweep) is not None
+    def sample_of_sweep(self, sweep: str) -> SampleStep | None:
+        """Return what was measured in the sweep with this id; None where there is none."""
+        row = self._one(
+            "SELECT sample, step FROM measurements WHERE id = "
+            "(SELECT measurement FROM events WHERE id = ? AND kind = 'sweep')",
+            sweep,
+        )
+        return SampleStep(row[0], row[1]) if row else None
 
     def fitters(self, measurement: str) -> tuple[str, ...]:
         """Return the names of those that answered a measurement with a result."""

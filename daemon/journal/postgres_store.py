@@ -14,9 +14,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import psycopg
+from psycopg.conninfo import conninfo_to_dict
 
+from ..files.database_url import without_password
 from .migrations import check_version, migrate_postgres
-from .store import JournalAway, JournalError, Store, without_password
+from .store import JournalAway, JournalError, Store
 
 PATIENCE = 5.0
 """Seconds that a writer waits for the one before it to go."""
@@ -39,6 +41,7 @@ class PostgresStore(Store):
     def __init__(self, url: str, *, write: bool) -> None:
         self.name = without_password(url)
         self._streams = 0
+        _check_url(url, self.name)
         try:
             self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
         except psycopg.Error as error:
@@ -165,6 +168,20 @@ class PostgresStore(Store):
                     + _sentence(error)
                 ) from error
             raise JournalError(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
+
+
+def _check_url(url: str, name: str) -> None:
+    """Raise JournalError for what is no URL; what libpq says of one can hold a part of the password."""
+    try:
+        words = conninfo_to_dict(url)
+    except psycopg.Error:
+        words = {"port": "none"}
+    hosts, ports = (str(words.get(key, "")).split(",") for key in ("host", "port"))
+    if any("@" in host[1:] for host in hosts) or not all(port == "" or port.isdecimal() for port in ports):
+        raise JournalError(
+            f"{name}: this is no URL such as postgresql://USER@HOST/DATABASE; in a user or password "
+            "`@ : / ? # %` are written as %40 %3A %2F %3F %23 %25"
+        )
 
 
 def _sentence(error: psycopg.Error) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 
 from ...models.sweep import now_utc
+from ..files.database_url import without_password
 from .array_file import split_array, with_index
 from .array_folder import copy_file
 from .chain import chain_found, chain_removed
@@ -13,7 +14,7 @@ from .folder_store import FolderStore
 from .journal_reader import JournalReader
 from .journal_writer import JournalWriter
 from .migrations import TABLES
-from .store import JournalError, Place, without_password
+from .store import JournalError, Place
 
 COLUMNS = {
     "builds": "hash, json",

@@ -5,13 +5,11 @@ Both are given the same SQL, with `?` for each value; what differs between them 
 """
 
 import hashlib
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from ...models.base.errors import CannotError
 
@@ -103,13 +101,6 @@ class Store(ABC):
     @abstractmethod
     def claim(self, station: str) -> None:
         """Become the only writer of a station, for as long as this is open. Raises JournalError where there is one."""
-
-
-def without_password(url: str) -> str:
-    """Return a URL as it can be shown."""
-    password = urlsplit(url).password
-    shown = url.replace(f":{password}@", ":***@", 1) if password else url
-    return re.sub(r"([?&](?:ssl)?password=)[^&#]*", r"\1***", shown, flags=re.IGNORECASE)
 
 
 def digest_of(data: bytes) -> str:

@@ -17,6 +17,7 @@ from ...fitters.interface import Curve, FitResult
 from ...fitters.manual.adjustables import Adjustable
 from ...fitters.manual.manual_fit import Choices, ManualFit, ModelPreview
 from ...models.base.errors import PzctlError
+from .pictures.picture_file import as_label
 from .tables.numbers import complex_with_uncertainty
 
 _STEPS = 400
@@ -57,7 +58,7 @@ def _column(axes: Any, curve: Curve) -> None:
     for z, style in ((curve.measured, {"color": "0.6", "linewidth": 2.6}), (curve.fitted, {"color": "#c8321f"})):
         axes[0].semilogy(f, np.abs(z), **style)
         axes[1].plot(f, np.angle(z, deg=True), **style)
-    axes[0].set_title(f"step {curve.step}")
+    axes[0].set_title(as_label(f"step {curve.step}"))
     axes[1].set_xlabel("frequency (MHz)")
 
 

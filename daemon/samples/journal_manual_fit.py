@@ -16,6 +16,7 @@ from ...fitters.interface import FitResult, FitTask
 from ...fitters.manual.manual_fit import Choices, ManualFit
 from ...fitters.plugins import DEFAULT
 from ...models.base.errors import PzctlError
+from ...models.base.names import LONGEST_NAME, NameFault, check_name
 from ...models.sweep import Sweep
 from ..client.client import fit_of
 from ..files.paths import home
@@ -28,7 +29,6 @@ from .sample_selection import open_journal
 
 __all__ = ["Choices", "JournalManualFit", "ManualFit", "NobodyError", "of_measurement", "of_sample"]
 
-_LONGEST_NAME = 64
 _FEW = 6
 """Constants that a sentence names one by one."""
 
@@ -50,8 +50,11 @@ class JournalManualFit(ManualFit):
         `by` names nobody, FitError, DaemonError, JournalError.
         """
         who = " ".join(by.split())
-        if not 0 < len(who) <= _LONGEST_NAME or not who.isprintable():
-            raise NobodyError(f"by: {by!r} names nobody; 1 to {_LONGEST_NAME} letters say who made the fit")
+        try:
+            check_name(who, "by")
+        except NameFault:
+            says = f"by: {by!r} names nobody; 1 to {LONGEST_NAME} letters say who made the fit"
+            raise NobodyError(says) from None
         result, there = self.fit(choices)
         result = _signed(result, choices, who, self.fitter)
         sweeps = tuple(sweep.id for step in result.steps for sweep in self.sweeps[step])

@@ -138,6 +138,11 @@ class Acquisition:
         self._annotated = annotated
         self._more = asyncio.Event()
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is measured, or waits to be."""
+        return self.current is not None or bool(self.waiting)
+
     def seconds(self, plan: SweepPlan) -> float:
         """Return how long a plan will take. Raises PlanError where the analyzer cannot do it."""
         return self._analyzer.seconds(plan)

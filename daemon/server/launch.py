@@ -83,7 +83,7 @@ def start(options: DaemonOptions | None = None) -> Location:
 
 def main() -> None:
     """Run a daemon with the options given as JSON on standard input; used by `start`."""
-    begin_log()
+    begin_log(file=log_file(writable_home(), "daemon"))
     try:
         run(msgspec.json.decode(sys.stdin.buffer.read(), type=DaemonOptions))
     except PzctlError as error:

@@ -2,8 +2,42 @@
 
 import json
 import logging
+import os
+import threading
+from collections.abc import Callable
+from contextlib import nullcontext
 from datetime import UTC, datetime
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import Literal
+
+from ...models.base.names import shown
+
+LARGEST_LOG = 10 << 20
+"""Bytes of the log of a daemon in the background; then a new file is begun."""
+
+LOGS_KEPT = 3
+"""Full ones, as `daemon.log.1` and so on."""
+
+MINUTE = 60.0
+
+REPEATED = 5
+"""Warnings of one kind in a minute, each with a line of its own; the others are counted."""
+
+
+def _later(seconds: float, do: Callable[[], None]) -> None:
+    """Do something later, unless the process has ended by then."""
+    timer = threading.Timer(seconds, do)
+    timer.daemon = True
+    timer.start()
+
+
+class TextLines(logging.Formatter):
+    """`time level message`, on one line whatever the message is; a traceback follows on lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        """Return the line, what cannot be printed escaped."""
+        return shown(super().formatMessage(record))
 
 
 class JsonLines(logging.Formatter):
@@ -19,12 +53,65 @@ class JsonLines(logging.Formatter):
         }
         if record.exc_info:
             line["trace"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
+        return json.dumps(line, ensure_ascii=True)
 
 
-def begin_log(form: Literal["text", "json"] = "text") -> None:
-    """Log to standard error from now on, from level INFO."""
-    handler = logging.StreamHandler()
-    text = logging.Formatter("%(asctime)s %(levelname)s %(message)s")
-    handler.setFormatter(JsonLines() if form == "json" else text)
-    logging.basicConfig(level=logging.INFO, handlers=[handler])
+class RotatingLog(RotatingFileHandler):
+    """A file that standard output and standard error go to as well; full, all of them go on in a new one."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, maxBytes=LARGEST_LOG, backupCount=LOGS_KEPT, encoding="utf-8")
+        if self.stream is not None:
+            self._point_at(self.stream.fileno())
+
+    def doRollover(self) -> None:
+        """Begin a new file."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        self._point_at(nowhere)  # Windows renames no file that is open
+        os.close(nowhere)
+        super().doRollover()
+        if self.stream is not None:
+            self._point_at(self.stream.fileno())
+
+    @staticmethod
+    def _point_at(handle: int) -> None:
+        for stream in (1, 2):
+            os.dup2(handle, stream)
+
+
+class RepeatLimit(logging.Handler):
+    """Passes on at most some warnings of one kind in a minute; how many more there were is said when it is over."""
+
+    def __init__(self, to: logging.Handler, later: Callable[[float, Callable[[], None]], None] = _later) -> None:
+        super().__init__()
+        self._to = to
+        self._later = later
+        self._counts: dict[tuple[str, str], int] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Pass a record on, or count it."""
+        if record.levelno < logging.WARNING:
+            self._to.handle(record)
+            return
+        kind = (record.name, str(record.msg))
+        if kind not in self._counts:
+            self._counts[kind] = 0
+            self._later(MINUTE, lambda: self._sum_up(record))
+        self._counts[kind] += 1
+        if self._counts[kind] <= REPEATED:
+            self._to.handle(record)
+
+    def _sum_up(self, first: logging.LogRecord) -> None:
+        """Say how many of a kind were left out."""
+        with self.lock or nullcontext():
+            more = self._counts.pop((first.name, str(first.msg)), 0) - REPEATED
+        if more > 0:
+            says = f"... and {more} more in the last minute like: {first.getMessage()}"
+            self._to.handle(logging.LogRecord(first.name, first.levelno, first.pathname, first.lineno, says, (), None))
+
+
+def begin_log(form: Literal["text", "json"] = "text", file: Path | None = None) -> None:
+    """Log from now on, from level INFO: to standard error, or to a file that takes its place and does not grow on."""
+    handler = logging.StreamHandler() if file is None else RotatingLog(file)
+    handler.setFormatter(JsonLines() if form == "json" else TextLines("%(asctime)s %(levelname)s %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[RepeatLimit(handler)])

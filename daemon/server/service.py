@@ -24,13 +24,14 @@ import zmq.asyncio
 from ...drivers import open_analyzer as open_visa
 from ...drivers.base.analyzer import Analyzer
 from ...models.sweep import now_utc
+from ...models.sweep_plan import LevelLimits
 from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
+from ..files.database_url import without_password
 from ..files.paths import compensation_file, journal_folder, keys_folder, log_file, unsaved_folder, writable_home
 from ..files.worker_limits import allow_many_files
 from ..journal.journal_writer import JournalWriter
-from ..journal.store import without_password
 from ..wire.curve_keys import LOCAL
 from ..wire.events import BeatEvent, Event, FitEvent, InstrumentInfo, StateEvent, encode
 from ..wire.metrics import Metrics
@@ -50,6 +51,7 @@ from .sockets import bind_events, bind_requests, from_here, gate_for, port_of
 from .workers.job_runner import JobRunner, WorkerJob
 from .workers.pending_results import PendingResults
 from .workers.supervisor import Supervisor, WorkerExit
+from .workers.visitors import Visitors
 
 log = logging.getLogger(__name__)
 
@@ -167,6 +169,7 @@ class Daemon:
             ledger=self._ledger,
             changed=self._fitter_changed,
             died=self._fitter_died,
+            visitors=Visitors((*options.fitters, DIAGNOSIS)),
         )
         self._errands = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
         desk = RequestHandlers(
@@ -181,7 +184,7 @@ class Daemon:
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,
-            plan_limits=PlanLimits(options.max_bias_V, options.max_oscillator_V),
+            plan_limits=PlanLimits(LevelLimits(options.max_bias_V, options.max_oscillator_V)),
         )
         self._reception = RequestServer(requests, desk, gate, intake)
 
@@ -251,6 +254,7 @@ class Daemon:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
             self._voice.say(encode(beat))
+            self._supervisor.forget_silent()
             if self._gate.somebody_was_barred():
                 # libzmq asks for a key at the handshake alone: all must come in again, and miss nothing by it
                 self._intake.cut(self._heard_at, "a key was revoked, and whose this is cannot be told")

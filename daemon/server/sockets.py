@@ -10,6 +10,7 @@ import zmq
 import zmq.asyncio
 
 from ...models.base.errors import PzctlError
+from ..files.config import is_port
 from ..wire.curve_keys import KeyFileError
 from ..wire.events import WELCOME
 from ..wire.frames import LARGEST_FRAME
@@ -59,6 +60,11 @@ def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
     for endpoint in endpoints:
         if not endpoint.startswith(("tcp://", "ipc://", "inproc://")):
             raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for a port that is free")
+        port = endpoint.rpartition(":")[2]
+        if endpoint.startswith("tcp://") and port != "*" and not is_port(port):  # libzmq takes 99999 for 34463
+            raise EndpointError(f"endpoint {endpoint!r}: port {port!r} does not exist; 0 to 65535 or * is allowed")
+        if not endpoint.isprintable():
+            raise EndpointError(f"endpoint {endpoint!r}: characters that cannot be printed are not allowed")
     outside = [endpoint for endpoint in endpoints if not is_loopback(endpoint)]
     try:
         return AccessControl(keys, outside=bool(outside))

@@ -8,6 +8,8 @@ is what the client itself keeps.
 
 import os
 import re
+import stat
+from datetime import date
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -15,7 +17,7 @@ import msgspec
 import zmq
 
 from ...models.base.errors import PzctlError
-from .frames import WireError, from_json, to_json
+from .frames import LARGEST_HEADER, WireError, from_json, to_json
 
 Right = Literal["watch", "measure", "bench", "admin"]
 """What a client may do; each includes those before it."""
@@ -48,6 +50,8 @@ class AllowedClient(msgspec.Struct, frozen=True):
     name: str
     public: str
     right: Right
+    expires: date | None = None
+    """The last day (UTC) on which the key counts; None where it always does."""
 
 
 class ClientKey(msgspec.Struct, frozen=True):
@@ -91,21 +95,28 @@ def server_key(folder: Path) -> KeyPair:
     return _parsed(folder / "server.json", _server)
 
 
-def make_client(folder: Path, name: str, right: Right) -> ClientKey:
-    """Let a client in; return its key. Raises KeyFileError where there is a client or no server of this name."""
-    if not NAME.fullmatch(name):
-        raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
-    if name == LOCAL:
-        raise KeyFileError(f"client {name!r}: this is what the daemon's own account is called")
+def make_client(folder: Path, name: str, right: Right, expires: date | None = None) -> ClientKey:
+    """Let a client in, until a day or for ever; return its key.
+
+    Raises KeyFileError where there is a client of this name, or no server's key.
+    """
+    _check_client_name(name)
     server = server_key(folder)
     pair = new_pair()
-    write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right)))
+    write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right, expires)))
     return ClientKey(server.public, pair.public, pair.secret)
 
 
-def clients(folder: Path) -> tuple[AllowedClient, ...]:
-    """Return who may come in, by name. Raises KeyFileError."""
-    return tuple(read_client(path) for path in client_files(folder))
+def clients(folder: Path) -> tuple[tuple[AllowedClient, ...], tuple[str, ...]]:
+    """Return who may come in, by name, and a sentence for each file that lets nobody in."""
+    found: list[AllowedClient] = []
+    faults: list[str] = []
+    for path in client_files(folder):
+        try:
+            found.append(read_client(path))
+        except KeyFileError as error:
+            faults.append(str(error))
+    return tuple(found), tuple(faults)
 
 
 def client_files(folder: Path) -> list[Path]:
@@ -115,12 +126,18 @@ def client_files(folder: Path) -> list[Path]:
 
 def read_client(path: Path) -> AllowedClient:
     """Return one of those who may come in. Raises KeyFileError."""
-    return _parsed(path, _client)
+    client = _parsed(path, _client)
+    _check_client_name(client.name)
+    if client.name != path.stem:
+        raise KeyFileError(
+            f"{path}: the client in this file is called {client.name!r}; the file is named after another"
+        )
+    return client
 
 
 def revoke(folder: Path, name: str) -> None:
     """Bar a client: it can ask for nothing from now on. Raises KeyFileError where there is none of this name."""
-    known = [one.name for one in clients(folder)]
+    known = [path.stem for path in client_files(folder)]  # one that cannot be read can be taken away all the same
     if name not in known:
         raise KeyFileError(f"client {name!r} is not known; there are {', '.join(known) or 'none'}")
     _file(folder, name).unlink()
@@ -147,19 +164,29 @@ def write_secret(path: Path, text: bytes) -> None:
         file.write(text)
 
 
+def _check_client_name(name: str) -> None:
+    if not NAME.fullmatch(name):
+        raise KeyFileError(f"client {name!r}: a name has 1 to 64 letters, digits, `_` and `-`")
+    if name == LOCAL:
+        raise KeyFileError(f"client {name!r}: this is what the daemon's own account is called")
+
+
 def _file(folder: Path, name: str) -> Path:
     return folder / "clients" / f"{name}.json"
 
 
 def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
     try:
-        mode = path.stat().st_mode
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST_HEADER:  # to open a pipe would wait for ever
+            why = "Is a directory" if stat.S_ISDIR(found.st_mode) else "it is no file of a key, or far too long"
+            raise KeyFileError(f"{path} cannot be read: {why}")
         text = path.read_bytes()
     except FileNotFoundError:
         raise KeyFileError(f"there is no key {path}; `pzctl keys --help` says how to make one") from None
     except OSError as error:
         raise KeyFileError(f"{path} cannot be read: {error.strerror}") from None
-    if os.name == "posix" and mode & 0o077:
+    if os.name == "posix" and found.st_mode & 0o077:
         raise KeyFileError(f"{path}: others than its owner may read this key; `chmod 600` it, or make a new one")
     try:
         return from_json(text, decoder)

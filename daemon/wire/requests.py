@@ -16,6 +16,9 @@ from .result_messages import FitReport
 MOST_EVENTS = 50
 """Events in one answer to `replay`."""
 
+LONGEST_REASON = 1000
+"""Characters of why a measurement is withdrawn."""
+
 Id: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 
 
@@ -91,7 +94,7 @@ class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
     """Mark a complete measurement as withdrawn, in the name of `by`; for the daemon's own account alone."""
 
     measurement: str
-    why: Annotated[str, msgspec.Meta(min_length=1, max_length=1000)]
+    why: Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_REASON)]
 
 
 class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):

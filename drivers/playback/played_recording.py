@@ -20,6 +20,8 @@ class Playback:
     def __init__(self, path: Path) -> None:
         if not path.exists():
             raise InstrumentError(f"recording:{path}: there is no such file or folder")
+        if not (path.is_file() or path.is_dir()):
+            raise InstrumentError(f"recording:{path}: this is a device or a pipe; a file or a folder is needed")
         self._path = path
         self._files = _files(path)
         self._next = 0

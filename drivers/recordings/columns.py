@@ -47,7 +47,8 @@ _PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e
 _PREFIXES["p"] = 1e-12
 _NO_UNIT_SAID = {*_OHM, *_SIEMENS}
 _EXAMPLE = {"f": "frequency_Hz", "theta": "theta_deg", "theta-y": "theta-y_deg"}
-_WITH_UNIT = re.compile(r"(.+?)\s*(?:[(\[]\s*([^()\[\]]*?)\s*[)\]]|\s/\s*(\S+)|_([^\W_]+|°))")
+_WITH_UNIT = re.compile(r"(.+?) ?(?:[(\[] ?([^()\[\]]*?) ?[)\]]| / ?(\S+)|_([^\W_]+|°))")
+"""Of a name whose blanks are single ones: with `\\s*` the time would grow with the square of their number."""
 
 PAIRS = (
     ("R", "X", "IRIM"), ("G", "B", "ARIM"), ("|Z|", "theta", "IMPH"), ("|Y|", "theta-y", "AMPH"),
@@ -91,7 +92,7 @@ def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnM
 
 
 def _column(index: int, cell: str) -> ColumnMeaning | None:
-    name = cell.strip().strip("\"'").strip()
+    name = " ".join(cell.strip().strip("\"'").split())
     memory = name.casefold().endswith("-mem")
     name = re.sub(r"-(data|mem)$", "", name, flags=re.IGNORECASE)
     quantity, unit = QUANTITIES.get(_plain(name)), None

@@ -93,15 +93,21 @@ def _count(page: TextFile, value: object, line: int) -> int:
 
 def _checked(page: TextFile, key: str, value: Any, line: int) -> Any:
     """Refuse a setting that is no finite number where others calculate with it."""
-    if key in NUMBERS and value is not None:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        try:
-            finite = number and math.isfinite(value)
-        except OverflowError:
-            finite = False
-        if not finite:
-            raise page.error(line, f"{key} is {clipped(str(value))}; a number is needed")
+    if fault := setting_fault(key, value):
+        raise page.error(line, fault)
     return value
+
+
+def setting_fault(key: str, value: Any) -> str:
+    """Return what is wrong with a setting, empty where nothing is: others calculate with some, those are numbers."""
+    if key not in NUMBERS or value is None:
+        return ""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        finite = number and math.isfinite(value)
+    except OverflowError:
+        finite = False
+    return "" if finite else f"{key} is {clipped(str(value))}; a number is needed"
 
 
 def check_points(page: TextFile, announced: int | None, found: int, what: str = "the file") -> None:

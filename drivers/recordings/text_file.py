@@ -66,10 +66,10 @@ class TextFile:
         return [self.number(cells[k], clipped(names[k]), line) for k in needed]
 
 
-def clipped(text: str) -> str:
+def clipped(text: str, most: int = 60) -> str:
     """Return a text from a file on one line, cut to a length that a sentence can carry."""
     text = "".join(letter if letter.isprintable() else "?" for letter in text)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def read_bytes(path: Path) -> bytes:
@@ -77,6 +77,8 @@ def read_bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise RecordingError(f"{path}: this is a folder; the file of one recording is needed")
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path}: this is a device or a pipe; the file of one recording is needed")
         if path.stat().st_size > LARGEST:
             raise RecordingError(f"{path}: {path.stat().st_size} bytes is no recording; at most {LARGEST} are read")
         data = path.read_bytes()

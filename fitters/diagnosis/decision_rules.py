@@ -20,6 +20,8 @@ UNFINISHED = 5
 """How many of the best are fitted on where they had not come to an end. A budget."""
 NEAR = 12.0
 """ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
+PARENTS = 3
+"""How many of the best are grown by one more effect. A budget."""
 SUBSTITUTES = 2
 """How many others are fitted in place of each effect of the best. A budget."""
 RIVALS = 6

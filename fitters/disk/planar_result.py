@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ..engine.parameters.assembly import UNITS, between_bounds, is_held
 from ..engine.parameters.coordinates import Block, Coordinates, positive
 from ..engine.plausibility import strange
 from ..engine.recording import Prior
+from ..error_model.instrument_share import chi2_beside_instrument
 from ..interface import Constant, FitResult, TaskError
 from ..uncertainty.derived import DERIVED_UNITS
 from ..uncertainty.fit_result import curves_of, strong_correlations
@@ -164,6 +165,8 @@ def planar_answer(
     """Return the answer; `make` makes all complex constants of the model's parameters."""
     objective, result = descent.objective, estimate(descent)
     coordinates = objective.coordinates
+    chi2 = chi2_beside_instrument(objective.recordings, objective.log_ratios(result.x), result.x.size)
+    result = replace(result, chi2_per_dof=chi2)
     values, _ = coordinates.forward(result.x)
     names = coordinates.parameters
     u = propagated(make, values, names, result.covariance)

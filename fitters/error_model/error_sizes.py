@@ -50,6 +50,11 @@ class ErrorSizes:
         """Return the same with another size of one part."""
         return replace(self, **{name: value})
 
+    def at_most(self, other: "ErrorSizes") -> Self:
+        """Return the same with no error larger than `other` has it; the colour of the noise stays."""
+        sizes = {name: min(getattr(self, name), getattr(other, name)) for name in GRIDS if name != "colour"}
+        return replace(self, **sizes)
+
     @property
     def log_prior(self) -> float:
         """Ln of the prior probability on the grids."""
@@ -80,6 +85,10 @@ class ErrorSizes:
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
         return {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "losses", "shape")}
+
+
+USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)
+"""Errors of a good device and a good instrument."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from ...models.base.arrays import Complexes, Reals
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, columns_of, place_of
-from .error_sizes import Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
-from .point_covariance import Kernel, PointErrors
+from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
+from .point_covariance import PointErrors
 
 ORDER = ("tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
@@ -157,13 +158,16 @@ class MarginalFit:
         """Ln of the marginal likelihood, up to what all fits of the same recordings share."""
         return self.value.log_evidence
 
-    @property
+    @cached_property
     def shortfall(self) -> float:
-        """How much less ln likelihood it has than an explanation that leaves white noise alone; 0 for one as good."""
-        points = self.gram.columns.points
-        numbers = 2 * sum(int(np.count_nonzero(np.isfinite(own.noise))) for own in points)
-        perfect = numbers + Kernel(points, self.sizes.colour, (0.0, 0.0)).log_det
-        return max(0.0, 0.5 * (self.value.here - perfect))
+        """How much less ln likelihood it has than an explanation that leaves noise and the usual errors alone.
+
+        Usual are those of a good device and instrument, where this fit has any; 0 for one as good.
+        """
+        columns = self.gram.columns
+        numbers = 2 * sum(int(np.count_nonzero(np.isfinite(own.noise))) for own in columns.points)
+        usual = Held.of(columns, self.sizes.at_most(USUAL))
+        return max(0.0, 0.5 * (self.value.here - numbers - usual.log_S - usual.kernel.log_det))
 
     @property
     def values(self) -> dict[str, float]:

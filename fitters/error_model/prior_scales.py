@@ -13,8 +13,8 @@ LENGTH = 0.8
 """Correlation length in ln f of the model's error in each constant."""
 IMAGINARY = 0.3
 """Error of the model in a loss, in that of the constant's real part."""
-LOSSES = {"c33D": 0.4, "eps33S": 0.4, "h33": 0.2}
-"""How far a loss may change over the band, in itself: 1/Q goes as f^-0.35 to f^0.35 in ceramics."""
+LOSSES = {"c33D": 0.15, "eps33S": 0.15, "h33": 0.1}
+"""How far a loss may change over the band, in itself: 1/Q goes as f^-0.15 to f^0.15 in most ceramics."""
 FALL = 2e-3
 """Slope of permittivity against ln f that any ceramic has."""
 SHAPE = 0.1

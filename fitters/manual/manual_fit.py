@@ -18,9 +18,11 @@ from ...models.effects.base.effect import SWEEP
 from ...models.sweep import Sweep
 from ..diagnosis.hypotheses.problem import Candidate
 from ..engine.covariance import estimate
-from ..engine.descent import chi2_per_point, settle
+from ..engine.descent import settle
 from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
+from ..engine.recording import Recording
+from ..error_model.instrument_share import chi2_beside_instrument
 from ..interface import Constant, Curve, FitError, FitResult, FitTask
 from .adjustables import Adjustable, handles_of, with_value
 from .disk_manual_fit import disk_in_hand, radial_in_hand
@@ -55,7 +57,7 @@ class ModelPreview:
     curves: tuple[Curve, ...]
     """Over whole sweeps; `start` and `fitted` are both the model."""
     chi2_per_dof: float
-    """Misfit over the chosen bands, in units of the noise."""
+    """Misfit over the chosen bands, in units of the noise, less what the analyzer's own error may account for."""
     says: tuple[str, ...] = ()
     """What a person must know of where it begins."""
 
@@ -135,13 +137,13 @@ class ManualFit:
         descent = settle(posed.with_effects(effects), coordinates, posed.priors, coordinates.x)
         steps = tuple(dict.fromkeys(recording.step for recording in posed.recordings))
         answer = self._subject.answer(steps, descent, time.perf_counter() - began)
-        after, _ = self._curves(choices, effects, coordinates, descent.x)
+        after, chi2 = self._curves(choices, effects, coordinates, descent.x)
         before, _ = self._curves(choices, effects, coordinates, coordinates.x)
         curves = tuple(replace(new, start=old.fitted) for new, old in zip(after, before, strict=True))
         sizes = _sizes(effects, coordinates, estimate(descent).covariance, descent.x)
         handles = _handles(posed, effects, coordinates, descent.x)
         there = replace(choices, values={handle.name: handle.value for handle in handles})
-        return replace(answer, constants={**answer.constants, **sizes}, curves=curves), there
+        return replace(answer, constants={**answer.constants, **sizes}, curves=curves, chi2_per_dof=chi2), there
 
     def _chosen(self, choices: Choices) -> tuple[FitSetup, tuple[Candidate, ...], Coordinates]:
         posed = self._posed(choices)
@@ -198,16 +200,13 @@ class ManualFit:
         recordings = self._posed(choices, whole=True).with_effects(effects)
         objective = Objective(recordings, coordinates, ())
         curves: list[Curve] = []
-        total = points = 0.0
-        for recording, model, ratio in zip(recordings, objective.models(x), objective.log_ratios(x), strict=True):
+        chosen: list[Recording] = []
+        for recording, model in zip(recordings, objective.models(x), strict=True):
             sweep, mask = recording.sweep, within(recording.sweep, self._bands(choices, recording.step))
             Z = model.impedance(sweep.frequency)
             curves.append(Curve(recording.step, sweep.frequency, sweep.impedance, Z, Z))
-            if mask.any():
-                inside = replace(recording, noise=recording.noise[mask])
-                total += float(mask.sum()) * chi2_per_point(inside, ratio[mask])
-                points += float(mask.sum())
-        return tuple(curves), total / max(points, 1.0)
+            chosen.append(replace(recording, noise=np.where(mask, recording.noise, np.inf)))
+        return tuple(curves), chi2_beside_instrument(chosen, objective.log_ratios(x), len(coordinates.free))
 
 
 def _handles(

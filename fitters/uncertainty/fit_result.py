@@ -11,6 +11,7 @@ from ..engine.covariance import Estimate, estimate
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
 from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from ..error_model.instrument_share import chi2_beside_instrument
 from ..error_model.marginal_estimate import marginal_estimate
 from ..interface import Constant, Curve, FitResult, Options
 from .bootstrap import bootstrap
@@ -94,6 +95,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     """Return the answer of a least-squares fitter: constants, uncertainties, curves, and what to know of them."""
     objective, coordinates = solution.judged, solution.descent.objective.coordinates
     result = estimate(solution.descent, objective)
+    chi2 = chi2_beside_instrument(objective.recordings, objective.log_ratios(result.x), result.x.size)
+    result = replace(result, chi2_per_dof=chi2)
     covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
     by: Mapping[str, Reals] | None = None

@@ -1,7 +1,10 @@
-"""Names: what is said of one that is not known."""
+"""Names: what one may be, how one from outside is shown, and what is said of one that is not known."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+
+from .errors import PzctlError
 
 
 def require(names: Sequence[str] | Mapping[str, float], known: Mapping[str, float], who: str) -> None:
@@ -16,3 +19,39 @@ def among(name: str, known: Iterable[str]) -> str:
     names = list(known)
     near = get_close_matches(name, names, n=1)
     return f"there are {', '.join(names) or 'none'}" + (f"; did you mean {near[0]!r}?" if near else "")
+
+
+LONGEST_NAME = 64
+"""Characters of the name of a sample, a step, a fitter or a client."""
+
+
+class NameFault(PzctlError):
+    """A name that cannot be shown on a line, or is none."""
+
+
+def check_name(name: str, what: str, longest: int = LONGEST_NAME) -> str:
+    """Return the name of a sample, step, layer, fitter, client or person if it is one. Raises NameFault.
+
+    It can be printed, so that it changes neither a terminal nor a log nor a table, and has neither too many
+    characters nor blanks around it. `what` is what the sentence calls it.
+    """
+    if not name:
+        raise NameFault(f"{what} is empty; a name is needed")
+    if len(name) > longest:
+        raise NameFault(f"{what} has {len(name)} characters; at most {longest} are allowed")
+    bad = next((c for c in name if not c.isprintable()), None)
+    if bad is not None:
+        raise NameFault(f"{what} is {name!a}; characters that cannot be printed, such as {bad!a}, are not allowed")
+    if name != name.strip():
+        raise NameFault(f"{what} is {name!r}; blanks before or behind a name are not allowed")
+    return name
+
+
+def shown(text: str, keep: str = "") -> str:
+    r"""Return text from outside as it can be printed: what cannot be becomes `\x1b`; `keep`: what is left as it is."""
+    return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
+
+
+def as_file_name(*names: str) -> str:
+    """Return names from outside as one part of a path: joined by `-`, nothing in it leads elsewhere."""
+    return "-".join(re.sub(r"[^\w +.,=@-]", "_", name) for name in names).lstrip(".") or "_"

@@ -11,7 +11,7 @@
 
 `laws` says how losses continue over frequency, `layers` and `lumps` what a stack is made of, `loads` and `radiation`
 what it rests on; `line` is the wave in one layer, `active` what the piezoelectric effect adds, `network` puts layers
-together, `slopes` differentiates.
+together, `slopes` differentiates; `strips` evaluates stacks side by side.
 """
 
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
@@ -20,6 +20,7 @@ from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
 from .lumps import Mass, Spring
 from .radiation import Piston
 from .stack import Layer, Stack
+from .strips import parallel_admittance
 
 __all__ = [
     "AIR",
@@ -41,5 +42,6 @@ __all__ = [
     "Stack",
     "StackError",
     "Support",
+    "parallel_admittance",
     "viscous",
 ]

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.wire.curve_keys import ClientKey, make_client, make_server
 from pzctl.daemon.wire.frames import to_json
-from pzctl.models.build import Build
+from pzctl.models.build import Build, Step
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 
 @pytest.fixture
@@ -20,7 +22,7 @@ def clients(tmp_path: Path, start_daemon: Callable[..., Location]) -> tuple[Loca
     """Return where a daemon is, and the keys of Ana and Ben, who may measure and command the bench."""
     make_server(keys_folder(tmp_path))
     ana, ben = (make_client(keys_folder(tmp_path), name, "bench") for name in ("ana", "ben"))
-    return start_daemon(), ana, ben
+    return start_daemon(time_scale=0.05), ana, ben
 
 
 def measure(build: Build, number: str, step: str = "disk", lease: object = None) -> dict[str, object]:
@@ -65,3 +67,43 @@ def test_a_lease_is_of_use_to_its_own_key_alone(clients: tuple[Location, ClientK
     assert "error" not in asked(where, ana, {"request": "release", "id": "7", "lease": lease})
     with connect() as lab:
         assert lab.status().lease is None
+
+
+def glue(number: str, **command: object) -> dict[str, object]:
+    return {"request": "bench", "id": number, "command": command}
+
+
+@pytest.mark.parametrize("same_account", [False, True], ids=["two keys", "one key"])
+def test_nothing_is_measured_under_the_name_of_another_step_than_was_glued(
+    clients: tuple[Location, ClientKey, ClientKey], build: Build, same_account: bool
+) -> None:
+    """Ana glues, Ben glues on, Ana measures what she glued: it is not there any more."""
+    where, ana, ben = clients
+    ben = ana if same_account else ben
+    third = replace(build, steps=(*build.steps, Step("bare", ("disk", "ml1"))))
+    assert "error" not in asked(where, ana, glue("1", command="step", name="ml1"))
+    assert "error" not in asked(where, ben, glue("2", command="next"))
+    refused = asked(where, ana, measure(third, "3", "ml1"))["error"]
+    assert refused["code"] == "bench-failed"
+    assert f"is at step 'ml2', glued by '{'ana' if same_account else 'ben'}'" in refused["message"]
+    assert "measurement" in asked(where, ana, measure(third, "4", "bare")), "a step that the bench does not know"
+    with connect() as lab:
+        assert [one.step for one in lab.samples()[0].measurements] == ["bare"]
+
+
+def test_nobody_glues_under_a_measurement(
+    clients: tuple[Location, ClientKey, ClientKey], build: Build, wait_until
+) -> None:
+    where, ana, ben = clients
+    slow = replace(build, plan=SweepPlan((Segment(1e6, 2e6, 801),), sweep_average=20))
+    assert "error" not in asked(where, ana, glue("1", command="step", name="ml1"))
+    first = asked(where, ana, measure(slow, "2", "ml1"))["measurement"]
+    second = asked(where, ana, measure(slow, "3", "ml1"))["measurement"]
+    for number, command in (("4", {"command": "next"}), ("5", {"command": "new-sample", "seed": 1})):
+        assert asked(where, ben, glue(number, **command))["error"]["code"] == "busy"
+    assert "error" not in asked(where, ben, glue("6", command="step", name="ml1")), "that changes nothing"
+    for number, measurement in (("7", second), ("8", first)):
+        asked(where, ana, {"request": "cancel", "id": number, "measurement": measurement})
+    with connect() as lab:
+        wait_until(lambda: lab.status().measuring is None and not lab.status().queue)
+    assert "error" not in asked(where, ben, glue("9", command="next"))

@@ -9,14 +9,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
 from pzctl.daemon.wire.events import decode
+from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments
+from pzctl.fitters.diagnosis.design.experiment_design import bearable
 from pzctl.models.build import Build
-from pzctl.models.sweep_plan import Segment
+from pzctl.models.sweep import Sweep
+from pzctl.models.sweep_plan import LevelLimits, Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
 
 PZCTL = Path(sys.executable).with_name("pzctl")
@@ -46,6 +51,71 @@ def test_a_plan_beyond_the_limits_is_refused_before_it_is_accepted(
         assert time.monotonic() - began < 5
         assert lab.samples() == ()
         assert lab.measure(build, "disk").sweeps
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"bias_V": 3.0}, "bias is 3 V; sample 'S4.a' allows 2 V"),
+        ({"bias_V": -3.0}, "bias is -3 V; sample 'S4.a' allows 2 V"),
+        ({"bias_V": 6.0}, "bias is 6 V; this bench allows 5 V"),
+        ({"oscillator_V": 0.5}, "oscillator is 0.5 V; sample 'S4.a' allows 0.2 V"),
+        ({"oscillator_A": 0.001}, "oscillator is 0.001 A, whatever voltage that takes; sample 'S4.a' allows 0.2 V"),
+    ],
+)
+def test_a_plan_beyond_what_the_sample_stands_is_refused_before_it_is_accepted(
+    start_daemon: Callable[..., object], build: Build, changes: dict[str, object], says: str
+) -> None:
+    start_daemon(max_bias_V=5.0)
+    tender = replace(build, limits=LevelLimits(max_bias_V=2.0, max_oscillator_V=0.2))
+    gentle = SweepPlan((Segment(1e6, 2e6, 3),), oscillator_V=0.2, bias_V=2.0)
+    with connect() as lab:
+        with pytest.raises(DaemonError, match=says):
+            lab.begin(tender, "disk", replace(gentle, **changes))
+        assert lab.samples() == ()
+        assert lab.measure(tender, "disk", gentle).sweeps
+        assert lab.measure(build, "disk", replace(gentle, oscillator_V=0.5)).sweeps, "another sample stands more"
+
+
+def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_path: Path) -> None:
+    """Neither `measure` nor the page glues first and is refused then: the file itself is."""
+    path = tmp_path / "S4.toml"
+    path.write_text(THESIS_BUILD.read_text() + "\n[sample]\nmax_bias_V = 10\nmax_oscillator_V = 0.1\n")
+    for command in (["measure"], ["page", "--port", "1"], ["daemon", "--page"]):
+        done = subprocess.run(
+            [PZCTL, *command, "--build", path],
+            env={**os.environ, "PZCTL_HOME": str(tmp_path / "home")},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 2
+        says = "S4.toml: sweep plan: oscillator is 0.5 V; [sample] allows 0.1 V (max_oscillator_V)"
+        assert done.stderr.splitlines()[-1].endswith(says)
+    assert not list(tmp_path.glob("home/**/journal*")), "nothing was started"
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("max_bias_V = -1", "max_bias_V is -1; volts from 0 up are needed"),
+        ('max_bias_V = "5"', "a number is needed"),
+        ("max_oscillator_mV = 5", "max_oscillator_mV is not a known key"),
+    ],
+)
+def test_a_limit_that_is_none_is_refused(line: str, says: str) -> None:
+    with pytest.raises(BuildError, match=says):
+        parse_build(f"{THESIS_BUILD.read_text()}\n[sample]\n{line}\n")
+
+
+def test_no_experiment_is_proposed_that_the_sample_does_not_stand() -> None:
+    sweep = Sweep(np.linspace(1e6, 2e6, 11), np.full(11, 50 - 10j), {"oscillator_V": 0.2})
+    plans = [one.plan for one in experiments([sweep])]
+    limits = LevelLimits(max_oscillator_V=0.2)
+    assert not all(map(limits.allows, plans)), "a higher level is one of them"
+    build = replace(parse_build(THESIS_BUILD.read_text()), plan=None, limits=limits)
+    assert all(limits.allows(one.plan) for one in bearable(experiments([sweep]), build))
 
 
 def test_a_bias_that_a_killed_daemon_left_on_goes_off_when_the_next_one_connects(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ....models.base.names import shown
 from .fit import read_steps
 from .fit_options import comma_names
 
@@ -81,7 +82,7 @@ def _sample_in(folder: Path) -> "FitTask":
 
     sample = folder_sample(folder)
     for note in sample.notes:
-        print(f"note: {folder}: {note}", file=sys.stderr)
+        print(shown(f"note: {folder}: {note}"), file=sys.stderr)
     if sample.job is None:
         raise NoSamplesError(str(sample.error))
     return sample.job.task

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ....models.base.names import as_file_name, shown
 from .fit_options import FitArguments, FitSelection, UsageError, check_options, free_names
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
     for of_step in sweeps.values():
         for sweep in of_step:
             for note in sweep.notes:
-                print(f"note: {sweep.id}: {note}", file=sys.stderr)
+                print(shown(f"note: {sweep.id}: {note}"), file=sys.stderr)
     return sweeps
 
 
@@ -159,7 +160,7 @@ def _show(
             print_fit(screen, result, known)
             if budget:
                 print_budget(screen, result)
-        target = picture or Path(f"{result.build}-{'-'.join(result.steps)}-{result.fitter}.png")
+        target = picture or Path(f"{as_file_name(result.build, *result.steps, result.fitter)}.png")
         if len(results) > 1 and picture is not None:
             target = picture.with_stem(f"{picture.stem}-{result.fitter}")
         screen.print(f"picture: {fit_picture(result, target)}", highlight=False, soft_wrap=True)

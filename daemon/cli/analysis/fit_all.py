@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....models.base.errors import CannotError, PzctlError
+from ....models.base.names import shown
 from .fit_options import FitSelection, UsageError, check_options
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def fit_all(
     found = [_amended(sample, wanted) for sample in found]
     for sample in found:
         for note in sample.notes:
-            print(f"note: {sample.name}: {note}", file=sys.stderr)
+            print(shown(f"note: {sample.name}: {note}"), file=sys.stderr)
     batches = {fitter: _batch(found, fitter, dask) for fitter in fitters or [DEFAULT]}
     _report(found, batches, as_json)
     failed = [outcome.sample for outcomes in batches.values() for outcome in outcomes if outcome.result is None]
@@ -108,7 +109,7 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[
 def _unread(sample: "Sample") -> "Outcome":
     from ....fitters.population.batch import Outcome
 
-    print(f"{sample.name}: {sample.error}", file=sys.stderr)
+    print(shown(f"{sample.name}: {sample.error}"), file=sys.stderr)
     return Outcome(sample.name, None, sample.error)
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from ....models.base.names import as_file_name
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -97,7 +99,7 @@ class Diagnoser:
         heard = [one for one in self.lab.fits(measurement) if isinstance(one.event, DiagnosisEvent)][-1]
         assert isinstance(heard.event, DiagnosisEvent)  # noqa: S101 - of what was filtered above
         curves = curves_of(heard.event.curves, heard.arrays)
-        path = home() / "pictures" / f"{self.build.name}-{step}-diagnosis.png"
+        path = home() / "pictures" / f"{as_file_name(self.build.name, step)}-diagnosis.png"
         drawn = diagnosis_picture(heard.event.diagnosis, curves, self.build, path)
         self.console.print(f"picture: {drawn}\n", highlight=False, soft_wrap=True)
         return str(drawn)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ def _sweep(
 
     from ...wire.events import ProgressEvent
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
         task = progress.add_task(step, total=1.0)
 
@@ -232,7 +233,7 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
 
     print_fit(console, result, build)
     seconds = time.perf_counter() - ended
-    picture = home() / "pictures" / f"{result.build}-{result.steps[-1]}-{result.fitter}.png"
+    picture = home() / "pictures" / f"{as_file_name(result.build, result.steps[-1], result.fitter)}.png"
     console.print(f"constants {seconds:.2f} s after the sweep", highlight=False)
     console.print(f"picture: {fit_picture(result, picture)}\n", highlight=False, soft_wrap=True)
     report.fits.append(fit_json(result) | {"seconds_after_sweep": seconds, "picture": str(picture)})

@@ -1,7 +1,6 @@
 """`pzctl new`: a build.toml by asking."""
 
 import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from .build_template import NewBuild, NewLayer
 
 
-_NAME = re.compile(r"\w(?:[\w +.-]{0,62}[\w+-])?")
 _THICKNESS_MODE = ("density", "c33D", "h33", "eps33S")
 _ELASTIC = ("z", "c", "q")
 
@@ -91,11 +89,17 @@ def _thickness(of: str, nominal: float, u: float) -> tuple[float, float]:
 
 
 def _ask_name() -> str:
+    from ...files.builds.build_check import check_build_name
+    from ...files.builds.build_table import BuildError
+
     while True:
         name = _ask("Name of the transducer", "S1")
-        if _NAME.fullmatch(name):
+        try:
+            check_build_name(name, "name")
+        except BuildError:
+            typer.echo(f"{name!r} is not possible; letters, digits, space and _ + - . inside are", err=True)
+        else:
             return name
-        typer.echo(f"{name!r} is not possible; letters, digits, space and _ + - . inside are", err=True)
 
 
 def _ask(question: str, default: str) -> str:

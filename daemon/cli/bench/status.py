@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from ....models.base.names import shown
+
 
 def status(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
@@ -22,13 +24,14 @@ def status(
         return
     simulated = " (simulated)" if hello.instrument.simulated else ""
     print(f"pzctl {hello.version}, process {hello.pid}, up {metrics.uptime / 3600:.1f} h")
-    print(f"instrument: {hello.instrument.idn} at {hello.instrument.name}{simulated}")
-    print(f"measuring: {f'{now.sample.name} {now.sample.step}' if now.sample else 'nothing'}; {len(now.queue)} waiting")
+    print(f"instrument: {shown(hello.instrument.idn)} at {hello.instrument.name}{simulated}")
+    measured = shown(f"{now.sample.name} {now.sample.step}") if now.sample else "nothing"
+    print(f"measuring: {measured}; {len(now.queue)} waiting")
     if now.lease:
-        print(f"leased: {now.lease.owner} until {now.lease.until}")
+        print(f"leased: {shown(now.lease.owner)} until {now.lease.until}")
     for fitter in now.fitters:
         named = " ".join(filter(None, (fitter.name, fitter.version)))
-        print(f"fitter {named}: {fitter.says or fitter.state}")
+        print(f"fitter {shown(named)}: {shown(fitter.says or fitter.state)}")
     counts = metrics.counts
     print(
         f"events: {now.seq}; in this run {counts.get('sweep', 0)} sweeps, {counts.get('fit', 0)} fits, "

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ....models.base.names import shown
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -55,7 +57,7 @@ def _print_lines(lab: "Client") -> None:
 
     for heard in _events(lab):
         if (text := line(heard)) is not None:
-            print(f"{heard.event.time[11:19]} {text}", flush=True)
+            print(f"{heard.event.time[11:19]} {shown(text)}", flush=True)
 
 
 def _live(lab: "Client", screen: "Console") -> None:

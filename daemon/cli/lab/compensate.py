@@ -89,7 +89,7 @@ def _measured(analyzer: "Agilent4294A", wanted: "list[Standard]", adapter: str, 
     kind = CONDITIONS["E4TP"]
     if isinstance(kind, ChoiceSetting) and adapter not in kind.allowed:
         raise UsageError(f"--adapter {adapter}: there are {', '.join(kind.allowed)}")
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     progress = Progress(*columns, TimeRemainingColumn(), console=console, transient=True)
     task = progress.add_task("", total=1.0)
 

@@ -1,6 +1,8 @@
 """`pzctl keys`: who may reach the daemon and the live page from other machines, and what for."""
 
 import json
+import sys
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +33,9 @@ def client(
     name: Annotated[str, typer.Argument(help="Whose key it is.")],
     right: Annotated[str, typer.Option(help="watch, measure, bench or admin; each includes those before.")] = "watch",
     out: Annotated[Path | None, typer.Option(help="File for the client to keep; NAME.key unless given.")] = None,
+    expires: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the key counts.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Let a client in, and write the key that it needs.
@@ -52,7 +57,7 @@ def client(
     if path.exists():
         raise UsageError(f"--out {path}: this file is there already")
     folder = keys_folder(home())
-    key = make_client(folder, name, found)
+    key = make_client(folder, name, found, expires.date() if expires else None)
     try:
         write_secret(path, to_json(key))
     except PzctlError:
@@ -103,13 +108,17 @@ def show(
     """
     from ...files.paths import home, keys_folder
     from ...wire.curve_keys import clients
+    from ...wire.frames import to_json
 
-    found = clients(keys_folder(home()))
+    found, faults = clients(keys_folder(home()))
+    for fault in faults:
+        print(f"not let in: {fault}", file=sys.stderr)
     if as_json:
-        print(json.dumps({"clients": [{"name": one.name, "right": one.right, "public": one.public} for one in found]}))
+        print(to_json({"clients": found}).decode())
         return
     for one in found:
-        print(f"{one.name}\t{one.right}\t{one.public}")
+        until = f"\tuntil {one.expires}" if one.expires else ""
+        print(f"{one.name}\t{one.right}\t{one.public}{until}")
 
 
 @app.command("revoke")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
     files: list[Path] = []
     for one in record.steps:
         if step in (None, one.measurement.sample.step):
-            stem = f"{record.name}-{one.measurement.sample.step}".replace("/", "_")
+            stem = as_file_name(record.name, one.measurement.sample.step)
             for k, sweep in enumerate(one.sweeps, start=1):
                 files.append(folder / f"{stem}-{k}{FORMATS[form]}")
                 writers[form](sweep, files[-1])

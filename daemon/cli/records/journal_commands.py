@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ....models.base.names import check_name, shown
+
 app = typer.Typer(no_args_is_help=True, help="Check, seal, audit, copy, repair and prune the journal.")
 
 
@@ -39,7 +41,7 @@ def verify(
             told = {"events": journal.size, "arrays": arrays, "wrong": wrong, "seals": len(sealed)}
             print(json.dumps(told))
         elif wrong:
-            print("\n".join(wrong))
+            print(shown("\n".join(wrong), keep="\n"))
         else:
             print(f"{journal.size} events, {arrays} arrays: all whole")
             if sealed:
@@ -131,12 +133,10 @@ def withdraw(
     """
     from ...client.location import find
     from ...files.paths import home
-    from ..analysis.fit import UsageError
+    from ...wire.request_names import LONGEST_OWNER
+    from ...wire.requests import LONGEST_REASON
 
-    who, reason = by.strip(), why.strip()
-    for option, text, most in (("--by", who, 200), ("--why", reason, 1000)):
-        if not 1 <= len(text) <= most:
-            raise UsageError(f"{option}: {len(text)} characters; 1 to {most} are needed")
+    who, reason = check_name(by.strip(), "--by", LONGEST_OWNER), check_name(why.strip(), "--why", LONGEST_REASON)
     if find(home()) is not None:
         _ask_to_withdraw(measurement, who, reason)
     else:
@@ -192,9 +192,10 @@ def repair(
     Example: pzctl journal repair
     """
     from ...files.config import journal_of, settings
+    from ...files.database_url import without_password
     from ...files.paths import home, journal_folder
     from ...journal.repair import repair_folder
-    from ...journal.store import JournalError, without_password
+    from ...journal.store import JournalError
 
     url, _ = journal_of(settings({}))
     if url is not None:
@@ -212,7 +213,7 @@ def repair(
     if report.kept_database:
         print(f"the database that was there is kept as {report.kept_database}")
     for sentence in report.set_aside:
-        print(f"moved to orphans/: {sentence}")
+        print(shown(f"moved to orphans/: {sentence}"))
 
 
 @app.command("backup")
@@ -230,8 +231,8 @@ def backup(
     pzctl journal backup postgresql://pzctl@lab-server/pzctl --station bench1
     """
     from ...files.config import journal_of
+    from ...files.database_url import without_password
     from ...journal.retention import copy_journal
-    from ...journal.store import without_password
     from ...samples.sample_selection import open_journal
 
     to_url = target.startswith(("postgresql://", "postgres://"))

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 
 KINDS = (".html", ".pdf")
@@ -42,7 +43,7 @@ def report(
         record = sample_record(journal, sample)
     finally:
         journal.close()
-    target = out or Path(f"{record.name.replace('/', '_')}.html")
+    target = out or Path(f"{as_file_name(record.name)}.html")
     _write(target, report_html(record, fitter))
     if as_json:
         print(json.dumps({"sample": record.name, "report": str(target)}))

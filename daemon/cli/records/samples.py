@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ....models.base.names import shown
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
         for k, one in enumerate(of_sample):
             fits = ", ".join(journal.fitters(one.id)) if one.state == "measured" else _state(journal, one)
             when = f"{one.time[:10]} {one.time[11:19]} UTC"
-            table.add_row("" if k else escape(name), escape(one.sample.step), when, escape(fits))
+            table.add_row("" if k else escape(shown(name)), escape(shown(one.sample.step)), when, escape(shown(fits)))
         table.add_section()
     console().print(table)
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ....models.base.names import as_file_name, shown
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -56,7 +58,7 @@ def show(
         print(json.dumps({"sample": record.name, "steps": plain, "withdrawn": list(record.withdrawn)}))
         return
     for says in record.withdrawn:
-        screen.print(f"! {says}", style="yellow", highlight=False, markup=False)
+        screen.print(f"! {shown(says)}", style="yellow", highlight=False, markup=False)
 
 
 def _pictures(record: "SampleRecord", one: "StepRecord", fitter: str | None, folder: Path | None) -> dict[str, Path]:
@@ -64,9 +66,10 @@ def _pictures(record: "SampleRecord", one: "StepRecord", fitter: str | None, fol
 
     if folder is None:
         return {}
-    name = f"{record.name}-{one.measurement.sample.step}".replace("/", "_")
     return {
-        fit.fitter: fit_picture(fit, folder / f"{name}-{fit.fitter}.png")
+        fit.fitter: fit_picture(
+            fit, folder / f"{as_file_name(record.name, one.measurement.sample.step, fit.fitter)}.png"
+        )
         for fit in one.fits
         if fitter in (None, fit.fitter)
     }
@@ -95,7 +98,8 @@ def _print(screen: "Console", record: "SampleRecord", one: "StepRecord", fitter:
     points = sum(sweep.frequency.size for sweep in one.sweeps)
     when = one.measurement.time[:19].replace("T", " ")
     screen.print(
-        f"{record.name}, step {one.measurement.sample.step}: {points} points in {len(one.sweeps)} sweep(s), {when} UTC",
+        f"{shown(record.name)}, step {shown(one.measurement.sample.step)}: "
+        f"{points} points in {len(one.sweeps)} sweep(s), {when} UTC",
         style="bold cyan",
         highlight=False,
     )

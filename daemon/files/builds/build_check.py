@@ -3,10 +3,11 @@
 import re
 from collections.abc import Iterable
 
+from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
+from ....models.sweep_plan import PlanError
 from .build_table import BuildError
 
-LONGEST_NAME = 64
 RESERVED = ("area", "back", "front", "lead")
 """First words of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
 
@@ -16,7 +17,12 @@ _NAME = re.compile(r"\w[\w+-]*")
 
 def check_build(build: Build, source: str) -> None:
     """Check what no single key can tell. Raises BuildError, which names the file as `source`."""
-    _check_name(build.name, f"{source}: name", _BUILD_NAME, "letters, digits, space and _ + - . inside")
+    check_build_name(build.name, f"{source}: name")
+    if build.plan is not None and build.limits is not None:
+        try:
+            build.limits.check(build.plan, "[sample]")
+        except PlanError as error:
+            raise BuildError(f"{source}: {error}") from None
     _check_layers(build, source)
     _check_unique((step.name for step in build.steps), source, "steps")
     if not build.steps:
@@ -43,6 +49,11 @@ def check_build(build: Build, source: str) -> None:
                 f"{where} lacks {gone[0]}, which is there in the step before ({before.name}); steps stand in gluing "
                 "order, each with all layers of the one before"
             )
+
+
+def check_build_name(name: str, where: str) -> None:
+    """Raise BuildError, which says what is wrong `where`, for a name that no transducer can have."""
+    _check_name(name, where, _BUILD_NAME, "letters, digits, space and _ + - . inside")
 
 
 def _check_layers(build: Build, source: str) -> None:
@@ -72,8 +83,10 @@ def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:
 
 def _check_name(name: str, where: str, pattern: re.Pattern[str], allowed: str) -> None:
     """Refuse what cannot stand in a topic, a path, `STEP=FILE` or a parameter's name."""
-    if len(name) > LONGEST_NAME:
-        raise BuildError(f"{where} has {len(name)} characters; at most {LONGEST_NAME} are allowed")
+    try:
+        check_name(name, where)
+    except NameFault as fault:
+        raise BuildError(str(fault)) from None
     if not pattern.fullmatch(name):
         raise BuildError(f"{where} is {name!r}; allowed are {allowed}, and it begins with a letter or digit")
 

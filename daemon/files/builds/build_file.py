@@ -11,7 +11,7 @@ import msgspec
 
 from ....models.base.errors import PzctlError
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
-from ....models.sweep_plan import PlanError, Segment, SweepPlan
+from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
 from .build_table import (
     ELASTIC_KEYS,
@@ -46,11 +46,13 @@ def read_build(path: Path) -> Build:
     try:
         if path.is_dir():
             raise BuildError(f"{path}: this is a folder; a file like build.toml is needed")
+        if path.exists() and not path.is_file():
+            raise BuildError(f"{path}: this is a device or a pipe; a file like build.toml is needed")
         if path.stat().st_size > _LARGEST:
             raise BuildError(f"{path}: {path.stat().st_size} bytes is no description of a transducer; build.toml is")
         data = path.read_bytes()
-    except OSError as error:
-        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise BuildError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -74,7 +76,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     except (RecursionError, ValueError):  # brackets in brackets; a whole number of thousands of digits
         raise BuildError(f"{source}: this is not a description of a transducer: nested or long beyond reason") from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep"))
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample"))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
@@ -88,6 +90,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         front=_load(load, "front"),
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
         plan=_plan(top.table("sweep")) if "sweep" in data else None,
+        limits=_limits(top.table("sample")) if "sample" in data else None,
     )
     check_build(build, source)
     return build
@@ -205,6 +208,17 @@ def _reground(table: Table) -> dict[str, Quantity]:
             raise inner.missing("thickness of its own", "a ground layer is tied to no other")
         found[layer] = thickness
     return found
+
+
+def _limits(table: Table) -> LevelLimits:
+    """Return the section [sample]: the most bias and test signal that the sample stands."""
+    keys = ("max_bias_V", "max_oscillator_V")
+    table.only(keys)
+    found = {key: table.number(key) for key in keys if key in table.data}
+    for key, number in found.items():
+        if number < 0:
+            raise table.error(key, f"is {number:g}; volts from 0 up are needed")
+    return LevelLimits(**found)
 
 
 def _plan(table: Table) -> SweepPlan:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ....models.build import Build
+from .picture_file import as_label
 
 _COLOURS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
 _GUILTY, _MARK, _INK = "#fbc98b", "#e07b12", "#3a3f46"
@@ -30,16 +31,18 @@ def draw_sketch(axes: Any, build: Build, at: str, guilty: Sequence[str]) -> None
         axes.add_patch(box)
         turned = 90 if right - left < 0.16 else 0
         middle = (left + right) / 2
-        axes.text(middle, (_LOW + _HIGH) / 2, layer.name, ha="center", va="center", rotation=turned, fontsize=9)
+        axes.text(
+            middle, (_LOW + _HIGH) / 2, as_label(layer.name), ha="center", va="center", rotation=turned, fontsize=9
+        )
     _analyzer(axes, layers, edges, guilty)
     for where in guilty:
         place = _plane(where, names, edges)
         if place is not None:
             axes.plot([place, place], [_LOW - 0.05, _HIGH + 0.05], color=_MARK, linewidth=4.5, solid_capstyle="butt")
     says = "guilty: " + ", ".join(guilty) if guilty else ""
-    axes.text(0.5, 0.02, says, ha="center", va="bottom", fontsize=9, color=_MARK if guilty else _INK)
-    axes.text(-0.02, (_LOW + _HIGH) / 2, build.back.name, ha="right", va="center", fontsize=9, color=_INK)
-    axes.text(1.02, (_LOW + _HIGH) / 2, build.front.name, ha="left", va="center", fontsize=9, color=_INK)
+    axes.text(0.5, 0.02, as_label(says), ha="center", va="bottom", fontsize=9, color=_MARK if guilty else _INK)
+    axes.text(-0.02, (_LOW + _HIGH) / 2, as_label(build.back.name), ha="right", va="center", fontsize=9, color=_INK)
+    axes.text(1.02, (_LOW + _HIGH) / 2, as_label(build.front.name), ha="left", va="center", fontsize=9, color=_INK)
     axes.text(0.0, _LOW - 0.03, "back", ha="left", va="top", fontsize=8, color=_INK)
     axes.text(1.0, _LOW - 0.03, "front", ha="right", va="top", fontsize=8, color=_INK)
     axes.set_xlim(-0.18, 1.18)

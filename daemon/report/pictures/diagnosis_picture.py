@@ -12,7 +12,7 @@ from ....models.base.arrays import Reals
 from ....models.build import Build
 from ....models.sweep import Sweep
 from .device_sketch import draw_sketch
-from .picture_file import save_picture
+from .picture_file import as_label, save_picture
 
 BEFORE, AFTER, GUILTY, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
 _STRIP = 0.025
@@ -50,7 +50,7 @@ def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: B
             _residuals(axes, shown[k], found["findings"], held, named=named, legend=k == 0)
         else:
             axes.set_axis_off()
-    above.suptitle(f"{build.name}: {found['says'][0]}", fontweight="bold", fontsize=11.5)
+    above.suptitle(as_label(f"{build.name}: {found['says'][0]}"), fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
     draw_sketch(sketch, build, curves[-1].step, _guilty(found))
     _candidates(chances, found["findings"])
@@ -95,7 +95,7 @@ def _residuals(
     _bands(axes, curve, findings, held)
     axes.set_xlim(f[0], f[-1])
     axes.set_ylim(floor, max(axes.get_ylim()[1], _LEAST_SPAN * floor))
-    axes.set_title(f"step {curve.step}", loc="left", fontsize=9)
+    axes.set_title(as_label(f"step {curve.step}"), loc="left", fontsize=9)
     axes.set_ylabel("|ln(model / measured)|", fontsize=9)
     axes.set_xlabel("frequency (MHz)", fontsize=9)
     axes.tick_params(labelsize=8.5)
@@ -140,7 +140,7 @@ def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
     for k, (_, size, colour) in enumerate(bars):
         axes.barh(-k, size, color=colour, height=0.62)
         axes.text(size + 0.015, -k, f"{size:.3f}" if size > 0.985 else f"{size:.2f}", va="center", fontsize=8.5)
-    axes.set_yticks([-k for k in range(len(bars))], [label for label, *_ in bars], fontsize=8.5)
+    axes.set_yticks([-k for k in range(len(bars))], [as_label(label) for label, *_ in bars], fontsize=8.5)
     axes.set_ylim(-max(len(bars), 3) + 0.5, 0.6)
     axes.set_xlim(0, 1.1)
     axes.set_xticks([0, 0.5, 1])

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....fitters.interface import Curve, FitResult
 from ....models.base.arrays import Complexes, Impedances
-from .picture_file import save_picture
+from .picture_file import as_label, save_picture
 
 _HEIGHT = 12.0
 """Of the picture, inches."""
@@ -31,14 +31,14 @@ def fit_picture(result: FitResult, path: Path) -> Path:
     figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
     for k, curve in enumerate(result.curves):
         _column(axes[:, k], curve, result.noise.relative)
-        axes[0, k].set_title(curve.step)
+        axes[0, k].set_title(as_label(curve.step))
         axes[-1, k].set_xlabel("frequency (MHz)")
     for row, label in enumerate(_ROWS):
         axes[row, 0].set_ylabel(label)
     axes[0, 0].legend(fontsize="small")
     axes[-1, 0].legend(fontsize="small")
     figure.suptitle(
-        f"{result.build} by {result.fitter}: chi2/dof {result.chi2_per_dof:.3g}, "
+        f"{as_label(result.build)} by {as_label(result.fitter)}: chi2/dof {result.chi2_per_dof:.3g}, "
         f"RMS log error {result.rms_log_error:.2g}"
     )
     return save_picture(figure, path, dpi=110)

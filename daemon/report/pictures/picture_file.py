@@ -4,12 +4,18 @@ from pathlib import Path
 from typing import Any
 
 from ....models.base.errors import PzctlError
+from ....models.base.names import shown
 
 KINDS = (".png", ".svg", ".pdf")
 
 
 class PictureError(PzctlError):
     """A picture that cannot be written where it is wanted."""
+
+
+def as_label(text: str) -> str:
+    """Return text from outside as matplotlib is to draw it: `$` begins no formula."""
+    return shown(text, keep="\n").replace("$", r"\$")
 
 
 def check_picture(path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ....fitters.interface import Constant, Curve, FitResult
 from ....models.base.arrays import Impedances
 from ....models.build import Build
+from .picture_file import as_label
 
 MEASURED, FITTED, INK = "#8a8f98", "#c8321f", "#1f5fa8"
 _KINDS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
@@ -38,7 +39,7 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
     axes = figure.subplots(4, len(curves), squeeze=False, sharex="col", height_ratios=[1.2, 1, 1, 0.8])
     for k, curve in enumerate(curves):
         _curve(axes[:, k], curve, noise)
-        axes[0, k].set_title(f"step {curve.step}")
+        axes[0, k].set_title(as_label(f"step {curve.step}"))
         axes[3, k].set_xlabel("frequency (MHz)")
     for row, label in enumerate(("|Z| (Ω)", "phase (°)", "conductance G (S)", "ln(model/measured)")):
         axes[row, 0].set_ylabel(label)
@@ -73,7 +74,7 @@ def circle_svg(curves: Sequence[Curve]) -> str:
         for z, colour, width in ((curve.measured, MEASURED, 2.6), (curve.fitted, FITTED, 0.9)):
             y: Impedances = 1e3 / z
             axes.plot(y.real, y.imag, color=colour, linewidth=width)
-        axes.set_title(f"step {curve.step}")
+        axes.set_title(as_label(f"step {curve.step}"))
         axes.set_xlabel("G (mS)")
         axes.set_ylabel("B (mS)")
         axes.set_aspect("equal", adjustable="datalim")
@@ -99,8 +100,8 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
         axes.text(j + 0.5, i + 0.5, "+" if matrix[i, j] > 0 else "\N{MINUS SIGN}", **shown)
     axes.set(aspect="equal", ylim=(len(names), 0))
     middles = np.arange(len(names)) + 0.5
-    axes.set_xticks(middles, names, rotation=90, fontsize="small")
-    axes.set_yticks(middles, names, fontsize="small")
+    axes.set_xticks(middles, list(map(as_label, names)), rotation=90, fontsize="small")
+    axes.set_yticks(middles, list(map(as_label, names)), fontsize="small")
     figure.colorbar(mesh, ax=axes, label="correlation", shrink=0.8)
     return svg_of(figure, "correlation")
 
@@ -116,10 +117,10 @@ def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
         re = np.array([constant.re for _, constant in values])
         u = np.array([constant.u_re or 0.0 for _, constant in values])
         axes.errorbar(range(len(steps)), re, yerr=u, fmt="o", color=INK, capsize=3)
-        axes.set_xticks(range(len(steps)), steps)
+        axes.set_xticks(range(len(steps)), list(map(as_label, steps)))
         axes.set_xlim(-0.5, len(steps) - 0.5)
         unit = values[0][1].unit
-        axes.set_title(name if unit == "1" else f"{name} ({unit})", fontsize="small", loc="right")
+        axes.set_title(as_label(name if unit == "1" else f"{name} ({unit})"), fontsize="small", loc="right")
         axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useOffset=False)
         axes.yaxis.get_offset_text().set_size("small")
         axes.tick_params(labelsize="small")
@@ -137,14 +138,14 @@ def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> st
     for layer, left, right in zip(layers, edges, edges[1:], strict=False):
         colour = _GUILTY if f"layer:{layer.name}" in guilty else _KINDS[layer.kind]
         axes.axvspan(left, right, color=colour, ec="0.4", lw=0.6)
-        label = f"{layer.name}\n{layer.values['thickness'].re * 1e6:.4g} µm"
+        label = f"{as_label(layer.name)}\n{layer.values['thickness'].re * 1e6:.4g} µm"
         axes.text((left + right) / 2, 0.5, label, ha="center", va="center", rotation=90, fontsize="small")
     for where in guilty:
         place = _edge(where, [layer.name for layer in layers], edges)
         if place is not None:
             axes.axvline(place, color=_GUILTY, linewidth=5)
-    axes.text(-0.01, 0.5, f"back: {build.back.name}", ha="right", va="center", fontsize="small")
-    axes.text(1.01, 0.5, f"front: {build.front.name}", ha="left", va="center", fontsize="small")
+    axes.text(-0.01, 0.5, f"back: {as_label(build.back.name)}", ha="right", va="center", fontsize="small")
+    axes.text(1.01, 0.5, f"front: {as_label(build.front.name)}", ha="left", va="center", fontsize="small")
     axes.set_xlim(-0.12, 1.12)
     axes.set_axis_off()
     return svg_of(figure, "stack")

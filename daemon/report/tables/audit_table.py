@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ....models.base.names import shown
 from ...journal.audit import AuditEntry
 
 
@@ -20,5 +21,5 @@ def print_audit(screen: Console, entries: Iterable[AuditEntry]) -> None:
         of = f"{one.sample.name} {one.sample.step}" if one.sample else ""
         event = f"{one.station} {one.seq}".strip()
         row = (event, one.time[:19].replace("T", " "), who, one.did, of, one.says)
-        table.add_row(*map(escape, row))
+        table.add_row(*(escape(shown(cell)) for cell in row))
     screen.print(table)

@@ -1,7 +1,8 @@
 """Who may do what: every client by its key, from this machine as from others."""
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from datetime import UTC, date, datetime
 from pathlib import Path
 
 import zmq
@@ -17,12 +18,11 @@ from ...wire.curve_keys import (
     KeyFileError,
     KeyPair,
     Right,
-    client_files,
     local_keys,
-    read_client,
     server_key,
 )
 from ..requests.request_errors import RequestError
+from .key_folder import KeyFolder
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +43,10 @@ NEEDED: Mapping[type[ask.Request], Right] = {
 """What else is asked needs the right to watch."""
 
 
+def _today() -> date:
+    return datetime.now(UTC).date()
+
+
 class AccessControl:
     """Lets in those whose keys are in the folder; a key that is taken away, changed or made counts at once.
 
@@ -50,14 +54,14 @@ class AccessControl:
     reached from other machines: that needs a server key made on purpose, and clients.
     """
 
-    def __init__(self, folder: Path, *, outside: bool) -> None:
-        self._root = folder
+    def __init__(self, folder: Path, *, outside: bool, today: Callable[[], date] = _today) -> None:
         own = local_keys(folder)
         self.server: KeyPair = server_key(folder) if outside or (folder / "server.json").exists() else own.server
         self.local = ClientKey(self.server.public, own.client.public, own.client.secret)
         """For those who can read this user's files: the commands and fitters on this machine."""
-        self._known: dict[str, AllowedClient] = {}
-        self._seen: dict[Path, tuple[int, int]] = {}
+        self._folder = KeyFolder(folder)
+        self._today = today
+        self._admitted: set[str] = set()
         self._barred = False
         if outside and not self._clients():
             raise KeyFileError(
@@ -80,10 +84,11 @@ class AccessControl:
 
     def allows(self, key: str | None) -> bool:
         """Return whether a key may come in now."""
-        return self._who(key or "") is not None
+        who = self._who(key or "")
+        return who is not None and not self._has_expired(who)
 
     def somebody_was_barred(self) -> bool:
-        """Return whether a key was taken away since this was last asked."""
+        """Return whether a key was taken away, or expired, since this was last asked."""
         self._clients()
         barred, self._barred = self._barred, False
         return barred
@@ -96,6 +101,12 @@ class AccessControl:
             needed = "measure"  # who comes as a fitter is waited for
         if who is None:
             raise RequestError("not-allowed", "this key has been revoked", "ask who runs the daemon for a new one")
+        if self._has_expired(who):
+            raise RequestError(
+                "not-allowed",
+                f"the key of {who.name!r} expired after {who.expires}",
+                "ask who runs the daemon for a new one",
+            )
         if RIGHTS.index(who.right) < RIGHTS.index(needed):
             raise RequestError(
                 "not-allowed",
@@ -108,22 +119,13 @@ class AccessControl:
             return AllowedClient(LOCAL, key, "admin")
         return self._clients().get(key)
 
-    def _clients(self) -> dict[str, AllowedClient]:
-        """Return the clients by public key, read anew when a file has changed."""
-        stats = {path: path.stat() for path in client_files(self._root)}
-        seen = {path: (stat.st_mtime_ns, stat.st_ctime_ns) for path, stat in stats.items()}
-        if seen != self._seen:
-            self._seen = seen
-            before = {*self._known}
-            self._known = {client.public: client for client in self._readable(seen)}
-            self._barred |= bool(before - {*self._known})
-        return self._known
+    def _has_expired(self, client: AllowedClient) -> bool:
+        return client.expires is not None and self._today() > client.expires
 
-    @staticmethod
-    def _readable(paths: Iterable[Path]) -> Iterator[AllowedClient]:
-        """Yield the clients of the files that can be used; one bad file bars nobody else."""
-        for path in paths:
-            try:
-                yield read_client(path)
-            except KeyFileError as error:
-                log.warning("this client is not let in: %s", error)
+    def _clients(self) -> dict[str, AllowedClient]:
+        """Return the clients by public key, as their files are now."""
+        known = self._folder.clients()
+        admitted = {key for key, client in known.items() if not self._has_expired(client)}
+        self._barred |= bool(self._admitted - admitted)
+        self._admitted = admitted
+        return known

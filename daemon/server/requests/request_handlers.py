@@ -19,6 +19,7 @@ from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
 from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent, envelope
 from ...wire.metrics import Metrics
+from ..access.bench_step import BenchStep
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
 from ..plan_limits import PlanLimits
@@ -57,6 +58,7 @@ class RequestHandlers:
     metrics: Metrics
     plan_limits: PlanLimits
     lease: Lease = field(default_factory=Lease)
+    bench_step: BenchStep = field(default_factory=BenchStep)
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -69,17 +71,7 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.HelloRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
-            known = self.supervisor.states
-            if ":" in request.fitter and request.fitter not in self.settings["fitters"]:
-                raise RequestError(
-                    "bad-name",
-                    f"fitter {request.fitter!r}: a name with ':' is a module's, which only the daemon's own "
-                    "configuration may give",
-                    "give the fitter a name as an entry point of pzctl.fitters",
-                )
-            if request.fitter not in known and len(known) >= MOST_FITTERS:
-                raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
-            self.supervisor.ready(request.fitter, request.version or "")
+            self._list_fitter(request.fitter, request.version or "", client)
         return (
             reply.HelloAnswer(
                 id=request.id,
@@ -149,7 +141,7 @@ class RequestHandlers:
                 "give a plan, or a [sweep] table in build.toml",
             )
         try:
-            self.plan_limits.check(plan, self.acquisition.seconds)
+            self.plan_limits.check(request.build, plan, self.acquisition.seconds)
         except PlanError as error:
             raise RequestError(
                 "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
@@ -157,6 +149,7 @@ class RequestHandlers:
         if request.decides is not None:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
         self.lease.check(client, request.lease)
+        self.bench_step.check(request.step)
         if len(self.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
@@ -169,7 +162,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        busy = self.acquisition.current is not None or bool(self.acquisition.waiting)
+        busy = self.acquisition.is_busy
         lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
         self.audit(request, client, "leased", f"to {request.owner!r} for {request.seconds:g} s")
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
@@ -256,12 +249,17 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.supervisor.visitors.renew(request.fitter, client)
         open_ones = tuple(self.journal.unanswered(request.fitter))
         return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
 
     @answer.register
     def _(self, request: ask.SubmitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
+        if client == LOCAL:  # the daemon's own fits and diagnoses answer as any installed fitter
+            self.supervisor.visitors.renew(request.fitter, client)
+        else:
+            self._list_fitter(request.fitter, request.version, client)
         event = checked(self.journal, known, request, raw)
         if event is not None:
             self.journal.store.check_room()  # answers without end must not take what measurements need
@@ -286,6 +284,26 @@ class RequestHandlers:
         """Publish who asked for what is done now: the journal keeps it, hashed and chained like every event."""
         event = StateEvent(state=did, says=says, measurement=measurement, sample=sample, client=client, by=request.by)
         self.publish(event, ())
+
+    def _list_fitter(self, fitter: str, version: str, client: str) -> None:
+        """List a fitter as ready. Raises RequestError where the name is not this client's, or too many are listed."""
+        if ":" in fitter and fitter not in self.settings["fitters"]:
+            raise RequestError(
+                "bad-name",
+                f"fitter {fitter!r}: a name with ':' is a module's, which only the daemon's own configuration may give",
+                "give the fitter a name as an entry point of pzctl.fitters",
+            )
+        visitors, listed = self.supervisor.visitors, self.supervisor.states
+        if visitors.belongs_to_another(fitter, client):
+            raise RequestError(
+                "not-allowed",
+                f"fitter {fitter!r}: this name belongs to a fitter that came in with another key",
+                "give the fitter another name",
+            )
+        if fitter not in listed and len(listed) >= MOST_FITTERS:
+            raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
+        visitors.heard(fitter, client)
+        self.supervisor.ready(fitter, version)
 
     def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Begin an errand on a complete measurement."""

@@ -21,6 +21,7 @@ from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.events import WIRE
 from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
+from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from .request_errors import RequestError
@@ -175,7 +176,7 @@ class RequestServer:
         try:
             if isinstance(request, ask.BenchRequest):
                 self._desk.lease.check_client(client)
-                answer = await self._bench(request)
+                answer = await self._bench(request, client)
                 self._desk.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
@@ -211,17 +212,19 @@ class RequestServer:
         log.error("request %s", request, exc_info=error)
         return _refusal(request, reply.ErrorBody("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
 
-    async def _bench(self, request: ask.BenchRequest) -> reply.BenchAnswer:
+    async def _bench(self, request: ask.BenchRequest, client: str) -> reply.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
         if self._desk.bench is None:
             raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
         if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
             raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
         host, _, port = self._desk.bench.rpartition(":")
-        try:
-            answer = await asyncio.to_thread(bench_command, host, int(port), **request.command)
-        except PzctlError as error:
-            raise RequestError("bench-failed", str(error)) from None
+        busy = self._desk.acquisition.is_busy
+        with self._desk.bench_step.command(request.command, client, busy=busy) as answer:
+            try:
+                answer.update(await asyncio.to_thread(bench_command, host, int(port), **request.command))
+            except PzctlError as error:
+                raise RequestError("bench-failed", str(error)) from None
         return reply.BenchAnswer(id=request.id, answer=answer)
 
 
@@ -257,6 +260,7 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
         raise WireError(
             f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
         )
+    check_names(request)
     return request
 
 

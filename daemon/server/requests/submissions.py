@@ -23,10 +23,10 @@ def checked(
     Raises RequestError where it is no answer, WireError where its columns are not what the header says.
     """
     event = _event(request, known)
-    unknown = [sweep for sweep in request.sweeps if not journal.has_sweep(sweep)]
-    if unknown or not request.sweeps:
-        named = f"the journal holds no sweep {unknown[0]!r}" if unknown else "no sweep is named"
-        raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {named}")
+    if known.state != "measured":
+        raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; no fitter is asked about it")
+    if fault := _sweeps_fault(journal, known, request.sweeps):
+        raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {fault}")
     curves_of(request.curves, unpack(request.columns, raw))
     if journal.answered(event) is not None:
         return None
@@ -35,6 +35,26 @@ def checked(
             "too-many-answers", f"fitter {request.fitter!r} answered this measurement {MOST_ANSWERS} times already"
         )
     return event
+
+
+def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Sequence[str]) -> str:
+    """Return what is wrong with the sweeps that an answer is about, empty where nothing is.
+
+    A fitter is asked about a measurement together with those of the earlier steps of its sample.
+    """
+    steps = [step.name for step in journal.build(known.id).steps]
+    asked = steps[: steps.index(known.sample.step) + 1]
+    for sweep in dict.fromkeys(sweeps):
+        of = journal.sample_of_sweep(sweep)
+        if of is None:
+            return f"the journal holds no sweep {sweep!r}"
+        if of.name != known.sample.name or of.step not in asked:
+            return (
+                f"sweep {sweep!r} is of {of.name!r} at step {of.step!r}; measurement {known.id!r} is of "
+                f"{known.sample.name!r} at step {known.sample.step!r}"
+            )
+    own = {*sweeps} & {*journal.sweep_ids(known.id)}
+    return "" if own else f"no sweep of measurement {known.id!r} is named"
 
 
 def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | DiagnosisEvent:

@@ -16,12 +16,16 @@ from ...client.client import Client
 from ...client.connection import DaemonError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import ReceivedEvent, StateEvent, SweepEvent
+from .visitors import LEASE
 from .worker_main import FitterError, run_as_guest
 
 log = logging.getLogger(__name__)
 
 GROUP = "pzctl.fitters"
 """The entry point group of the fitters."""
+
+HELLO_EVERY = LEASE / 5
+"""Seconds after which a fitter says hello again."""
 
 PAUSE = 5.0
 """Seconds until a visitor knocks again at a daemon that has gone."""
@@ -60,18 +64,28 @@ class FitterWorker:
         self._fitter = fitter
         self._client = client
         self._answered: set[str] = set()
+        self._greeted = 0.0
 
     def serve(self) -> None:
         """Answer what is open, then what comes. Raises DaemonError when the daemon has gone."""
-        events = self._client.listen(patience=float("inf"))
-        self._client.hello(self._name, self._fitter.version)
+        events = self._client.listen(patience=HELLO_EVERY)
+        self._greet()
         for measurement in self._client.unanswered(self._name):
             self.answer(measurement)
-        for heard in events:
-            if isinstance(heard.event, StateEvent) and heard.event.state == "started":  # the daemon, anew
-                self._client.hello(self._name, self._fitter.version)
-            if isinstance(heard.event, SweepEvent) and _completes(heard.event):
-                self.answer(heard.event.measurement)
+        while True:
+            for heard in events:
+                if isinstance(heard.event, StateEvent) and heard.event.state == "started":  # the daemon, anew
+                    self._greet()
+                if isinstance(heard.event, SweepEvent) and _completes(heard.event):
+                    self.answer(heard.event.measurement)
+                if time.monotonic() - self._greeted > HELLO_EVERY:
+                    self._greet()
+            self._greet()  # nothing came: who is silent for long is taken off the list
+            events = self._client.listen(patience=HELLO_EVERY)
+
+    def _greet(self) -> None:
+        self._client.hello(self._name, self._fitter.version)
+        self._greeted = time.monotonic()
 
     def answer(self, measurement: str) -> None:
         """Fit a measurement together with the earlier steps of its sample; hand in the result, or why there is none."""

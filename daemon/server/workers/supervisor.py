@@ -12,6 +12,7 @@ from ...wire.curve_keys import ClientKey
 from ...wire.replies import FitterState
 from .pending_results import PendingResults
 from .process_runner import run_to_end
+from .visitors import LEASE, Visitors
 from .worker_main import GIVEN_UP
 
 QUIET = 1.0
@@ -46,6 +47,8 @@ class Supervisor:
     """Called with a fitter's new state and a sentence when it became ready, ended or broken."""
     died: Callable[[WorkerExit], None]
     """Called when a process ended by itself."""
+    visitors: Visitors
+    """Whose those are that came by themselves."""
     states: dict[str, FitterState] = field(default_factory=dict[str, FitterState])
     _told: dict[str, float] = field(default_factory=dict[str, float])
 
@@ -60,6 +63,13 @@ class Supervisor:
             return
         self._told[name] = time.monotonic()
         self._set(state)
+
+    def forget_silent(self) -> None:
+        """Take those off the list that came by themselves and have not been heard of for too long."""
+        for name in self.visitors.silent():
+            if (state := self.states.pop(name, None)) is not None:
+                self.changed(FitterState(name, "ended", state.version), f"not heard of for {LEASE:g} s")
+                self._told.pop(name, None)
 
     async def keep(self, name: str) -> None:
         """Run a fitter for ever, or until it says that starting it again is of no use."""

@@ -13,10 +13,10 @@ from typing import Any, cast
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.sweep import Sweep, SweepError
+from ....models.sweep import Sweep
 from ..atomic_file import read_sealed, sealed, write_whole
-from ..provenance import FORMAT, provenance_lines
-from ..text_file import RecordingError, clipped
+from ..provenance import FORMAT, provenance_lines, setting_fault
+from ..text_file import LARGEST, RecordingError, clipped
 
 COLUMNS = {"frequency": "Hz", "resistance": "ohm", "reactance": "ohm"}
 ATTRIBUTES = ("format", "time", "id", "settings", "notes")
@@ -67,14 +67,27 @@ def read_archive(path: Path) -> tuple[Sweep, None]:
     content = io.BytesIO(read_sealed(path))
     read: Callable[[io.BytesIO], _Content] = _netcdf if path.suffix.lower() == ".nc" else _hdf5
     try:
-        columns, attributes = read(content)
-        if attributes["format"] != FORMAT:
-            raise RecordingError(f"{path}: its format is {attributes['format'][:60]!r}; {FORMAT!r} is known")
-        settings, notes = json.loads(attributes["settings"]), json.loads(attributes["notes"])
-        z = columns["resistance"] + 1j * columns["reactance"]
-        return Sweep(columns["frequency"], z, settings, attributes["time"], attributes["id"], tuple(notes)), None
-    except (KeyError, OSError, ValueError, TypeError, AttributeError, AssertionError, SweepError) as error:
-        raise RecordingError(f"{path}: this is no recording: {' '.join(str(error).split())[:200]}") from None
+        return _sweep(path, *read(content)), None
+    except RecordingError:
+        raise
+    except Exception as error:  # whatever a library raises over bytes that it trusts
+        says = clipped(" ".join(str(error).split()) or type(error).__name__, 200)
+        raise RecordingError(f"{path}: this is no recording: {says}") from None
+
+
+def _sweep(path: Path, columns: Mapping[str, Reals], attributes: Mapping[str, str]) -> Sweep:
+    """Return the recording. Raises RecordingError, SweepError or ValueError for what is none."""
+    if attributes["format"] != FORMAT:
+        raise RecordingError(f"{path}: its format is {clipped(attributes['format'])!r}; {FORMAT!r} is known")
+    settings: Any = json.loads(attributes["settings"])
+    notes: Any = json.loads(attributes["notes"])
+    if not isinstance(settings, dict) or not isinstance(notes, list):
+        raise ValueError("its settings are no table, or its notes no list")
+    settings, notes = cast("dict[str, Any]", settings), cast("list[object]", notes)
+    if faults := list(filter(None, (setting_fault(key, value) for key, value in settings.items()))):
+        raise ValueError(faults[0])
+    z = columns["resistance"] + 1j * columns["reactance"]
+    return Sweep(columns["frequency"], z, settings, attributes["time"], attributes["id"], tuple(map(str, notes)))
 
 
 def _content(sweep: Sweep) -> _Content:
@@ -86,12 +99,20 @@ def _content(sweep: Sweep) -> _Content:
     return dict(zip(COLUMNS, numbers, strict=True)), dict(zip(ATTRIBUTES, texts, strict=True))
 
 
+def _column(name: str, dataset: Any) -> Reals:
+    """Return the numbers of a data set; what it claims to hold is never allocated. Raises ValueError."""
+    shape = tuple(getattr(dataset, "shape", ()))
+    if len(shape) != 1 or 8 * shape[0] > LARGEST:
+        raise ValueError(f"{name} has the shape {shape}; one row of at most {LARGEST // 8} numbers is needed")
+    return np.array(dataset[:], dtype=np.float64)
+
+
 def _netcdf(content: io.BytesIO) -> _Content:
     from scipy.io import netcdf_file  # pyright: ignore[reportMissingTypeStubs]
 
     with netcdf_file(content, "r", mmap=False) as opened:
         file = cast("Any", opened)
-        columns = {name: np.array(file.variables[name][:], dtype=np.float64) for name in COLUMNS}
+        columns = {name: _column(name, file.variables[name]) for name in COLUMNS}
         texts = {name: getattr(file, name).decode() for name in ATTRIBUTES}
     return columns, {name: "" if text == " " else text for name, text in texts.items()}
 
@@ -100,5 +121,5 @@ def _hdf5(content: io.BytesIO) -> _Content:
     import h5py  # pyright: ignore[reportMissingTypeStubs]
 
     with cast("Any", h5py).File(content, "r") as file:
-        columns = {name: np.array(file[name], dtype=np.float64) for name in COLUMNS}
+        columns = {name: _column(name, file[name]) for name in COLUMNS}
         return columns, {name: str(file.attrs[name]) for name in ATTRIBUTES}

@@ -13,6 +13,7 @@ import numpy as np
 
 from ....models.base.arrays import Frequencies, Impedances, Reals
 from ....models.base.model import Model
+from ....models.build import Build
 from ....models.effects import Conditions, Device
 from ....models.effects.base.effect import Stage
 from ....models.sweep import Sweep
@@ -91,7 +92,7 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits)
     """
     sweeps = gate(task.sweeps).sweeps
     step = list(sweeps)[-1]
-    choice = experiments(sweeps[step])
+    choice = bearable(experiments(sweeps[step]), task.build)
     if diagnosis.verdict in ("unexplained", "partly-explained"):
         return _unexplained(choice, instrument)
     problem = Problem.of(solve(replace(task, sweeps=sweeps), lambda _: None), task.free)
@@ -102,6 +103,12 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits)
     rivals += [*_unseen(problem, diagnosis, known, accepted), *_seen_once(problem, step, accepted)]
     tried = [(one, [_separation(one, step, accepted, rival, instrument) for rival in rivals]) for one in choice]
     return _chosen(tried, rivals, instrument)
+
+
+def bearable(choice: Sequence[Experiment], build: Build | None) -> tuple[Experiment, ...]:
+    """Return the experiments that apply no more to the sample than its build allows."""
+    limits = build.limits if build else None
+    return tuple(one for one in choice if limits is None or limits.allows(one.plan))
 
 
 def _unexplained(choice: Sequence[Experiment], instrument: InstrumentLimits) -> tuple[Proposal, ...]:

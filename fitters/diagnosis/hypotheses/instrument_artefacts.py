@@ -90,7 +90,10 @@ class PhaseError(InstrumentArtefact):
 
 
 class CoupledLoop(InstrumentArtefact):
-    """Z + (w M)^2 over the impedance of a loop beside the lead: a resonance in series, at any loss."""
+    """Z + (w M)^2 over the impedance of a loop beside the lead: a broad resonance in series.
+
+    A braid or a metal part beside a lead has a Q of a few; what is narrow resonates in the device.
+    """
 
     stage = Stage.TERMINALS
     says = "Something resonates beside the lead, in series with the device, as a loop that the lead's field reaches."
@@ -103,7 +106,7 @@ class CoupledLoop(InstrumentArtefact):
         return (
             EffectParameter("inductance", "H", typical=1e-9),
             EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
-            EffectParameter("q", "1", typical=3.0, lower=1.0, upper=1000.0, null=10.0, scan=(3.0, 10.0, 40.0)),
+            EffectParameter("q", "1", typical=3.0, lower=1.0, upper=20.0, null=4.0, scan=(2.0, 6.0, 15.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

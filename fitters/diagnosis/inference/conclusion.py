@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from ....models.base.arrays import Reals
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import taken_up
@@ -15,7 +16,7 @@ from ..hypotheses.hypothesis import Hypothesis, coarseness
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
-from .effect_size import change_by, constants_of, largest_of, moves_a_constant, projected, sizes_of
+from .effect_size import change_by, constants_of, largest_of, moves_a_constant, powers_of, projected, sizes_of
 
 Kind = Literal["finding", "remark"]
 
@@ -113,15 +114,16 @@ def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certai
     """Return how probable each effect of a hypothesis is.
 
     That is its inclusion in all hypotheses, times the chance that it is the effect, and not something that no name
-    explains, that moves ln Z so: of two causes of random shape the larger one is the likelier, as their squares.
+    explains, that moves ln Z so: of two causes of random shape the larger one is the likelier, as their squares, each
+    point counting as much as the effect is felt there.
     """
-    other = _unexplained(one)
+    other = _unexplained_at(one)
     found: dict[Candidate, _Certainty] = {}
-    for effect, size in sizes_of(search.problem, one).items():
+    for effect, power in powers_of(search.problem, one).items():
         alike = _look_alikes(search, one, effect)
         rest = {its.effect.name for its in one.effects if its is not effect}
         names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
-        itself = size**2 / (size**2 + other**2)
+        itself = float(power @ power) / max(float(power @ power) + max(float(power @ other), 0.0), 1e-300)
         found[effect] = _Certainty(
             search.inclusion({effect.effect.name}) * itself, search.inclusion(names) * itself, frozenset(alike)
         )
@@ -137,12 +139,20 @@ def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] 
 
 
 def _unexplained(one: Hypothesis) -> float:
-    """Return the root mean square of what the model's own error makes of ln Z, less what constants could do."""
+    """Return the root mean square of what no effect explains and the instrument does not."""
+    return float(np.sqrt(max(0.0, float(np.mean(_unexplained_at(one))))))
+
+
+def _unexplained_at(one: Hypothesis) -> Reals:
+    """Return |ln Z|^2 of what the model's own error makes at each point, less what constants could do; shape (N,).
+
+    What is rough has the noise in it, which is taken off: the sum over many points tells, a single one may be negative.
+    """
     taken = taken_up(one.fit)
-    model, left = (projected(one, [list(parts)]) for parts in (taken.model, taken.left))
+    both = projected(one, [list(taken.model), list(taken.left)])
     noise = np.concatenate([own.noise for own in one.fit.gram.columns.points])
-    rough = float(2 * np.mean(left**2) - 2 * np.mean(noise[np.isfinite(noise)] ** 2))
-    return float(np.sqrt(2 * np.mean(model**2) + max(0.0, rough)))
+    model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
+    return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 
 
 def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:

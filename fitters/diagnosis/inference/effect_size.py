@@ -42,13 +42,18 @@ def projected(one: Hypothesis, changes: list[list[Complexes]]) -> Reals:
     return both - Q @ (Q.T @ both)
 
 
-def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
-    """Return, by effect, the root mean square of what it does to ln Z that no constant could do."""
+def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
+    """Return, by effect, |change of ln Z|^2 that it makes at each point and no constant could, shape (N,)."""
     if not one.effects:
         return {}
     changes = projected(one, [change_by(problem, one, effect) for effect in one.effects])
-    rms = np.sqrt(2 * np.mean(changes**2, axis=0))
-    return dict(zip(one.effects, rms.tolist(), strict=True))
+    powers = (changes**2).reshape(2, -1, len(one.effects)).sum(axis=0)
+    return dict(zip(one.effects, powers.T, strict=True))
+
+
+def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
+    """Return, by effect, the root mean square of what it does to ln Z that no constant could do."""
+    return {effect: float(np.sqrt(np.mean(power))) for effect, power in powers_of(problem, one).items()}
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:

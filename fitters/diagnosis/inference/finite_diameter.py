@@ -8,11 +8,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
+from ....models.disk2d.matrices import CONSTANTS
 from ....models.effects import find_effect
+from ...disk.bare_disk import bare_disk
 from ...disk.two_d.disk2d import finite_disk
+from ...disk.two_d.tensor_start import implausibility
 from ...interface import Curve, FitError, FitResult, FitTask
+from ..decision_rules import NAMED
 from ..findings import Finding, Size
+from ..hypotheses.hypothesis import coarseness
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
 
@@ -20,13 +26,11 @@ NAME = "lateral-modes"
 _SHOWS = 0.02
 """Root mean square of ln(Z_model/Z) of the one-dimensional fit from which it is worth asking: lateral modes are not
 faint. The best plate leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
-_MOST, _NEARLY_ALL = 0.98, 0.999
-"""Part of the misfit that the second dimension must take away where the disk is described, and where it is not quite:
-ten free constants imitate much that is none of theirs."""
 _DESCRIBED = 6e-3
 """Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is hardly better."""
 _SECONDS = 12.0
-_PROBABILITY = 0.98
+_MORE = 14
+"""Parameters that the disk has and a plate has not: seven complex constants."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +38,7 @@ class FiniteDisk:
     """The bare disk's recordings as a disk of finite diameter describes them."""
 
     result: FitResult
-    taken: float
-    """Part of the misfit of these recordings that the second dimension takes away."""
+    probability: float
 
     @property
     def described(self) -> bool:
@@ -44,12 +47,11 @@ class FiniteDisk:
 
 
 def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
-    """Return the disk in two dimensions where it explains the bare disk's recordings, else None.
+    """Return the disk in two dimensions where it is more probable than the `best` explanation in one, else None.
 
     None too where there is no recording of a round bare disk, or one so wide that its rim does not matter, and where
-    the `best` explanation in one dimension leaves so little that no lateral modes can be in it.
+    the best explanation leaves so little that no lateral modes can be in it.
     """
-    recordings = null.objective.recordings
     left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
     if left < _SHOWS:
         return None
@@ -58,14 +60,39 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
         result = finite_disk(task, _SECONDS, enough=_DESCRIBED)
     except FitError:
         return None
-    before = max(
-        chi2
-        for recording, chi2 in zip(recordings, null.chi2, strict=True)
-        if recording.step in {curve.step for curve in result.curves}
-    )
-    taken = 1 - (result.chi2_per_dof - 1) / max(before - 1, 1e-9)
-    found = FiniteDisk(result, taken)
-    return found if taken > (_MOST if found.described else _NEARLY_ALL) else None
+    probability = _probability(task, result, null, best)
+    return FiniteDisk(result, probability) if probability > NAMED else None
+
+
+def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> float:
+    """Return how probable a finite diameter is, all that either explanation leaves counted as noise of its size.
+
+    Ten free constants imitate much that is none of theirs: so they must be those of a ceramic. As for any effect, what
+    is left may have a cause that imitates it, and evidence is as coarse as the better explanation is wrong. Beforehand
+    the odds are even: every disk has a rim, and the only question is whether it is what one sees.
+    """
+    plates = [_chi2_of(one, result) for one in (null, best)]
+    chi2 = max(result.chi2_per_dof, 1.0)
+    points = sum(curve.frequency.size for curve in result.curves)
+    gain = points * float(np.log(max(min(plates), 1.0) / chi2)) - _MORE / 2 * float(np.log(2 * points))
+    short = points * float(np.log(min(chi2, *plates)))
+    disk = bare_disk(task, "disk2d", round_one=True, frees=True)
+    layer = disk.layer.name
+    found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
+    against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
+    log_odds = gain / coarseness(short) - against
+    return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+
+
+def _chi2_of(one: Refit, result: FitResult) -> float:
+    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise alone, where the result has points."""
+    reached = {(curve.step, f) for curve in result.curves for f in curve.frequency.tolist()}
+    squares = [
+        np.abs(ratio[kept]) ** 2 / 2
+        for recording, ratio in zip(one.objective.recordings, one.in_noise, strict=True)
+        if (kept := np.array([(recording.step, f) in reached for f in recording.sweep.frequency.tolist()])).any()
+    ]
+    return float(np.mean(np.concatenate(squares)))
 
 
 def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
@@ -83,7 +110,7 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
         effect=NAME,
         where=where,
         step=step,
-        probability=_PROBABILITY,
+        probability=finite.probability,
         bands_Hz=tuple(bands[:5]),
         parameters=_sizes(finite.result, layer),
         chi2_per_dof_before=null.chi2_per_dof,

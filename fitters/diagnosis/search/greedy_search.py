@@ -7,7 +7,18 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ...error_model.error_sizes import ErrorSizes
-from ..decision_rules import FITTED_FIRST, FITTED_LATER, MOST, NEAR, POLISHED, SOFT, SUBSTITUTES, UNFINISHED, WORTH
+from ..decision_rules import (
+    FITTED_FIRST,
+    FITTED_LATER,
+    MOST,
+    NEAR,
+    PARENTS,
+    POLISHED,
+    SOFT,
+    SUBSTITUTES,
+    UNFINISHED,
+    WORTH,
+)
 from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
@@ -87,12 +98,18 @@ class GreedySearch:
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
-        """Return what is to be grown: the best, and the best with the effect that a good bench would show."""
-        lines = [self.ranked, [one for one in self.ranked if self._likely in one.effects]]
-        parents = [line[0] for line in lines if line]
+        """Return what is to be grown: the best, and the best with the effect that a good bench would show.
+
+        Where even the best leaves more than the usual errors, also others that may yet come out ahead.
+        """
+        short = self.best.fit.shortfall
+        within = NEAR * coarseness(short)
+        ahead = self.ranked[: PARENTS if short > NEAR else 1]
+        near = [one for one in ahead if one.log_weight > self.best.log_weight - within]
+        likely = [one for one in self.ranked if self._likely in one.effects][:1]
         return [
             one
-            for one in dict.fromkeys(parents)
+            for one in dict.fromkeys((*near, *likely))
             if one.effects and len(one.effects) < MOST and one.key not in self._grown
         ]
 

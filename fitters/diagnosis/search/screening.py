@@ -11,13 +11,11 @@ from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
 from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns
-from ...error_model.error_sizes import ErrorSizes
+from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import PointErrors, gram
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 
-MODEST = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, losses=0.3)
-"""Errors of a good device and a good instrument."""
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
 """Sizes tried, in standard deviations of their logarithm."""
 _SIGNED = (-0.5, -0.1, -0.02, 0.02, 0.1, 0.5)
@@ -54,8 +52,8 @@ def screened(
     changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]
     twins = _twins(trials, changes)
     starts = [(one, values) for one, values, _ in trials]
-    modest = replace(MODEST, colour=parent.fit.sizes.colour)
-    soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, modest, parent.fit.sizes))
+    usual_errors = replace(USUAL, colour=parent.fit.sizes.colour)
+    soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, usual_errors, parent.fit.sizes))
     return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
 
 

@@ -32,6 +32,11 @@ _WIDTHS: Mapping[str, float] = {
 }
 # Relative standard uncertainty of what is not known: how far the complete sets of the library lie from each other.
 # Two published sets of one and the same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
+_AXIAL = dict.fromkeys(("c11E", "c12E", "c13E", "c44E"), "c33E") | {
+    "e31": "e33",
+    "e15": "e33",
+    "eps11S": "eps33S",
+}
 _PLANE = 0.12
 # Half the relative uncertainty of s11E - s12E and of s11E + s12E. They are known far better than those of c11E and c12E
 # lead to expect: the sets of the library that differ by 20 % in each differ by as much in the difference.
@@ -98,6 +103,22 @@ def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
 
 def _far(constant: str, part: float) -> bool:
     return abs(part) > _UNUSUAL * _WIDTHS[constant]
+
+
+def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
+    """Return how much less probable ten constants are than those of the usual ceramic, as -ln of the ratio, at least 0.
+
+    By the same scatter from which fits begin: chi2 of each constant over its kind's along the axis (softer and stiffer
+    ceramics keep these ratios), and of losses above the usual; over its mean.
+    """
+    usual = expected(disk)
+    part = {
+        name: (found[name].real / found[axial].real) / (usual[name] / usual[axial]) for name, axial in _AXIAL.items()
+    }
+    z = [(ratio - 1) / _WIDTHS[name] for name, ratio in part.items()]
+    lossy = [abs(found[name].imag / found[name].real) for name in ("c11E", "c33E", "c44E", "eps11S", "eps33S")]
+    z += [max(0.0, math.log(max(loss, _LOSS) / _LOSS) / math.log(_LOSS_FACTOR)) for loss in lossy]
+    return 0.5 * max(0.0, float(np.sum(np.square(z))) - len(z))
 
 
 def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ...stack import Stack
+from ...stack import Stack, parallel_admittance
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,8 @@ class Assembly:
             if parts is self.parts and shunts is self.shunts and where is frequency:
                 return known
         admittance = self._beside(frequency, jw).copy()
-        for part in self.parts:
-            admittance += part.fraction / part.stack.impedance(frequency)
+        stacks, fractions = [part.stack for part in self.parts], [part.fraction for part in self.parts]
+        admittance += parallel_admittance(stacks, fractions, frequency)
         if not frequency.flags.writeable:  # a recording's: it stays what it is
             self._known[:] = [(self.parts, self.shunts, frequency, admittance)]
         return admittance

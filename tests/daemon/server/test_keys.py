@@ -121,7 +121,7 @@ def test_a_client_whose_key_could_not_be_written_does_not_come_in(
     (tmp_path / "file").touch()
     done = CliRunner().invoke(app, ["keys", "client", "ana", "--out", str(tmp_path / "file" / "ana.key")])
     assert isinstance(done.exception, KeyFileError)
-    assert clients(keys_folder(tmp_path)) == ()
+    assert clients(keys_folder(tmp_path)) == ((), ())
 
 
 def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:

@@ -86,6 +86,9 @@ def test_negative_resistance_turned_and_unrepeatable_data_are_said() -> None:
     )
     assert {one.kind for one in gated.checks[0].troubles} >= {"not passive"}
     assert gated.turned == {"ml1": "inverted"}
+    mirrored = gate({"disk": (replace(sweep, impedance=np.conj(sweep.impedance)),)})
+    assert mirrored.turned == {"disk": "conjugated"}
+    np.testing.assert_allclose(mirrored.sweeps["disk"][0].impedance, sweep.impedance)
     again = with_factor(sweep, 1 + 2e-3 * (sweep.frequency / sweep.frequency[-1]))
     _, second = gate({"disk": (sweep, again)}).checks
     assert [one.kind for one in second.troubles] == ["not repeated"]

@@ -1,0 +1,50 @@
+"""The names in a request, held to the one rule for names: they end on screens, in logs, files and tables."""
+
+from collections.abc import Iterator
+
+from ...models.base.names import LONGEST_NAME, NameFault, check_name
+from ...models.build import Build
+from . import requests as ask
+from .frames import WireError
+
+LONGEST_OWNER = 200
+"""Characters of what a person is called."""
+
+LONGEST_VERSION = 4000
+"""Characters; the version of a diagnosis names the measurements that decided it."""
+
+
+def check_names(request: ask.Request) -> None:
+    """Raise WireError where what a request calls a sample, step, layer, fitter or person is no name."""
+    try:
+        for name, what, longest in _names(request):
+            check_name(name, f"request: {what}", longest)
+    except NameFault as fault:
+        raise WireError(str(fault)) from None
+
+
+def _names(request: ask.Request) -> Iterator[tuple[str, str, int]]:
+    """Yield each name with what it is of, and the most characters that it may have."""
+    if request.by is not None:
+        yield request.by, "by", LONGEST_OWNER
+    if isinstance(request, ask.WithdrawRequest):
+        yield request.why, "why", ask.LONGEST_REASON
+    if isinstance(request, ask.MeasureRequest):
+        yield from _of_build(request.build)
+    if isinstance(request, ask.HelloRequest | ask.SubmitRequest):
+        if request.fitter is not None:
+            yield request.fitter, "fitter", LONGEST_NAME
+        if request.version:
+            yield request.version, "version", LONGEST_VERSION
+    if isinstance(request, ask.LeaseRequest):
+        yield request.owner, "owner", LONGEST_OWNER
+
+
+def _of_build(build: Build) -> Iterator[tuple[str, str, int]]:
+    yield build.name, "name of the build", LONGEST_NAME
+    for k, step in enumerate(build.steps):
+        yield step.name, f"name of steps[{k}]", LONGEST_NAME
+    for k, layer in enumerate(build.layers):
+        yield layer.name, f"name of layers[{k}]", LONGEST_NAME
+    for load, side in ((build.back, "back"), (build.front, "front")):
+        yield load.name, f"name of the {side} load", LONGEST_NAME

@@ -1,0 +1,31 @@
+"""The misfit that a fit reports: in units of noise, less what the analyzer's own gain and phase may account for."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...models.base.arrays import Complexes
+from ..engine.recording import Recording
+from . import prior_scales as scales
+from .smooth_basis import smooth
+
+
+def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Complexes], parameters: int) -> float:
+    """Return chi2 per degree of freedom of `ratios`, ln(Z_model/Z) of each recording, shape (N,).
+
+    Gain and phase of the analyzer are smooth in frequency, common to the recordings of a session, and as large as
+    specified (`prior_scales.INSTRUMENT`); their likeliest values are taken off, and what they count for is no degree of
+    freedom. Points of infinite noise have no say. `parameters`: how many were fitted.
+    """
+    logs = [np.log(recording.sweep.frequency) for recording in recordings]
+    ends = float(min(own[0] for own in logs)), float(max(own[-1] for own in logs))
+    weights = [1 / recording.noise for recording in recordings]
+    basis = [scales.INSTRUMENT * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for own in logs]
+    B = np.concatenate([own * weight[:, None] for own, weight in zip(basis, weights, strict=True)])
+    r = np.concatenate([own * weight for own, weight in zip(ratios, weights, strict=True)])
+    normal = B.T @ B
+    S = np.eye(len(normal)) + normal
+    left = r - B @ np.linalg.solve(S, B.T @ r)
+    points = sum(int(np.count_nonzero(weight)) for weight in weights)
+    taken = float(np.trace(np.linalg.solve(S, normal)))
+    return float(np.sum(np.abs(left) ** 2)) / max(1.0, 2 * points - parameters - 2 * taken)

@@ -1,0 +1,82 @@
+"""Stacks side by side that differ in the thickness of one layer only: evaluated together."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from ..base.arrays import Complexes, Frequencies, Reals, j_omega
+from .acoustic_line import Line, one_minus_exp
+from .active import ActiveLine
+from .layers import Elastic, Piezo
+from .network import Network, Section
+from .sections import sections_of
+from .stack import Stack
+
+_TOGETHER = 4096
+"""Numbers in an array: more of them leave the processor's cache."""
+
+
+def parallel_admittance(stacks: Sequence[Stack], fractions: Sequence[float], frequency: Frequencies) -> Complexes:
+    """Return the sum of fraction/Z, S, shape (N,), of stacks (Q of them) that share an area."""
+    varied = _varied(stacks)
+    total = np.zeros(frequency.size, np.complex128)
+    if varied is None:
+        for stack, fraction in zip(stacks, fractions, strict=True):
+            total += fraction / stack.impedance(frequency)
+        return total
+    k, thickness = varied
+    first = stacks[0]
+    loads = first.back.impedance(frequency), first.front.impedance(frequency)
+    sections = sections_of(first.layers, frequency)
+    weights = np.array(fractions)
+    few = max(1, _TOGETHER // frequency.size)
+    for at in range(0, len(stacks), few):
+        sections[k] = _line(first.layers[k], frequency, thickness[at : at + few, None])
+        Z = Network(sections, *loads, parallel=first.connection == "parallel").Z / first.area
+        total += weights[at : at + few] @ (1.0 / Z)
+    return total
+
+
+def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
+    """Return the place of the only layer that differs, and its thickness in each stack; None where more differs."""
+    first = stacks[0]
+    if len(stacks) < 2 or sum(isinstance(layer, Piezo) for layer in first.layers) > 1:
+        return None
+    places: set[int] = set()
+    for other in stacks[1:]:
+        ends = (first.back, other.back), (first.front, other.front), (first.area, other.area)
+        if len(other.layers) != len(first.layers) or any(a is not b and a != b for a, b in ends):
+            return None
+        places |= {k for k, (a, b) in enumerate(zip(first.layers, other.layers, strict=True)) if a is not b}
+    if len(places) != 1:
+        return None
+    k = places.pop()
+    layers = [stack.layers[k] for stack in stacks]
+    if not all(_same_but_thickness(layers[0], layer) for layer in layers[1:]):
+        return None
+    return k, np.array([layer.thickness for layer in layers if isinstance(layer, Elastic | Piezo)])
+
+
+def _same_but_thickness(one: object, other: object) -> bool:
+    if type(one) is not type(other) or not isinstance(one, Elastic | Piezo):
+        return False
+    pairs = ((getattr(one, own.name), getattr(other, own.name)) for own in fields(one) if own.name != "thickness")
+    return all(a is b or a == b for a, b in pairs)
+
+
+def _line(layer: object, frequency: Frequencies, thickness: Reals) -> Section:
+    """Return a layer at all of these thicknesses, shape (Q, 1): its quantities have shape (Q, N)."""
+    if not isinstance(layer, Elastic | Piezo):
+        raise TypeError(f"no thickness in {type(layer).__name__}")
+    jw = j_omega(frequency)
+    Zc, delay = layer.wave(frequency)
+    part = thickness / layer.thickness
+    delays = np.asarray(delay * part, np.complex128)
+    D = one_minus_exp(delays.imag * jw.imag, 0.5 * delays.real * jw.imag)
+    b = D * (1.0 - 0.5 * D)
+    if isinstance(layer, Elastic):
+        return Line(Zc, delays, jw, D, b)
+    H = np.asarray(layer.field_per_strain(frequency) / jw, np.complex128)
+    W = np.asarray(layer.clamped_elastance(frequency) * part / jw, np.complex128)
+    return ActiveLine(Zc, delays, jw, D, b, H, W)

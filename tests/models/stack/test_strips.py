@@ -1,0 +1,29 @@
+"""Stacks side by side, evaluated together, against each for itself."""
+
+import numpy as np
+import pytest
+
+from pzctl.models.stack import AIR, Elastic, Piezo, Stack, parallel_admittance
+
+FREQUENCY = np.linspace(1e6, 6e6, 301)
+DISK = Piezo("disk", thickness=0.5e-3, density=7700.0, c33D=1.44e11 * (1 + 1j / 80), h33=2e9, eps33S=8e-9 * (1 - 0.02j))
+GLUE = Elastic("glue", thickness=10e-6, z=2.8e6, c=2450.0, q=13.0)
+LAYER = Elastic("ml1", thickness=139e-6, z=10.3e6, c=2455.0, q=60.0)
+STACK: Stack = (AIR | DISK | GLUE | LAYER | AIR).with_area(2e-4)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [{"disk.thickness": 0.5e-3 * part} for part in (0.98, 1.0, 1.03)],
+        [{"glue.thickness": 10e-6 * part} for part in (0.5, 1.0, 1.7)],
+        [{"ml1.thickness": 1e-4}, {"disk.thickness": 0.4e-3}],
+        [{"ml1.thickness": 1e-4}, {"ml1.q": 20.0}],
+        [{"ml1.thickness": 1e-4}],
+    ],
+)
+def test_together_they_are_what_each_is_alone(changes: list[dict[str, float]]) -> None:
+    stacks = [STACK.replace(change) for change in changes]
+    fractions = [1 / (2 + k) for k in range(len(stacks))]
+    alone = sum(part / stack.impedance(FREQUENCY) for part, stack in zip(fractions, stacks, strict=True))
+    np.testing.assert_allclose(parallel_admittance(stacks, fractions, FREQUENCY), alone, rtol=1e-12)

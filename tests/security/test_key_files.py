@@ -1,0 +1,140 @@
+"""A key file concerns its own key alone, is looked at as it is now, and counts no longer than it says."""
+
+import json
+import logging
+import os
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from pzctl.daemon.client.client import Client
+from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.paths import keys_folder
+from pzctl.daemon.server.access.access_control import AccessControl
+from pzctl.daemon.server.requests.request_errors import RequestError
+from pzctl.daemon.wire.curve_keys import clients, make_client, make_server, revoke
+from pzctl.daemon.wire.requests import StatusRequest
+
+STATUS = StatusRequest(id="1")
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Path:
+    """A folder of keys with a server's."""
+    make_server(keys_folder(tmp_path))
+    return keys_folder(tmp_path)
+
+
+def spoil(path: Path, how: str) -> None:
+    """Make a client's file one that cannot be used."""
+    if how == "mode":
+        path.chmod(0o644)
+        return
+    content = path.read_text()
+    path.unlink()
+    match how:
+        case "link":
+            path.symlink_to("nowhere")
+        case "pipe":
+            os.mkfifo(path, 0o600)
+        case "folder":
+            path.mkdir()
+        case "name of another":
+            path.write_text(content.replace("ben", "ana"))
+            path.chmod(0o600)
+        case _:
+            path.write_bytes({"empty": b"", "bytes": b"\xff\xfe", "nested": b"[" * 100_000}[how])
+            path.chmod(0o600)
+
+
+@pytest.mark.parametrize("how", ["mode", "link", "pipe", "folder", "name of another", "empty", "bytes", "nested"])
+@pytest.mark.timeout(20)
+def test_a_bad_key_file_bars_its_own_key_alone_and_is_said_once(
+    keys: Path, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    ana, ben = (make_client(keys, name, "measure") for name in ("ana", "ben"))
+    gate = AccessControl(keys, outside=True)
+    assert gate.check(ben.public, STATUS) == "ben"
+    path = keys / "clients" / "ben.json"
+    whole = path.read_bytes()
+    with caplog.at_level(logging.WARNING):
+        spoil(path, how)
+        for _ in range(3):
+            assert gate.check(ana.public, STATUS) == "ana"
+            assert not gate.allows(ben.public)
+        make_client(keys, "eve", "watch")
+        assert gate.allows(ana.public)
+    assert sum("ben.json" in record.getMessage() for record in caplog.records) == 1
+    assert gate.somebody_was_barred()
+    found, faults = clients(keys)
+    assert [one.name for one in found] == ["ana", "eve"]
+    assert len(faults) == 1
+    assert "ben.json" in faults[0]
+    if how == "folder":
+        path.rmdir()
+    else:
+        revoke(keys, "ben")
+    path.write_bytes(whole)
+    path.chmod(0o600)
+    assert gate.check(ben.public, STATUS) == "ben", "mended, it counts"
+    assert not gate.somebody_was_barred()
+
+
+def test_a_right_that_is_lowered_in_place_counts_at_once(start_daemon: Callable[..., Location], keys: Path) -> None:
+    """Also where the file keeps its size and all its times: the clock of a file system is coarse."""
+    key = make_client(keys, "ana", "admin")
+    path = keys / "clients" / "ana.json"
+    where = start_daemon()
+    with Client(where.events, where.requests, key) as lab:
+        assert lab.status().seq > 0
+        stat = path.stat()
+        with path.open("r+") as file:
+            file.write(path.read_text().replace("admin", "watch"))
+        os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+        with pytest.raises(DaemonError, match="'ana' has the right to watch; 'shutdown' needs 'admin'"):
+            lab.shutdown()
+
+
+def test_a_change_within_a_tick_of_the_file_systems_clock_is_noticed(
+    keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ana = make_client(keys, "ana", "admin")
+    path = keys / "clients" / "ana.json"
+    same, stat = path.stat(), Path.stat
+    monkeypatch.setattr(Path, "stat", lambda self, **how: same if self == path else stat(self, **how))
+    gate = AccessControl(keys, outside=True)
+    assert gate.allows(ana.public)
+    public = "z" * 40
+    path.write_text(path.read_text().replace(ana.public, public))
+    assert not gate.allows(ana.public)
+    assert gate.allows(public)
+
+
+def test_a_key_is_refused_after_its_day(keys: Path) -> None:
+    today = date(2027, 1, 1)
+    gate = AccessControl(keys, outside=False, today=lambda: today)
+    ana = make_client(keys, "ana", "admin", date(2027, 1, 1))
+    assert gate.check(ana.public, STATUS) == "ana"
+    assert not gate.somebody_was_barred()
+    today = date(2027, 1, 2)
+    assert not gate.allows(ana.public)
+    assert gate.somebody_was_barred(), "who hears is cut off"
+    assert not gate.somebody_was_barred()
+    with pytest.raises(RequestError, match="the key of 'ana' expired after 2027-01-01"):
+        gate.check(ana.public, STATUS)
+
+
+def test_an_expiry_that_is_written_into_the_file_counts_at_once(
+    start_daemon: Callable[..., Location], keys: Path
+) -> None:
+    key = make_client(keys, "ana", "measure")
+    path = keys / "clients" / "ana.json"
+    where = start_daemon()
+    with Client(where.events, where.requests, key) as lab:
+        assert lab.status().seq > 0
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"expires": "2020-01-01"}))
+        with pytest.raises(DaemonError, match=r"the key of 'ana' expired after 2020-01-01; ask who runs the daemon"):
+            lab.status()

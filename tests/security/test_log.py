@@ -1,0 +1,94 @@
+"""Who knocks without end does not fill the disk: the log says how often, and begins a new file."""
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zmq
+
+from pzctl import connect
+from pzctl.daemon.client.location import Location
+from pzctl.daemon.server.logs import LOGS_KEPT, MINUTE, REPEATED, RepeatLimit
+from pzctl.daemon.wire.curve_keys import ClientKey, new_pair
+from pzctl.daemon.wire.socket_options import unlock
+
+
+class Kept(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
+
+
+@pytest.fixture
+def log() -> tuple[logging.Logger, list[str], list[Callable[[], None]]]:
+    """Return a logger, what it wrote, and what it wants done when a minute is over."""
+    kept, due = Kept(), []
+
+    def later(seconds: float, do: Callable[[], None]) -> None:
+        assert seconds == MINUTE
+        due.append(do)
+
+    logger = logging.Logger("refusals")
+    logger.addHandler(RepeatLimit(kept, later))
+    return logger, kept.lines, due
+
+
+def test_repeated_refusals_become_one_line_a_minute(log) -> None:
+    logger, lines, due = log
+    for k in range(REPEATED + 1234):
+        logger.warning("turned away: %s", k)
+    logger.warning("another kind")
+    logger.info("measured")
+    assert lines == [*(f"turned away: {k}" for k in range(REPEATED)), "another kind", "measured"]
+    for minute_is_over in due:
+        minute_is_over()
+    assert lines[-1] == "... and 1234 more in the last minute like: turned away: 0"
+    logger.warning("turned away: %s", "again")
+    assert lines[-1] == "turned away: again"
+
+
+def test_keys_that_are_not_known_leave_few_lines(start_daemon: Callable[..., Location], tmp_path: Path) -> None:
+    where = start_daemon()
+    for _ in range(3 * REPEATED):
+        pair = new_pair()
+        with zmq.Context() as context, context.socket(zmq.DEALER) as link:
+            link.linger = 0
+            unlock(link, ClientKey(where.key.server, pair.public, pair.secret))
+            heard = link.get_monitor_socket()
+            link.connect(where.requests)
+            while heard.poll(20_000) and not _is_refused(heard):
+                pass
+            link.disable_monitor()
+            heard.close()
+    with connect() as lab:
+        assert lab.status().seq > 0
+    assert Path(where.log).read_text().count("a key that is not known was turned away") == REPEATED
+
+
+def _is_refused(heard: "zmq.Socket[bytes]") -> bool:
+    event = int.from_bytes(heard.recv_multipart()[0][:2], sys.byteorder)
+    return event in (zmq.EVENT_HANDSHAKE_FAILED_AUTH, zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL, zmq.EVENT_DISCONNECTED)
+
+
+def test_the_log_in_the_background_does_not_grow_on(tmp_path: Path) -> None:
+    """Lines of the log, and what a library writes on standard error, go on in the new file when one is full."""
+    program = (
+        "import logging, os, sys; from pathlib import Path; from pzctl.daemon.server import logs\n"
+        "logs.LARGEST_LOG = 1000; logs.begin_log(file=Path(sys.argv[1]))\n"
+        "for k in range(200): logging.info('line %s', k)\n"
+        "os.write(2, b'the last word\\n')"
+    )
+    log = tmp_path / "daemon.log"
+    subprocess.run([sys.executable, "-c", program, log], check=True, timeout=60, env=dict(os.environ))
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == 1 + LOGS_KEPT
+    assert all(file.stat().st_size < 1100 for file in files)
+    assert log.read_text().splitlines()[-1] == "the last word"
+    assert "line 199" in log.read_text()
