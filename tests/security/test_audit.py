@@ -36,24 +36,24 @@ def test_whatever_somebody_asked_for_names_their_key_and_the_user(
     ana = make_client(keys_folder(tmp_path), "ana", "bench")
     where = start_daemon(max_bias_V=5.0, time_scale=1.0)
     request = {"request": "measure", "id": "1", "build": json.loads(to_json(build)), "step": "disk", "by": "eva"}
+    asked(where, ana, {"request": "bench", "id": "3", "command": {"command": "step", "name": "disk"}})
     first = asked(where, ana, request)["measurement"]
     asked(where, ana, {"request": "cancel", "id": "2", "measurement": first})
-    asked(where, ana, {"request": "bench", "id": "3", "command": {"command": "step", "name": "disk"}})
     with PageClient("olga") as lab:
         lab.begin(build, "disk")
         lab.cancel()
     told = json.loads(pzctl("journal", "audit", "--json")[1])["audit"]
     assert [(one["did"], one["client"], one["by"]) for one in told] == [
         ("started", "local", None),
+        ("bench", "ana", None),
         ("queued", "ana", "eva"),
         ("cancelling", "ana", None),
-        ("bench", "ana", None),
         ("queued", "local", "olga"),
         ("cancelling", "local", "olga"),
     ]
     assert "bias up to 5 V" in told[0]["says"]
-    assert told[1]["measurement"] == told[2]["measurement"] == first
-    assert json.loads(told[3]["says"]) == {"command": "step", "name": "disk"}
+    assert told[2]["measurement"] == told[3]["measurement"] == first
+    assert json.loads(told[1]["says"]) == {"command": "step", "name": "disk"}
     assert "eva (ana)" in pzctl("journal", "audit")[1]
 
 
