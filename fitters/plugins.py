@@ -1,4 +1,4 @@
-"""Finding the fitters that are installed: the entry point group `pzctl.fitters`."""
+"""Finding and loading fitters: those of the entry point group `pzctl.fitters`, and those that settings name."""
 
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -39,13 +39,30 @@ def installed(name: str) -> EntryPoint:
     return points[name]
 
 
+def installed_names() -> frozenset[str]:
+    """Return the names of the installed fitters."""
+    return frozenset(_points())
+
+
 def load_fitter(name: str) -> Fitter:
     """Return a new fitter. Raises PluginError where none of this name is installed or it does not load."""
     point = installed(name)
+    return _new(point, f"fitter {name!r} of {_package(point)}")
+
+
+def load_configured(name: str) -> Fitter:
+    """Return a new fitter of what settings or a command line name: an installed one, or `module:Class`.
+
+    Not for names that came in a message: a module is run as soon as it is imported. Raises PluginError.
+    """
+    return _new(EntryPoint(name, name, GROUP), f"fitter {name!r}") if ":" in name else load_fitter(name)
+
+
+def _new(point: EntryPoint, what: str) -> Fitter:
     try:
         return point.load()()
-    except Exception as error:
-        raise PluginError(f"fitter {name!r} of {_package(point)} does not load: {error}") from error
+    except Exception as error:  # whatever a third party's package does when it is loaded
+        raise PluginError(f"{what} does not load: {type(error).__name__}: {error}") from error
 
 
 def list_fitters() -> list[Listed]:

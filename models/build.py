@@ -86,6 +86,15 @@ class Build:
     limits: LevelLimits | None = None
     """What this sample stands, where the file says so; no plan with more is measured."""
 
+    @property
+    def data_sheet(self) -> dict[str, Quantity]:
+        """What the data sheet says of each constant (`disk.c33D`); the build file, where there is no data sheet."""
+        return {
+            f"{layer.name}.{name}": quantity
+            for layer in self.layers
+            for name, quantity in {**layer.values, **layer.nominal}.items()
+        }
+
     def layer(self, name: str) -> LayerSpec:
         """Return the layer called `name`. Raises KeyError."""
         return {layer.name: layer for layer in self.layers}[name]

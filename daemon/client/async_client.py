@@ -1,4 +1,4 @@
-"""The client for asyncio programs: the same questions as `client.Client`, each awaited, many at a time.
+"""The client for asyncio programs: what `client.Client` can do, each method awaited, many at a time.
 
 async with connect_async() as lab:
     measurement = await lab.measure(build, "disk")
@@ -6,236 +6,197 @@ async with connect_async() as lab:
 """
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import asynccontextmanager, suppress
+import math
+from collections.abc import AsyncGenerator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Concatenate, ParamSpec, Self, cast
 
+import zmq
 import zmq.asyncio
 
-from ...fitters.interface import FitResult
-from ...models.build import Build
-from ...models.sweep_plan import SweepPlan
-from ..wire import replies as reply
-from ..wire import requests as ask
 from ..wire.curve_keys import ClientKey
-from ..wire.events import ProgressEvent, ReceivedEvent
-from ..wire.uuid7 import uuid7
-from .async_connection import AsyncRequestClient, AsyncSubscription
-from .client import BENCH_PATIENCE
-from .connection import LOOKS, DaemonError
+from ..wire.frames import WireError
+from ..wire.socket_options import limit, unlock
+from .conversations import Conversations
 from .location import address
-from .result_waiter import Answers, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
+from .protocol import Ask, Conversation, Hear, Outcome, Stream, Subscribe, T, Underway, addressee, not_let_in
+
+P = ParamSpec("P")
 
 
-@asynccontextmanager
-async def connect_async(
+def connect_async(
     events: str | None = None, requests: str | None = None, key: str | Path | None = None
-) -> "AsyncGenerator[AsyncClient]":
-    """Give a client of the daemon at these endpoints, or of the one that runs here; as `client.connect`.
+) -> "AsyncClient":
+    """Return a client of the daemon at these endpoints, or of the one that runs here; as `client.connect`.
 
-    Raises DaemonError where none runs, KeyFileError where the key cannot be used.
+    To be called where an event loop runs. Raises DaemonError where none runs, KeyFileError where the key cannot be
+    used.
     """
-    events, requests, own = address(events, requests, key)
-    context = zmq.asyncio.Context()
-    asker = AsyncRequestClient(context, requests, own)
-    try:
-        yield AsyncClient(context, events, asker, own)
-    finally:
-        await asker.close()
-        context.term()
+    return AsyncClient(*address(events, requests, key))
+
+
+def _returning(
+    said: Callable[Concatenate[Conversations, P], Conversation[T]],
+) -> "Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, T]]":
+    """Return the method that has this conversation and returns its result."""
+
+    @wraps(said)
+    async def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> T:
+        return await client.run(said(client.conversations, *args, **kwargs))
+
+    return method
+
+
+def _yielding(
+    said: Callable[Concatenate[Conversations, P], Stream[T]],
+) -> "Callable[Concatenate[AsyncClient, P], AsyncGenerator[T]]":
+    """Return the method that has this conversation and yields what it delivers."""
+
+    @wraps(said)
+    def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> AsyncGenerator[T]:
+        return client.stream(said(client.conversations, *args, **kwargs))
+
+    return method
+
+
+def _listening(
+    said: Callable[Concatenate[Conversations, P], Stream[T | None]],
+) -> "Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, AsyncGenerator[T]]]":
+    """Return the method that begins this conversation at once, up to its first delivery, and yields the later ones."""
+
+    @wraps(said)
+    async def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> AsyncGenerator[T]:
+        deliveries = client.stream(said(client.conversations, *args, **kwargs))
+        await anext(deliveries)
+        return cast("AsyncGenerator[T]", deliveries)
+
+    return method
 
 
 class AsyncClient:
-    """A connection to a daemon, for one event loop.
+    """A connection to a daemon, for the event loop it was made in; use it as an asynchronous context manager.
 
-    Every method raises DaemonError where the daemon refuses, does not answer, or has gone.
+    What it can do is said in `conversations`; every method raises DaemonError where the daemon refuses, does not
+    answer, or has gone.
     """
 
-    def __init__(
-        self, context: zmq.asyncio.Context, events: str, asker: AsyncRequestClient, key: ClientKey | None
-    ) -> None:
-        self._context = context
-        self._endpoint = events
-        self._asker = asker
+    def __init__(self, events: str, requests: str, key: ClientKey | None = None) -> None:
+        self.conversations = Conversations(events, requests)
+        self._events = events
+        self._requests = requests
         self._key = key
+        self._context = zmq.asyncio.Context()
+        self._asker = self._connected(zmq.DEALER, requests)
+        self._waiting: dict[str, asyncio.Future[list[bytes]]] = {}
+        self._reader = asyncio.create_task(self._read_answers())
 
-    async def hello(self) -> reply.HelloAnswer:
-        """Ask who is there."""
-        return await self._asker.ask(ask.HelloRequest(id=uuid7()), reply.HelloAnswer)
+    async def __aenter__(self) -> Self:
+        return self
 
-    async def status(self) -> reply.StatusAnswer:
-        """Ask what is going on."""
-        return await self._asker.ask(ask.StatusRequest(id=uuid7()), reply.StatusAnswer)
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
 
-    async def metrics(self) -> reply.MetricsAnswer:
-        """Ask what was counted and timed since the daemon began."""
-        return await self._asker.ask(ask.MetricsRequest(id=uuid7()), reply.MetricsAnswer)
-
-    async def settings(self) -> dict[str, Any]:
-        """Ask how the daemon was started."""
-        return (await self._asker.ask(ask.SettingsRequest(id=uuid7()), reply.SettingsAnswer)).settings
-
-    async def samples(self, name: str | None = None) -> tuple[reply.SampleHistory, ...]:
-        """Return what was measured, by sample; only of sample `name` where one is given."""
-        return (await self._asker.ask(ask.SamplesRequest(id=uuid7(), name=name), reply.SamplesAnswer, LOOKS)).samples
-
-    async def sweeps(self, measurement: str) -> tuple[ReceivedEvent, ...]:
-        """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
-        return tuple((await self._asker.events(ask.SweepsRequest(id=uuid7(), measurement=measurement)))[0])
-
-    async def fits(self, measurement: str) -> tuple[ReceivedEvent, ...]:
-        """Return what the fitters answered to a measurement: fit and diagnosis events."""
-        return tuple((await self._asker.events(ask.FitsRequest(id=uuid7(), measurement=measurement)))[0])
-
-    async def bench(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Give the simulator's bench a command; return what it answers."""
-        request = ask.BenchRequest(id=uuid7(), command=command)
-        return (await self._asker.ask(request, reply.BenchAnswer, BENCH_PATIENCE)).answer
-
-    async def begin(
-        self, build: Build, step: str, plan: SweepPlan | None = None, *, priority: int = 0, lease: str | None = None
-    ) -> str:
-        """Ask for a measurement and do not wait for it; return its id."""
-        request = ask.MeasureRequest(id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease)
-        return (await self._asker.ask(request, reply.MeasureAnswer)).measurement
-
-    async def cancel(self, measurement: str | None = None) -> None:
-        """Cancel a measurement; the running one where none is named."""
-        await self._asker.ask(ask.CancelRequest(id=uuid7(), measurement=measurement), reply.Answer)
-
-    @asynccontextmanager
-    async def lease(self, owner: str, seconds: float = 60.0) -> AsyncGenerator[str]:
-        """Have the instrument to oneself; give the id that `measure` needs meanwhile. Expires after `seconds`.
-
-        Raises DaemonError where it is leased to another one already (code `leased`) or measures (code `busy`).
-        """
-        request = ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds)
-        held = (await self._asker.ask(request, reply.LeaseAnswer)).lease
+    async def close(self) -> None:
+        """Let go of the sockets, those of listeners too; who still waits for an answer gets none."""
+        self._reader.cancel()
         try:
-            yield held
+            await asyncio.wait({self._reader})
+        finally:  # who closes may be cancelled as well
+            self._context.destroy(linger=0)
+
+    async def run(self, conversation: Conversation[T]) -> T:
+        """Have a conversation to its end; return its result."""
+        underway = Underway(conversation)
+        async for _ in self._deliveries(underway):
+            pass
+        return underway.result
+
+    def stream(self, conversation: Stream[T]) -> AsyncGenerator[T]:
+        """Have a conversation; yield what it delivers."""
+        return cast("AsyncGenerator[T]", self._deliveries(Underway(conversation)))
+
+    hello = _returning(Conversations.hello)
+    status = _returning(Conversations.status)
+    metrics = _returning(Conversations.metrics)
+    settings = _returning(Conversations.settings)
+    samples = _returning(Conversations.samples)
+    sweeps = _returning(Conversations.sweeps)
+    fits = _returning(Conversations.fits)
+    unanswered = _returning(Conversations.unanswered)
+    bench = _returning(Conversations.bench)
+    begin = _returning(Conversations.begin)
+    cancel = _returning(Conversations.cancel)
+    lease = asynccontextmanager(_yielding(Conversations.lease))
+    submit = _returning(Conversations.submit)
+    submit_diagnosis = _returning(Conversations.submit_diagnosis)
+    shutdown = _returning(Conversations.shutdown)
+    listen = _listening(Conversations.listen)
+    replay = _yielding(Conversations.replay)
+    measure = _returning(Conversations.measure)
+    wait_fit = _returning(Conversations.wait_fit)
+    fit = _returning(Conversations.fit)
+    diagnose = _returning(Conversations.diagnose)
+    wait_diagnosis = _returning(Conversations.wait_diagnosis)
+
+    async def _deliveries(self, underway: Underway[T]) -> AsyncGenerator[object]:
+        """Do one step after the other; yield what is delivered."""
+        subscriber: zmq.asyncio.Socket | None = None
+        try:
+            while (step := underway.step) is not None:
+                outcome: Outcome = None
+                try:
+                    if isinstance(step, Ask):
+                        outcome = await self._ask(step)
+                    elif isinstance(step, Subscribe):
+                        subscriber = self._connected(zmq.SUB, self._events)
+                    elif isinstance(step, Hear):
+                        if subscriber is not None and await subscriber.poll(math.ceil(1000 * step.seconds)):
+                            outcome = await subscriber.recv_multipart()
+                    else:
+                        yield step.item
+                except BaseException as error:
+                    underway.fail(error)
+                else:
+                    underway.go_on(outcome)
         finally:
-            with suppress(DaemonError):  # it may have expired
-                await self._asker.ask(ask.ReleaseRequest(id=uuid7(), lease=held), reply.Answer)
+            if subscriber is not None:
+                subscriber.close()
 
-    async def shutdown(self) -> None:
-        """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
-        await self._asker.ask(ask.ShutdownRequest(id=uuid7()), reply.Answer)
+    async def _ask(self, step: Ask) -> Outcome:
+        """Send a request and return its answer."""
+        answered = self._waiting[step.request] = asyncio.get_running_loop().create_future()
+        try:
+            await self._asker.send_multipart(step.frames, zmq.NOBLOCK)  # pyright: ignore[reportUnknownMemberType]
+            done, _ = await asyncio.wait({answered}, timeout=step.seconds)
+            return answered.result() if done else None
+        except zmq.Again:
+            raise not_let_in(self._requests) from None
+        finally:
+            del self._waiting[step.request]
 
-    async def listen(self) -> AsyncGenerator[ReceivedEvent]:
-        """Yield every event from the first step on, in order, none lost; each listener has a socket of its own."""
-        async with self._subscribed() as subscription:
-            while True:
-                yield await subscription.receive()
-
-    async def replay(self, since: int, until: int | None = None) -> AsyncGenerator[ReceivedEvent]:
-        """Yield the events `since` .. `until` (both included, None: the newest) from the journal, in order."""
-        more = True
-        while more:
-            heard, more = await self._asker.events(ask.ReplayRequest(id=uuid7(), since=since, until=until))
-            for one in heard:
-                yield one
-            since = heard[-1].event.seq + 1 if heard else since
-
-    async def measure(
-        self,
-        build: Build,
-        step: str,
-        plan: SweepPlan | None = None,
-        progress: Callable[[ProgressEvent], None] = lambda _: None,
-        *,
-        priority: int = 0,
-        lease: str | None = None,
-    ) -> Measurement:
-        """Measure a step of a build and wait for it; where the waiting is cancelled, so is the measurement.
-
-        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first; `lease` is needed
-        while the instrument is leased. Raises DaemonError with the daemon's sentence where the measurement failed or
-        was cancelled.
-        """
-        async with self._subscribed() as subscription:
-            measurement = await self.begin(build, step, plan, priority=priority, lease=lease)
+    async def _read_answers(self) -> None:
+        """Give every answer to whoever asked, for ever; what is no answer fails all who wait."""
+        while True:
+            frames = await self._asker.recv_multipart()
             try:
-                return await _followed(subscription, measurement, progress)
-            except asyncio.CancelledError:
-                with suppress(DaemonError):  # it may have ended by itself in the meantime
-                    await self.cancel(measurement)
-                raise
+                request = addressee(frames, self._waiting)
+            except WireError as error:
+                for answered in self._waiting.values():
+                    answered.set_exception(error)
+                continue
+            if request is not None and not self._waiting[request].done():
+                self._waiting[request].set_result(frames)
 
-    async def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> FitResult:
-        """Return what a fitter that the daemon keeps answered to a measurement, waiting for it.
-
-        Raises FitError where the fitter refused, DaemonError where it does not run or does not answer in time.
-        """
-        async with self._subscribed() as subscription:
-            answers = await self._answers(measurement)
-            if answers.find(measurement, fitter) is None:
-                require(fitter, (await self.status()).fitters)
-            return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
-
-    async def fit(self, measurement: str, fitter: str, patience: float = 600.0) -> FitResult:
-        """Have a measurement fitted by any fitter that is installed beside the daemon, unless it was already.
-
-        Raises FitError where the fitter refused, DaemonError where it is not installed or does not answer in time.
-        """
-        async with self._subscribed() as subscription:
-            answers = await self._answers(measurement)
-            answers.forget_given_up(measurement, fitter)
-            if answers.find(measurement, fitter) is None:
-                await self._asker.ask(
-                    ask.FitRequest(id=uuid7(), measurement=measurement, fitter=fitter), reply.JobAnswer
-                )
-            return fit_of(await _answer(subscription, answers, (measurement, fitter, None), patience))
-
-    async def diagnose(
-        self, measurement: str, effects: Sequence[str] | None = None, patience: float = 1200.0
-    ) -> dict[str, Any]:
-        """Have a measurement diagnosed; return the object that `pzctl diagnose --json` prints.
-
-        Raises FitError where it cannot be, DaemonError where an effect is not known or no answer comes in time.
-        """
-        request = ask.DiagnoseRequest(id=uuid7(), measurement=measurement, effects=tuple(effects) if effects else None)
-        async with self._subscribed() as subscription:
-            wanted = await self._asker.ask(request, reply.JobAnswer)
-            answers = await self._answers(measurement)
-            answers.forget_given_up(measurement, wanted.fitter)
-            key = (measurement, wanted.fitter, wanted.version)
-            return diagnosis_of(await _answer(subscription, answers, key, patience))
-
-    async def _answers(self, measurement: str) -> Answers:
-        answers = Answers()
-        answers.note(await self.fits(measurement))
-        return answers
-
-    @asynccontextmanager
-    async def _subscribed(self) -> AsyncGenerator[AsyncSubscription]:
-        subscription = AsyncSubscription(self._context, self._endpoint, self._asker, self._key)
-        try:
-            await subscription.open()
-            yield subscription
-        finally:
-            subscription.close()
-
-
-async def _followed(
-    subscription: AsyncSubscription, measurement: str, progress: Callable[[ProgressEvent], None]
-) -> Measurement:
-    """Listen until a measurement has ended. Raises DaemonError where it ended without sweeps."""
-    following = MeasurementWaiter(measurement, progress)
-    while (found := following.take(await subscription.receive())) is None:
-        pass
-    return found
-
-
-async def _answer(
-    subscription: AsyncSubscription, answers: Answers, key: tuple[str, str, str | None], patience: float
-) -> ReceivedEvent:
-    """Listen until there is an answer under this key, or one in the fitter's place. Raises DaemonError."""
-    measurement, fitter, _ = key
-    try:
-        async with asyncio.timeout(patience):
-            while (found := answers.find(*key) or answers.find(measurement, fitter, "")) is None:
-                answers.note([await subscription.receive()])
-            return found
-    except TimeoutError:
-        raise DaemonError(f"fitter {fitter!r}: no answer within {patience:g} s", "no-answer") from None
+    def _connected(self, kind: int, endpoint: str) -> zmq.asyncio.Socket:
+        made = self._context.socket(kind)
+        limit(made)  # pyright: ignore[reportArgumentType]
+        unlock(made, self._key)  # pyright: ignore[reportArgumentType]
+        if kind == zmq.SUB:
+            made.subscribe(b"")
+        made.connect(endpoint)
+        return made

@@ -8,7 +8,7 @@ from ..files.paths import daemon_file, home, journal_folder
 from ..journal.folder_lock import is_written
 from ..wire.curve_keys import ClientKey, read_client_key, write_secret
 from ..wire.frames import WireError, from_json, to_json
-from .connection import DaemonError
+from .protocol import DaemonError
 
 
 class Location(msgspec.Struct, frozen=True):

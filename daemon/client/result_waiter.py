@@ -7,9 +7,9 @@ from typing import Any
 from ...fitters.interface import FitError, FitResult
 from ...models.sweep import Sweep
 from ..wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, StateEvent, SweepEvent
-from ..wire.replies import FitterState
+from ..wire.replies import FitterState, MissingEvents
 from ..wire.result_messages import curves_of, result_of
-from .connection import DaemonError
+from .protocol import DaemonError
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,49 +28,61 @@ class MeasurementWaiter:
         self._id = measurement
         self._progress = progress
         self._sweeps: list[Sweep] = []
+        self.measurement: Measurement | None = None
+        """The measurement, once it is complete."""
 
-    def take(self, heard: ReceivedEvent) -> Measurement | None:
-        """Return the measurement once it is complete. Raises DaemonError where it ended without sweeps."""
-        match heard.event:
+    def take(self, heard: ReceivedEvent | MissingEvents | None) -> None:
+        """Take what was heard. Raises DaemonError where the measurement ended without sweeps, or cannot be known."""
+        if isinstance(heard, MissingEvents):
+            raise DaemonError(f"measurement {self._id!r}: what became of it is not known; {heard.sentence}", "missing")
+        match heard.event if heard is not None else None:
             case ProgressEvent(measurement=m) as event if m == self._id:
                 self._progress(event)
-            case SweepEvent(measurement=m) if m == self._id:
+            case SweepEvent(measurement=m) if m == self._id and heard is not None:
                 self._sweeps.append(heard.sweep())
             case StateEvent(measurement=m, state="measured" | "measured-aside") if m == self._id:
-                return Measurement(self._id, tuple(self._sweeps))
+                self.measurement = Measurement(self._id, tuple(self._sweeps))
             case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
                 m == self._id
             ):
                 raise DaemonError(says or f"the measurement was {state}", state)
             case _:
                 pass
-        return None
 
 
-class Answers:
-    """The answers heard so far, the latest of each kept: for whoever waits for them later."""
+class AnswerWaiter:
+    """Takes what is heard until a fitter, or a diagnosis, has answered a measurement; of one version where it is given.
 
-    def __init__(self) -> None:
-        self._found: dict[tuple[str, str, str | None], ReceivedEvent] = {}
+    The daemon may answer in its place: that it died, or gave no answer in time.
+    """
 
-    def note(self, heard: Iterable[ReceivedEvent]) -> None:
-        """Keep those that are answers."""
+    def __init__(self, measurement: str, fitter: str, version: str | None = None) -> None:
+        self.measurement = measurement
+        self.fitter = fitter
+        self._version = version
+        self._answers: list[ReceivedEvent] = []
+
+    def take(self, *heard: ReceivedEvent) -> None:
+        """Keep the answers among what was heard."""
         for one in heard:
             event = one.event
-            if isinstance(event, FitEvent | DiagnosisEvent):
-                for version in (event.version, None):
-                    self._found[event.measurement, event.fitter, version] = one
+            if (
+                isinstance(event, FitEvent | DiagnosisEvent)
+                and (event.measurement, event.fitter) == (self.measurement, self.fitter)
+                and (self._version in (None, event.version) or is_given_up(one))
+            ):
+                self._answers.append(one)
 
-    def find(self, measurement: str, fitter: str, version: str | None = None) -> ReceivedEvent | None:
-        """Return the latest answer; of this version where one is given."""
-        return self._found.get((measurement, fitter, version))
+    @property
+    def answer(self) -> ReceivedEvent | None:
+        """The latest answer; one of the version that was asked for goes before one in its place."""
+        own = [one for one in self._answers if not is_given_up(one)]
+        answers = own if own and self._version is not None else self._answers
+        return answers[-1] if answers else None
 
-    def forget_given_up(self, measurement: str, fitter: str) -> None:
-        """Forget that the daemon answered in a fitter's place: it is asked once more."""
-        for key in [(measurement, fitter, ""), (measurement, fitter, None)]:
-            one = self._found.get(key)
-            if one is not None and is_given_up(one):
-                del self._found[key]
+    def forget_given_up(self) -> None:
+        """Forget that the daemon answered in the fitter's place: it is asked once more."""
+        self._answers = [one for one in self._answers if not is_given_up(one)]
 
 
 def require(fitter: str, states: Iterable[FitterState]) -> None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
+from ...fitters.data_folder import chosen_folder
 from ...models.base.errors import PzctlError
 from ...models.base.names import NameFault, among, check_name
 from .auto_diagnosis import ASKED, AUTO
@@ -128,10 +129,7 @@ _LIMITS = ("max_bias_V", "max_oscillator_V", "compensation_days")
 
 def config_file() -> Path:
     """Return where the config file is, be it there or not."""
-    given = os.environ.get("PZCTL_HOME")
-    if given:
-        return Path(given).expanduser() / "config.toml"
-    return platformdirs.user_config_path("pzctl", appauthor=False) / "config.toml"
+    return (chosen_folder() or platformdirs.user_config_path("pzctl", appauthor=False)) / "config.toml"
 
 
 def settings(flags: Mapping[str, Any]) -> dict[str, Any]:

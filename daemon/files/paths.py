@@ -1,11 +1,11 @@
 """Where pzctl keeps its things: `PZCTL_HOME`, or the user's data directory."""
 
-import os
 import tempfile
 from pathlib import Path
 
 import platformdirs
 
+from ...fitters.data_folder import chosen_folder
 from ...models.base.errors import PzctlError
 
 
@@ -24,8 +24,7 @@ def home() -> Path:
 
     Raises FolderError.
     """
-    given = os.environ.get("PZCTL_HOME")
-    folder = Path(given).expanduser() if given else platformdirs.user_data_path("pzctl", appauthor=False)
+    folder = chosen_folder() or platformdirs.user_data_path("pzctl", appauthor=False)
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:

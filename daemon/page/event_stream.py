@@ -1,16 +1,17 @@
-"""Hears the daemon's events in a thread and passes them on to every open page."""
+"""Hears the daemon's events and passes them on to every open page."""
 
 import asyncio
 import json
-import threading
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from starlette.responses import JSONResponse, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from ..client.client import connect
-from ..client.connection import DaemonError
+from ...models.base.errors import PzctlError
+from ..client.async_client import connect_async
+from ..wire.events import ReceivedEvent
+from ..wire.replies import MissingEvents
 from .page_json import event_json
 
 WAITING = 500
@@ -29,17 +30,16 @@ class EventStream:
         self._may_hear = may_hear
         self._pages: set[asyncio.Queue[str | None]] = set()
         self._connected = 0
-        self._stop = threading.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._listener: asyncio.Task[None] | None = None
 
     def start(self) -> None:
         """Begin to listen, from within the loop that serves the pages."""
-        self._loop = asyncio.get_running_loop()
-        threading.Thread(target=self._listen, name="events", daemon=True).start()
+        self._listener = asyncio.create_task(self._listen())
 
     def stop(self) -> None:
         """End every page's stream and the listener."""
-        self._stop.set()
+        if self._listener is not None:
+            self._listener.cancel()
         for page in self._pages:
             if not page.full():
                 page.put_nowait(None)
@@ -60,21 +60,23 @@ class EventStream:
             self._pages.discard(page)
             self._connected -= 1
 
-    def _listen(self) -> None:
-        while not self._stop.is_set():
+    async def _listen(self) -> None:
+        while True:
             try:
-                with connect() as lab:
+                async with connect_async() as lab:
+                    events = await lab.listen(missing=self._say_missing)
                     self._say({"kind": "daemon", "there": True})
-                    while not self._stop.is_set():
-                        for heard in lab.listen(0.5):
-                            self._say(event_json(heard))
-            except DaemonError as error:
+                    async for heard in events:
+                        self._spread(await asyncio.to_thread(_text, heard))
+            except PzctlError as error:
                 self._say({"kind": "daemon", "there": False, "says": str(error)})
-                self._stop.wait(AGAIN)
+                await asyncio.sleep(AGAIN)
+
+    def _say_missing(self, missing: MissingEvents) -> None:
+        self._say({"kind": "missing", "says": missing.sentence})
 
     def _say(self, event: dict[str, Any]) -> None:
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._spread, json.dumps(event))
+        self._spread(json.dumps(event))
 
     def _spread(self, text: str) -> None:
         for page in [*self._pages]:
@@ -90,3 +92,8 @@ async def _stream(page: "asyncio.Queue[str | None]", may_hear: Callable[[], bool
     yield "retry: 1000\n\n"
     while (text := await page.get()) is not None and may_hear():
         yield f"data: {text}\n\n"
+
+
+def _text(heard: ReceivedEvent) -> str:
+    """Return an event as the pages read it; a long sweep takes a while."""
+    return json.dumps(event_json(heard))

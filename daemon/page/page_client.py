@@ -6,8 +6,9 @@ from typing import TypeVar
 import msgspec
 
 from ..client.client import Client
-from ..client.connection import PATIENCE, RequestClient
+from ..client.conversations import Conversations
 from ..client.location import address
+from ..client.protocol import PATIENCE, Conversation
 from ..wire.replies import Answer
 from ..wire.requests import Request
 
@@ -21,15 +22,14 @@ class PageClient(Client):
         """Connect. Raises DaemonError where none runs."""
         events, requests, key = address(None, None, None)
         super().__init__(events, requests, key)
-        self._asker.close()
-        self._asker = _NamedRequests(self._context, requests, key)
-        self._asker.by = by
+        self.conversations = _NamedConversations(events, requests)
+        self.conversations.by = by
 
 
-class _NamedRequests(RequestClient):
+class _NamedConversations(Conversations):
     by: str | None = None
 
-    def ask_frames(
+    def answer_to(
         self, request: Request, expected: type[A], raw: Sequence[bytes] = (), patience: float = PATIENCE
-    ) -> tuple[A, list[bytes]]:
-        return super().ask_frames(msgspec.structs.replace(request, by=self.by), expected, raw, patience)
+    ) -> Conversation[A]:
+        return super().answer_to(msgspec.structs.replace(request, by=self.by), expected, raw, patience)

@@ -9,7 +9,7 @@ from ...fitters.interface import Curve, FitResult
 from ...models.base.arrays import Complexes
 from ...models.build import Build
 from ...models.sweep import Sweep
-from ..client.client import fit_of
+from ..client.result_waiter import fit_of
 from ..report.json_output.fit_json import fit_json
 from ..samples.sample_record import StepRecord
 from ..wire.events import BeatEvent, FitEvent, ReceivedEvent, SweepEvent
@@ -71,9 +71,8 @@ def build_json(build: Build) -> dict[str, Any]:
         ],
         "steps": [{"name": step.name, "layers": list(step.layers)} for step in build.steps],
         "sheet": {
-            f"{layer.name}.{name}": {"re": quantity.re, "im": quantity.im, "u": quantity.u, "u_im": quantity.u_im}
-            for layer in build.layers
-            for name, quantity in {**layer.values, **layer.nominal}.items()
+            name: {"re": quantity.re, "im": quantity.im, "u": quantity.u, "u_im": quantity.u_im}
+            for name, quantity in build.data_sheet.items()
         },
     }
 

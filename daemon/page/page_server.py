@@ -19,7 +19,7 @@ from starlette.types import Scope
 from ...drivers.recordings import csv_text
 from ...models.base.errors import PzctlError
 from ...models.build import Build
-from ..client.connection import DaemonError
+from ..client.protocol import DaemonError
 from ..report.document.html_report import report_html
 from ..report.document.pdf_report import report_pdf
 from ..samples.sample_record import SampleRecord, sample_record

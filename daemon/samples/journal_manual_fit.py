@@ -18,7 +18,7 @@ from ...fitters.plugins import DEFAULT
 from ...models.base.errors import PzctlError
 from ...models.base.names import LONGEST_NAME, NameFault, check_name
 from ...models.sweep import Sweep
-from ..client.client import fit_of
+from ..client.result_waiter import fit_of
 from ..files.paths import home
 from ..journal.journal_reader import JournalMeasurement, JournalReader
 from ..wire.events import FitEvent, decode

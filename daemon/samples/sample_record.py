@@ -8,7 +8,7 @@ from ...fitters.interface import Curve, FitResult
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
-from ..client.client import fit_of
+from ..client.result_waiter import fit_of
 from ..journal.journal_reader import JournalMeasurement, JournalReader
 from ..journal.withdrawal import WITHDRAWN, Withdrawal, withdrawal_of
 from ..wire.events import DiagnosisEvent, FitEvent, SweepEvent, decode

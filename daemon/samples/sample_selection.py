@@ -10,8 +10,8 @@ from ...fitters.population.batch import BatchJob
 from ...models.base.errors import CannotError, PzctlError
 from ...models.build import Build, Quantity
 from ...models.sweep import Sweep
-from ..client.client import fit_of
 from ..client.location import find
+from ..client.result_waiter import fit_of
 from ..files.builds.build_file import read_build
 from ..files.config import journal_of, settings
 from ..files.paths import home, journal_folder
@@ -187,7 +187,6 @@ def sheets_of(builds: Iterable[Build]) -> dict[str, Quantity]:
     """Return what data sheet or build file say of each constant (`disk.c33D`), where all builds say the same."""
     said: dict[str, list[Quantity]] = {}
     for build in builds:
-        for layer in build.layers:
-            for name, quantity in {**layer.values, **layer.nominal}.items():
-                said.setdefault(f"{layer.name}.{name}", []).append(quantity)
+        for name, quantity in build.data_sheet.items():
+            said.setdefault(name, []).append(quantity)
     return {name: all_[0] for name, all_ in said.items() if all(one.value == all_[0].value for one in all_)}

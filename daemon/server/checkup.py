@@ -15,10 +15,11 @@ from typing import Literal
 from ...drivers.agilent4294a import Agilent4294A
 from ...drivers.visa.discover import Discovery, discover
 from ...drivers.visa.resources import open_analyzer
+from ...fitters.data_folder import in_folder
 from ...models.base.errors import PzctlError
 from ...models.sweep_plan import Segment, SweepPlan
 from ..client.location import find
-from ..files.paths import home
+from ..files.paths import REMEDY, home
 from ..samples.sample_selection import NoSamplesError, open_journal
 
 Status = Literal["ok", "note", "fault"]
@@ -74,7 +75,7 @@ def _folder() -> Check:
         free = shutil.disk_usage(folder).free
     except OSError as error:
         says = f"the data folder cannot be written: {error}"
-        return Check("data folder", "fault", says, "set PZCTL_HOME to a folder that can be")
+        return Check("data folder", "fault", says, REMEDY)
     if free < ENOUGH_BYTES:
         return Check("data folder", "note", f"{folder}: only {free / 1e6:.0f} MB are free", "make room on this disk")
     return Check("data folder", "ok", f"{folder}, {free / 1e9:.1f} GB free")
@@ -196,14 +197,9 @@ def _rehearsal() -> Check:
 
 @contextmanager
 def _own_folder() -> Generator[None]:
-    """Let this process, and those that it starts, work in a data folder of their own that is removed afterwards."""
-    before = os.environ.get("PZCTL_HOME")
-    with tempfile.TemporaryDirectory(prefix="pzctl-doctor-", ignore_cleanup_errors=True) as folder:
-        os.environ["PZCTL_HOME"] = folder
-        try:
-            yield
-        finally:
-            if before is None:
-                del os.environ["PZCTL_HOME"]
-            else:
-                os.environ["PZCTL_HOME"] = before
+    """Work in a data folder of one's own, which is removed afterwards."""
+    with (
+        tempfile.TemporaryDirectory(prefix="pzctl-doctor-", ignore_cleanup_errors=True) as folder,
+        in_folder(Path(folder)),
+    ):
+        yield

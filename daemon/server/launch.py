@@ -12,8 +12,8 @@ import msgspec
 
 from ...models.base.errors import PzctlError
 from ..client.client import Client
-from ..client.connection import DaemonError
 from ..client.location import Location, find, same_resource
+from ..client.protocol import DaemonError
 from ..files.daemon_options import DaemonOptions
 from ..files.paths import home, journal_folder, log_file, writable_home
 from ..journal.folder_lock import is_written

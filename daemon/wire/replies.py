@@ -131,6 +131,12 @@ class MissingEvents(msgspec.Struct, frozen=True):
     last: int
     says: str
 
+    @property
+    def sentence(self) -> str:
+        """What people are told."""
+        which = f"event {self.first} is" if self.first == self.last else f"events {self.first} to {self.last} are"
+        return f"{which} no longer in the journal: {self.says}"
+
 
 class EventsAnswer(Answer, frozen=True, kw_only=True):
     """Events as they were published: behind this header stand all their frames, `frames[k]` of them for event k."""

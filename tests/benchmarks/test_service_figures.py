@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -29,8 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from test_hostile_messages import ENDLESS
 
 from pzctl.daemon.client.client import Client, connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
@@ -97,17 +97,20 @@ class Reader(threading.Thread):
     def _listen(self, seconds: float) -> None:
         until = time.monotonic() + seconds
         with connect() as lab:
-            events = lab.listen(patience=1.0)
+            while time.monotonic() < until and not self._done():
+                self._follow(lab, until)
+
+    def _follow(self, lab: Client, until: float) -> None:
+        """Hear until nothing comes for a second, after what was missed since the last time."""
+        with closing(lab.listen(patience=1.0)) as events:
             newest = lab.hello().seq
             first = self.seqs[-1] + 1 if self.seqs else newest + 1
-            missed = [heard.event.seq for heard in lab.replay(first, newest)] if first <= newest else []
-            self.seqs += missed
-            while time.monotonic() < until and not self._done():
-                heard = next(events, None)
-                if heard is not None and heard.event.seq > (self.seqs[-1] if self.seqs else 0):
+            self.seqs += [heard.event.seq for heard in lab.replay(first, newest)] if first <= newest else []
+            for heard in events:
+                if heard.event.seq > (self.seqs[-1] if self.seqs else 0):
                     self.seqs.append(heard.event.seq)
-                if heard is None:
-                    events = lab.listen(patience=1.0)
+                if time.monotonic() >= until or self._done():
+                    return
 
 
 AHEAD = 20

@@ -13,6 +13,7 @@ import zmq
 from keyed import unlocked
 
 from pzctl import connect
+from pzctl.daemon.client.conversations import MissingEventsWarning
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.chain import COLUMNS, GENESIS, link_after, row_digest, row_key
 from pzctl.daemon.journal.journal_reader import JournalReader
@@ -239,5 +240,8 @@ def test_a_replay_over_what_was_pruned_says_so(start_daemon, build: Build, tmp_p
     (hole,) = answer["missing"]
     assert (hole["first"], hole["last"]) == (1, 2)
     assert f"after a copy to {tmp_path / 'backup'}" in hole["says"]
-    with connect() as lab:
+    with (
+        connect() as lab,
+        pytest.warns(MissingEventsWarning, match="events 1 to 2 are no longer in the journal"),
+    ):
         assert next(lab.replay(1)).event.seq == 3

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pzctl.daemon.client.client import Client
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.requests.request_errors import RequestError

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
 from pzctl.daemon.wire.events import decode

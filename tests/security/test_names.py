@@ -14,8 +14,8 @@ from keyed import unlocked
 
 from pzctl.daemon.cli import main
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import BuildError, build_from_json, build_to_json
 from pzctl.daemon.files.config import ConfigError, settings
 from pzctl.daemon.files.paths import journal_folder

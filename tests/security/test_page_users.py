@@ -8,6 +8,7 @@ import re
 import ssl
 import threading
 import urllib.request
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from page_requests import BUILD, ask
 
-from pzctl.daemon.client.connection import RequestClient
+from pzctl.daemon.client.conversations import Conversations
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.page import page_client
 from pzctl.daemon.page.page_process import PageError, check_certificate
@@ -134,12 +135,13 @@ def test_behind_the_proxy_of_the_guide_a_user_acts_and_the_cookie_is_secure(file
 def test_the_name_of_the_user_goes_with_each_request(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Request] = []
 
-    def keep(_: RequestClient, request: Request, *_rest: Any) -> tuple[Answer, list[bytes]]:
+    def keep(_: Conversations, request: Request, *_rest: Any) -> Generator[Any, Any, Answer]:
         asked.append(request)
-        return Answer(id=request.id), []
+        yield from ()
+        return Answer(id=request.id)
 
     monkeypatch.setattr(page_client, "address", lambda *_: ("tcp://127.0.0.1:1", "tcp://127.0.0.1:2", None))
-    monkeypatch.setattr(RequestClient, "ask_frames", keep)
+    monkeypatch.setattr(Conversations, "answer_to", keep)
     with page_client.PageClient("ana") as lab:
         lab.cancel()
     assert [request.by for request in asked] == ["ana"]

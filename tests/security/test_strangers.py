@@ -11,7 +11,7 @@ import zmq
 from keyed import unlocked
 
 from pzctl import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import daemon_file, home, keys_folder
 from pzctl.models.build import Build
 

@@ -12,8 +12,8 @@ import pytest
 from keyed import asked
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import home, journal_folder, keys_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from ....models.build import Build
     from ....models.sweep_plan import SweepPlan
-    from ...client.client import Client, Measurement
+    from ...client.client import Client
+    from ...client.result_waiter import Measurement
 
 _OPEN = 0.05
 """Probability of something else from which a finding counts as open."""

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from ....fitters.interface import FitResult
     from ....models.build import Build
     from ....models.sweep_plan import SweepPlan
-    from ...client.client import Client, Measurement
+    from ...client.client import Client
+    from ...client.result_waiter import Measurement
     from .deciding_sweep import Diagnoser
 
 _STORY_TIME_SCALE = 0.02
@@ -105,8 +106,8 @@ def _daemon(
     """
     from ....fitters.plugins import installed
     from ...client.client import connect
-    from ...client.connection import DaemonError
     from ...client.location import same_resource
+    from ...client.protocol import DaemonError
     from ...files.config import options, settings
     from ...server.launch import running, start
 
@@ -191,7 +192,7 @@ def _in_the_background(lab: "Client", report: Report, console: "Console") -> lis
 
 def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
     """Bring the device to its step: the simulated bench glues, a person is asked."""
-    from ...client.connection import DaemonError
+    from ...client.protocol import DaemonError
 
     if simulated:
         try:

@@ -1,7 +1,6 @@
 """`pzctl watch`: the live view in a terminal."""
 
 import json
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,7 +11,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ...client.client import Client
-    from ...wire.events import ReceivedEvent
 
 
 def watch(
@@ -20,7 +18,8 @@ def watch(
 ) -> None:
     """Show what the daemon does as it happens: progress, sweeps, constants. Until Ctrl-C.
 
-    Where the output is piped, one line for each event, without colour. Never slows the measurement.
+    Where the output is piped, one line for each event, without colour. Never slows the measurement. What was missed
+    and is no longer in the journal is said in one sentence, as JSON by a line of kind `missing`.
 
     Exit status: 130 after Ctrl-C, 2 where no daemon runs or it ends.
 
@@ -39,23 +38,25 @@ def watch(
             _print_lines(lab)
 
 
-def _events(lab: "Client") -> "Iterator[ReceivedEvent]":
-    """Yield events for ever. Raises DaemonError where the daemon ends."""
-    while True:
-        yield from lab.listen(1.0)
-
-
 def _print_json(lab: "Client") -> None:
     import msgspec
 
-    for heard in _events(lab):
-        print(json.dumps(msgspec.to_builtins(heard.event)), flush=True)
+    from ...wire.replies import MissingEvents
+
+    def tell(header: object) -> None:
+        print(json.dumps(header), flush=True)
+
+    def missing(hole: MissingEvents) -> None:
+        tell({"kind": "missing", **msgspec.to_builtins(hole)})
+
+    for heard in lab.listen(missing=missing):
+        tell(msgspec.to_builtins(heard.event))
 
 
 def _print_lines(lab: "Client") -> None:
     from ...report.tables.watch_view import line
 
-    for heard in _events(lab):
+    for heard in lab.listen(missing=lambda hole: print(hole.sentence, flush=True)):
         if (text := line(heard)) is not None:
             print(f"{heard.event.time[11:19]} {shown(text)}", flush=True)
 
@@ -67,6 +68,6 @@ def _live(lab: "Client", screen: "Console") -> None:
 
     watched = Watched()
     with Live(watched.screen(), console=screen, refresh_per_second=8) as live:
-        for heard in _events(lab):
+        for heard in lab.listen(missing=watched.miss):
             watched.hear(heard)
             live.update(watched.screen())

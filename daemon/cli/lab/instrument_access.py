@@ -19,8 +19,8 @@ def own_4294a(given: str | None) -> "Generator[Agilent4294A]":
     """
     from ....drivers import open_analyzer
     from ....drivers.agilent4294a import Agilent4294A
-    from ...client.connection import DaemonError
     from ...client.location import same_resource
+    from ...client.protocol import DaemonError
     from ...files.config import settings
     from ...server.launch import running
 

@@ -147,21 +147,14 @@ def withdraw(
 
 def _ask_to_withdraw(measurement: str, by: str, why: str) -> None:
     """Have the daemon that writes the journal do it."""
-    import zmq
-
-    from ...client.connection import RequestClient
-    from ...client.location import address
+    from ...client.client import connect
     from ...wire.replies import Answer
     from ...wire.requests import WithdrawRequest
     from ...wire.uuid7 import uuid7
 
-    _, endpoint, key = address(None, None, None)
-    with zmq.Context() as context:
-        daemon = RequestClient(context, endpoint, key)
-        try:
-            daemon.ask(WithdrawRequest(id=uuid7(), measurement=measurement, why=why, by=by), Answer)
-        finally:
-            daemon.close()
+    with connect() as lab:
+        request = WithdrawRequest(id=uuid7(), measurement=measurement, why=why, by=by)
+        lab.run(lab.conversations.answer_to(request, Answer))
 
 
 def _withdraw_here(measurement: str, by: str, why: str) -> None:

@@ -200,6 +200,7 @@ async function begin() {
 
 const heard = {
   daemon: (event) => (event.there ? begin() : showDaemon(event)),
+  missing: (event) => { $("problem").textContent = event.says; },
   progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
   state: (event) => {
     if (!event.measurement) return;

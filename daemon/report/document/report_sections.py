@@ -12,12 +12,10 @@ from ...samples.sample_record import SampleRecord, StepRecord
 from ...wire.frames import to_json
 from ..pictures import svg_pictures as draw
 from ..tables.deviation import deviation
+from ..tables.fit_tables import derived_shown
 from ..tables.numbers import complex_with_uncertainty, with_uncertainty
 from .diagnosis_section import diagnosed
 from .html_table import table
-
-DERIVED_SHOWN = ("kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay")
-"""What is derived from the constants and asked for."""
 
 _FEW = 8
 """Numbers of one setting that are written out."""
@@ -53,11 +51,7 @@ def _drive(settings: Any) -> str:
 
 def constants(fit: FitResult, build: Build) -> str:
     """Return the constants beside the data sheet; how far they are off in standard uncertainties of the two."""
-    sheet = {
-        f"{layer.name}.{name}": quantity
-        for layer in build.layers
-        for name, quantity in {**layer.values, **layer.nominal}.items()
-    }
+    sheet = build.data_sheet
     rows: list[Sequence[str]] = []
     classes: list[str] = []
     for name, c in fit.constants.items():
@@ -67,9 +61,7 @@ def constants(fit: FitResult, build: Build) -> str:
         percent, classed = deviation(c.re, c.u_re, nominal, c.free)
         rows.append((name, value, c.unit, said, percent, nominal.source if nominal else ""))
         classes.append(classed)
-    for name, c in fit.derived.items():
-        if name.split(".")[-1] not in DERIVED_SHOWN:
-            continue
+    for name, c in derived_shown(fit).items():
         rows.append((name, _number(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
         classes.append("held")
     return table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)

@@ -1,7 +1,5 @@
 """Fit results as tables for the terminal."""
 
-from collections.abc import Mapping
-
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -12,7 +10,8 @@ from .deviation import deviation
 from .numbers import complex_with_uncertainty
 
 _COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
-_DERIVED_SHOWN = ("kt", "Qm", "tan_delta", "c33", "compliance", "delay")
+_DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay"})
+"""What is derived from the constants and asked for."""
 
 
 def fit_table(result: FitResult, build: Build | None) -> Table:
@@ -21,7 +20,7 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
     for column in ("constant", "fitted", "unit", "data sheet, build"):
         table.add_column(column)
     table.add_column("deviation", justify="right")
-    nominal = _nominal(build)
+    nominal = build.data_sheet if build is not None else {}
     layer = ""
     for name, constant in result.constants.items():
         owner = name.split(".")[0]
@@ -32,6 +31,11 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
         _row(table, name, constant, nominal.get(name))
     _derived_rows(table, result, layer)
     return table
+
+
+def derived_shown(result: FitResult) -> dict[str, Constant]:
+    """Return the derived constants that a table shows."""
+    return {name: constant for name, constant in result.derived.items() if name.split(".")[-1] in _DERIVED_SHOWN}
 
 
 def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
@@ -49,16 +53,6 @@ def _title(result: FitResult) -> str:
     return f"{result.build}: {steps} by {result.fitter} - {quality}, {noise}, {result.seconds:.2f} s"
 
 
-def _nominal(build: Build | None) -> dict[str, Quantity]:
-    if build is None:
-        return {}
-    return {
-        f"{layer.name}.{name}": quantity
-        for layer in build.layers
-        for name, quantity in {**layer.values, **layer.nominal}.items()
-    }
-
-
 def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) -> None:
     fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
     sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
@@ -68,11 +62,8 @@ def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) 
 
 
 def _derived_rows(table: Table, result: FitResult, layer: str) -> None:
-    shown: Mapping[str, Constant] = {
-        name: constant
-        for name, constant in result.derived.items()
-        if name.startswith(f"{layer}.") and name.split(".")[1] in _DERIVED_SHOWN
-    }
-    for name, constant in shown.items():
+    for name, constant in derived_shown(result).items():
+        if name.split(".")[0] != layer:
+            continue
         fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
         table.add_row(f"  {name}", fitted, constant.unit, "", "", style="italic")

@@ -10,8 +10,9 @@ from rich.text import Text
 from ....fitters.interface import FitResult
 from ....models.build import Build
 from ....models.sweep import Sweep
-from ...client.client import fit_of
+from ...client.result_waiter import fit_of
 from ...wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, Sampled, StateEvent, SweepEvent
+from ...wire.replies import MissingEvents
 from .fit_tables import fit_table
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -29,6 +30,12 @@ class Watched:
     sweeps: list[Sweep] = field(default_factory=list[Sweep])
     fit: FitResult | None = None
     words: list[str] = field(default_factory=list[str])
+    missed: list[str] = field(default_factory=list[str])
+    """What was not heard and is no longer in the journal, a sentence each."""
+
+    def miss(self, missing: MissingEvents) -> None:
+        """Take in which events are gone."""
+        self.missed.append(missing.sentence)
 
     def hear(self, heard: ReceivedEvent) -> None:
         """Take in one event."""
@@ -56,7 +63,7 @@ class Watched:
         if self.fit is not None:
             parts.append(Text(f"{self.fit.fitter}: chi2/dof {self.fit.chi2_per_dof:.3g}", "bold"))
             parts.append(fit_table(self.fit, self.build))
-        parts += [Text(f"! {word}", "yellow") for word in self.words]
+        parts += [Text(f"! {word}", "yellow") for word in (*self.words, *self.missed)]
         return Group(*parts)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache, singledispatchmethod
-from importlib.metadata import entry_points, version
+from importlib.metadata import version
 from typing import Any
 
+from ....fitters.plugins import installed_names
 from ....models.base.names import among
 from ....models.sweep_plan import PlanError
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
@@ -23,7 +24,6 @@ from ..access.bench_step import BenchStep
 from ..access.lease import Lease
 from ..acquisition import Acquisition, MeasurementJob
 from ..plan_limits import PlanLimits
-from ..workers.fitter_worker import GROUP
 from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
 from ..workers.supervisor import Supervisor
@@ -39,6 +39,8 @@ MOST_WAITING = 1000
 
 VERSION = version("pzctl")
 """Of this package; looked up once, it is read from a file."""
+
+_installed = cache(installed_names)  # looking takes tens of milliseconds
 
 
 @dataclass
@@ -344,12 +346,6 @@ def scoped(client: str, request: str) -> str:
 def _measured(one: History) -> reply.MeasuredStep:
     known = one.measurement
     return reply.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
-
-
-@cache
-def _installed() -> frozenset[str]:
-    """Return the names of the installed fitters; looking takes tens of milliseconds, so it is done once."""
-    return frozenset(entry_points(group=GROUP).names)
 
 
 def _events(

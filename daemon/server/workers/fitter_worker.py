@@ -7,42 +7,24 @@ import argparse
 import logging
 import time
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from importlib.metadata import entry_points
 
 from ....fitters.interface import FitError, FitResult, FitTask, Fitter
+from ....fitters.plugins import load_configured
 from ....models.sweep import Sweep
 from ...client.client import Client
-from ...client.connection import DaemonError
+from ...client.protocol import DaemonError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import ReceivedEvent, StateEvent, SweepEvent
 from .visitors import LEASE
-from .worker_main import FitterError, run_as_guest
+from .worker_main import run_as_guest
 
 log = logging.getLogger(__name__)
-
-GROUP = "pzctl.fitters"
-"""The entry point group of the fitters."""
 
 HELLO_EVERY = LEASE / 5
 """Seconds after which a fitter says hello again."""
 
 PAUSE = 5.0
 """Seconds until a visitor knocks again at a daemon that has gone."""
-
-
-def load_fitter(name: str) -> Fitter:
-    """Return the fitter of an entry point's name, or of `module:Class`. Raises FitterError."""
-    try:
-        if ":" in name:
-            module, _, attribute = name.partition(":")
-            return getattr(import_module(module), attribute)()
-        found = {point.name: point for point in entry_points(group=GROUP)}
-        if name in found:
-            return found[name].load()()
-    except Exception as error:  # whatever a third party's package does when it is loaded
-        raise FitterError(f"fitter {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
-    raise FitterError(f"fitter {name!r} is not installed; installed are {', '.join(sorted(found)) or 'none'}")
 
 
 def task_of(heard: Sequence[ReceivedEvent]) -> FitTask:
@@ -126,10 +108,10 @@ def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Ca
     """Run a fitter for a daemon that did not start it, on another machine say, for ever; come back after the daemon.
 
     The daemon knows a `module:Class` by its class: it takes no module names from others. `told` is given a sentence
-    when it comes and when the daemon has gone. Raises FitterError, and DaemonError where
+    when it comes and when the daemon has gone. Raises PluginError, and DaemonError where
     the key has no right to hand in fits.
     """
-    fitter, known_as = load_fitter(name), name.rpartition(":")[2]
+    fitter, known_as = load_configured(name), name.rpartition(":")[2]
     while True:
         try:
             with Client(events, requests, key) as client:
@@ -146,7 +128,7 @@ def main() -> None:
     """Run one fitter until the daemon that started it ends."""
     parser = argparse.ArgumentParser(description="One fitter as a guest of the daemon.")
     parser.add_argument("name", help="an installed fitter, or module:Class")
-    run_as_guest(parser, lambda client, given: FitterWorker(given.name, load_fitter(given.name), client).serve())
+    run_as_guest(parser, lambda client, given: FitterWorker(given.name, load_configured(given.name), client).serve())
 
 
 if __name__ == "__main__":

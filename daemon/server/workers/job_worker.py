@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from ....fitters.interface import FitError, FitResult
+from ....fitters.plugins import load_configured
 from ...client.client import Client
 from ...files.auto_diagnosis import DIAGNOSIS
 from ...wire.events import ReceivedEvent, SweepEvent
-from .fitter_worker import load_fitter, task_of
+from .fitter_worker import task_of
 from .worker_main import run_as_guest
 
 
@@ -24,8 +25,8 @@ def diagnosis_version(effects: Sequence[str] | None, also: Sequence[str] = (), p
 
 
 def fit(client: Client, measurement: str, fitter: str) -> None:
-    """Fit a measurement; hand in the result, or why there is none. Raises FitterError, DaemonError."""
-    loaded = load_fitter(fitter)
+    """Fit a measurement; hand in the result, or why there is none. Raises PluginError, DaemonError."""
+    loaded = load_configured(fitter)
     heard = client.sweeps(measurement)
     found: FitResult | str
     try:

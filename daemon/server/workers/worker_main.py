@@ -5,6 +5,7 @@ import logging
 import sys
 from collections.abc import Callable
 
+from ....fitters.plugins import PluginError
 from ....models.base.errors import PzctlError
 from ...client.client import Client
 from ...files.worker_limits import Limits, limit_memory
@@ -13,10 +14,6 @@ from .subprocesses import end_with_parent
 
 GIVEN_UP = 2
 """The exit status that says: starting me again is of no use."""
-
-
-class FitterError(PzctlError):
-    """A fitter that cannot be loaded."""
 
 
 def run_as_guest(parser: argparse.ArgumentParser, work: Callable[[Client, argparse.Namespace], None]) -> None:
@@ -31,7 +28,7 @@ def run_as_guest(parser: argparse.ArgumentParser, work: Callable[[Client, argpar
     try:
         with guest_client(given.events, given.requests) as client:
             work(client, given)
-    except FitterError as error:
+    except PluginError as error:
         logging.exception("fitter")
         print(error, file=sys.stderr)
         sys.exit(GIVEN_UP)

@@ -9,8 +9,8 @@ from ....models.sweep import Sweep
 
 _MOSTLY = 0.9
 _FALLING = 0.75
-"""Part of the points at which a reactance falls, from which a recording is turned: neighbouring modes make it fall at one
-in six of a device that is recorded right."""
+"""Part of the points at which a reactance falls, from which a recording is turned: neighbouring modes make it fall at
+one in six of a device that is recorded right."""
 _STRIDE = 100
 """Part of a sweep over which a reactance is seen to rise: a hundredth, so that noise does not decide."""
 

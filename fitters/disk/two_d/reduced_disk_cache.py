@@ -12,6 +12,7 @@ import platformdirs
 from ....models.disk2d.full import FullDisk
 from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import trained
+from ...data_folder import chosen_folder
 
 _VERSION = 4
 _GRID = 0.01
@@ -22,8 +23,8 @@ _EDGES = 10_000
 
 def cache_folder() -> Path:
     """Return the folder of what can be made again: `PZCTL_HOME`/cache, or the user's cache folder."""
-    given = os.environ.get("PZCTL_HOME")
-    return Path(given).expanduser() / "cache" if given else platformdirs.user_cache_path("pzctl", appauthor=False)
+    chosen = chosen_folder()
+    return chosen / "cache" if chosen is not None else platformdirs.user_cache_path("pzctl", appauthor=False)
 
 
 def reduced_disk(

@@ -30,10 +30,10 @@ from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.publishing.spool import Spool
 from pzctl.daemon.server.simulated_analyzer import simulated_instrument
 from pzctl.daemon.server.sockets import _bind, gate_for
-from pzctl.daemon.server.workers.fitter_worker import load_fitter
 from pzctl.daemon.wire.curve_keys import read_client_key, write_secret
 from pzctl.daemon.wire.events import BeatEvent, ReceivedEvent, decode
 from pzctl.daemon.wire.result_messages import curves_of
+from pzctl.fitters.plugins import load_configured
 from pzctl.models.base.errors import PzctlError
 
 BUILD = THESIS_BUILD
@@ -245,10 +245,9 @@ def simulator_that_does_not_start() -> object:
             lambda: export._write(no_record, None, "csv", Path("disk.csv/data")),
             "disk.csv/data: this folder cannot be made: Not a directory",
         ),
-        (lambda: load_fitter("masn"), "fitter 'masn' is not installed; installed are bvd, "),
         (
-            lambda: load_fitter("no_such_module:Fitter"),
-            "fitter 'no_such_module:Fitter' cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'",
+            lambda: load_configured("no_such_module:Fitter"),
+            "fitter 'no_such_module:Fitter' does not load: ModuleNotFoundError: No module named 'no_such_module'",
         ),
         (
             lambda: gate_for(["foo"], Path()),

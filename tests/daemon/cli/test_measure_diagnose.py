@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import pzctl
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.daemon.report.document.html_report import report_html
 from pzctl.daemon.samples.sample_record import sample_record

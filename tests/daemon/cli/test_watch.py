@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pruned_hole import endpoints, prune_unheard
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.report.tables.watch_view import sparkline
@@ -40,6 +41,31 @@ def test_every_event_is_one_line(start_daemon, build: Build, tmp_path: Path, as_
         assert all(json.loads(text)["kind"] for text in read)
     else:
         assert not any("\x1b" in text for text in read), "no colour where it is piped"
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_what_was_missed_and_pruned_is_one_sentence(
+    start_daemon, build: Build, tmp_path: Path, as_json: bool, wait_until
+) -> None:
+    where, output = start_daemon("Echo", **endpoints()), tmp_path / "watched.txt"
+    with output.open("w") as file:
+        watching = subprocess.Popen([PZCTL, "watch", *(["--json"] if as_json else [])], stdout=file)
+    try:
+        with connect() as lab:
+            while "measured" not in output.read_text():
+                lab.measure(build, "disk")
+        last = prune_unheard(start_daemon, where, tmp_path, build)
+        begun = '"state": "started"' if as_json else "daemon: started"
+        wait_until(lambda: begun in output.read_text())
+    finally:
+        watching.kill()
+        watching.wait()
+    (says,) = [text for text in output.read_text().splitlines() if "pruned on" in text]
+    if as_json:
+        hole = json.loads(says)
+        assert (hole["kind"], hole["last"]) == ("missing", last)
+    else:
+        assert f"to {last} are no longer in the journal: pruned on" in says
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminal")

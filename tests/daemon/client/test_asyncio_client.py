@@ -1,25 +1,27 @@
-"""The asyncio client: many questions at a time, listeners that lose nothing, cancelling that counts."""
+"""What only the asyncio client can do: many conversations at a time, and cancelling that counts."""
 
 import asyncio
 from contextlib import aclosing
+from pathlib import Path
 
 import pytest
+from pruned_hole import endpoints, prune_unheard
 
 from pzctl import connect_async
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client import event_follower
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.wire.events import StateEvent, SweepEvent
-from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
 
 
 def test_measured_fitted_and_listened_to_side_by_side(start_daemon, build: Build) -> None:
-    start_daemon("Echo", "Refuses")
+    start_daemon("Echo")
 
     async def listen(lab, ready: asyncio.Event) -> list[int]:
         seqs: list[int] = []
-        async with aclosing(lab.listen()) as events:
+        async with aclosing(await lab.listen()) as events:
             ready.set()
             async for heard in events:
                 seqs.append(heard.event.seq)
@@ -38,31 +40,10 @@ def test_measured_fitted_and_listened_to_side_by_side(start_daemon, build: Build
             assert {result.constants["disk.Z"].re for result in results} == {
                 abs(one.sweeps[-1].impedance[0]) for one in measured
             }
-            with pytest.raises(FitError, match="sweep wider"):
-                await lab.wait_fit("guest_examples:Refuses", measured[0].id)
-            with pytest.raises(DaemonError, match="does not run it"):
-                await lab.wait_fit("mason", measured[0].id)
             while not listener.done():
                 await lab.measure(build, "ml1")
             seqs = await listener
             assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
-            assert [h.event.seq async for h in lab.replay(2, 4)] == [2, 3, 4]
-
-    asyncio.run(story())
-
-
-def test_one_has_the_instrument_to_itself(start_daemon, build: Build) -> None:
-    start_daemon()
-
-    async def story() -> None:
-        async with connect_async() as lab:
-            async with lab.lease("ana", 60.0) as held:
-                with pytest.raises(DaemonError, match="'ana' has the instrument to itself") as refused:
-                    await lab.measure(build, "disk")
-                assert refused.value.code == "leased"
-                assert (await lab.measure(build, "disk", lease=held)).sweeps
-            assert (await lab.measure(build, "disk")).sweeps
-            assert (await lab.metrics()).counts["refused"] == 1
 
     asyncio.run(story())
 
@@ -87,3 +68,22 @@ def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -
                 await asyncio.sleep(0.05)
 
     assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelling", "cancelled"]
+
+
+def test_a_measurement_whose_events_are_gone_is_not_waited_for(
+    start_daemon, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    where = start_daemon(time_scale=1.0, **endpoints())
+
+    async def story() -> None:
+        async with connect_async() as lab:
+            under_way = asyncio.Event()
+            waiting = asyncio.create_task(lab.measure(build, "disk", progress=lambda _: under_way.set()))
+            await under_way.wait()
+            await asyncio.to_thread(prune_unheard, start_daemon, where, tmp_path, build)
+            with pytest.raises(DaemonError, match=r"what became of it is not known; events .* pruned on") as refused:
+                await waiting
+            assert refused.value.code == "missing"
+
+    asyncio.run(asyncio.wait_for(story(), 90))

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import pzctl
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -18,6 +18,7 @@ from pzctl.daemon.journal.migrations import _STEPS
 from pzctl.daemon.journal.retention import COLUMNS, JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.wire.events import SampleStep, StateEvent
+from pzctl.daemon.wire.replies import MissingEvents
 from pzctl.models.build import Build
 
 
@@ -56,7 +57,9 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
     start_daemon()
     with connect() as lab:
         measured = lab.measure(build, "disk")
-        heard = list(lab.replay(1))
+        holes: list[MissingEvents] = []
+        heard = list(lab.replay(1, missing=holes.append))
+        assert [(hole.first, hole.last + 1) for hole in holes] == [(1, heard[0].event.seq)]
         assert heard[0].event.seq > newest, "numbers go on"
         assert [one.event.seq for one in heard] == list(range(heard[0].event.seq, heard[-1].event.seq + 1))
         assert lab.samples()[0].measurements[0].measurement == measured.id

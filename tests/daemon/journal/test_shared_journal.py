@@ -11,7 +11,7 @@ import postgres
 import pytest
 
 from pzctl import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.journal import migrations
 from pzctl.daemon.journal.journal_reader import JournalReader

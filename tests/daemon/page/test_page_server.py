@@ -1,5 +1,7 @@
 """Who may see the live page and command it, and what it answers; without a browser."""
 
+import asyncio
+import json
 import os
 import re
 import subprocess
@@ -12,8 +14,12 @@ from urllib.request import urlopen
 
 import pytest
 from page_requests import ask
+from pruned_hole import endpoints, prune_unheard
 
+from pzctl.daemon.client import event_follower
+from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_guard import is_loopback
+from pzctl.models.build import Build
 
 TOKEN = "so-secret"  # noqa: S105
 
@@ -98,3 +104,25 @@ def test_a_page_beside_the_daemon_ends_with_it_even_when_that_is_killed() -> Non
     while reached(address):
         assert time.monotonic() < deadline, "the page outlived its daemon"
         time.sleep(0.1)
+
+
+def test_what_was_missed_and_pruned_is_one_sentence(
+    start_daemon, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    where = start_daemon(**endpoints())
+
+    async def story() -> None:
+        heard: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        stream = EventStream()
+        monkeypatch.setattr(stream, "_spread", lambda text: heard.put_nowait(json.loads(text)))
+        stream.start()
+        assert await heard.get() == {"kind": "daemon", "there": True}
+        last = await asyncio.to_thread(prune_unheard, start_daemon, where, tmp_path, build)
+        missing, started = await heard.get(), await heard.get()
+        assert missing["kind"] == "missing"
+        assert f"to {last} are no longer in the journal: pruned on" in missing["says"]
+        assert started["state"] == "started"
+        stream.stop()
+
+    asyncio.run(asyncio.wait_for(story(), 90))

@@ -14,10 +14,9 @@ from typer.testing import CliRunner
 
 from pzctl import connect, connect_async
 from pzctl.daemon.cli import app
-from pzctl.daemon.client import async_connection as aiowire
-from pzctl.daemon.client import connection
+from pzctl.daemon.client import event_follower
 from pzctl.daemon.client.client import Client
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.server.requests.request_handlers import MOST_FITTERS
@@ -33,7 +32,7 @@ from pzctl.models.build import Build
 def submitted(lab: Client, measurement: str, sweeps: tuple[str, ...], **answer: Any) -> object:
     said: dict[str, Any] = {"version": "1", **answer}
     request = ask.SubmitRequest(id=uuid7(), measurement=measurement, sweeps=sweeps, fitter="mine", **said)
-    return lab._asker.ask(request, Answer)
+    return lab.run(lab.conversations.answer_to(request, Answer))
 
 
 def sentence(work: Callable[[], object]) -> str:
@@ -116,19 +115,17 @@ def diagnosed(lab: Client, measurement: str, k: int) -> object:
     wish = ask.DiagnoseRequest(
         id=uuid7(), measurement=measurement, effects=effects, also=(measurement,) * (k // 6), propose=bool(k // 3 % 2)
     )
-    return lab._asker.ask(wish, Answer, patience=60.0)
+    return lab.run(lab.conversations.answer_to(wish, Answer, patience=60.0))
 
 
 def test_a_daemon_that_hangs_and_one_that_is_not_there(
     start_daemon, monkeypatch: pytest.MonkeyPatch, build: Build
 ) -> None:
     where = start_daemon()
-    for module in (connection, aiowire):
-        monkeypatch.setattr(module, "SILENCE", 0.3)
-        monkeypatch.setattr(module, "PATIENCE", 0.3)
+    monkeypatch.setattr(event_follower, "SILENCE", 0.3)
 
     async def heard() -> None:
-        async with connect_async() as lab, aclosing(lab.listen()) as events:
+        async with connect_async() as lab, aclosing(await lab.listen()) as events:
             waiting = asyncio.ensure_future(anext(events))
             await asyncio.sleep(1.5)
             os.kill(where.pid, signal.SIGSTOP)
@@ -136,14 +133,10 @@ def test_a_daemon_that_hangs_and_one_that_is_not_there(
 
     with connect() as lab:
         events = lab.listen(10.0)
-        lab._subscribed()
         os.kill(where.pid, signal.SIGSTOP)
         try:
             says = f"daemon at {where.events}: not a sound for 0.3 s; it has ended or hangs"
             assert sentence(lambda: next(events)) == says
-            with Client(where.events, where.requests) as other:
-                says = f"daemon at {where.events}: no welcome within 0.3 s; is it running?"
-                assert sentence(lambda: other.listen(1.0)) == says
         finally:
             os.kill(where.pid, signal.SIGCONT)
     try:

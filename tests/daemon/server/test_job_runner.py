@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pzctl
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.files.worker_limits import Limits
 from pzctl.daemon.wire.events import DiagnosisEvent, FitEvent

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from pzctl import connect
 from pzctl.daemon.cli import app
 from pzctl.daemon.client.async_client import connect_async
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.wire.curve_keys import (
     ClientKey,

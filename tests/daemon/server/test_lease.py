@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from pzctl import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.server.access.lease import Lease
 from pzctl.daemon.server.requests.request_errors import RequestError
 from pzctl.daemon.wire.events import StateEvent

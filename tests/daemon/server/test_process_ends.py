@@ -14,8 +14,8 @@ import zmq
 from keyed import unlocked
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import find
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import journal_folder, log_file
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.server.launch import running, start

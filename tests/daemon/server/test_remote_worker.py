@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pzctl import connect
-from pzctl.daemon.client.connection import DaemonError
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.wire.curve_keys import make_client, make_server, revoke, write_secret
 from pzctl.daemon.wire.frames import to_json

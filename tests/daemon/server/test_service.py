@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import home
 from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build

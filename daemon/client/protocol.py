@@ -1,0 +1,177 @@
+"""What a client and the daemon say to each other, without the sockets: the blocking and the asyncio client share it.
+
+A conversation is a generator. It yields the next step that it wants done on a socket, is sent what came of that step,
+and returns its result. Whoever runs it owns the sockets and does the waiting; nothing here opens, sends or sleeps.
+"""
+
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeAlias, TypeVar
+
+import msgspec
+
+from ...models.base.errors import PzctlError
+from ..wire.events import Envelope, ReceivedEvent, decode, envelope
+from ..wire.frames import LARGEST_FRAME, from_json, to_json
+from ..wire.replies import Answer, EventsAnswer, MissingEvents, Refusal
+from ..wire.requests import ReplayRequest, Request
+from ..wire.uuid7 import uuid7
+
+TRIES, PATIENCE = 4, 5.0
+"""How often a request is sent, and how many seconds each time is waited for its answer: as long as for a beat."""
+
+A = TypeVar("A", bound=Answer)
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+
+class DaemonError(PzctlError):
+    """The daemon cannot be reached, or refused; `code` is its word for the reason."""
+
+    def __init__(self, message: str, code: str = "unreachable") -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Ask:
+    """Send these frames to the daemon and wait for the answer to this request: its frames, or None."""
+
+    frames: list[bytes]
+    request: str
+    """The request's id."""
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Subscribe:
+    """Open a subscription to all events: who hears one topic only cannot see its own holes. Nothing comes of it."""
+
+
+@dataclass(frozen=True)
+class Hear:
+    """Wait for the next message of the subscription: its frames, or None."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Deliver(Generic[T_co]):
+    """Hand this to the caller, who may take any time over it. Nothing comes of it."""
+
+    item: T_co
+
+
+Step: TypeAlias = Ask | Subscribe | Hear
+Outcome: TypeAlias = list[bytes] | None
+Conversation: TypeAlias = Generator[Step, Outcome, T]
+"""Ends with a result."""
+Stream: TypeAlias = Generator[Step | Deliver[T], Outcome, None]
+"""Delivers one thing after the other."""
+
+
+class Underway(Generic[T]):
+    """A conversation that somebody runs: its next `step`, or its `result` once there is none."""
+
+    def __init__(self, conversation: Generator[Step | Deliver[object], Outcome, T]) -> None:
+        self._conversation = conversation
+        self.step: Step | Deliver[object] | None = None
+        self.result: T
+        self.go_on(None)
+
+    def go_on(self, outcome: Outcome) -> None:
+        """Tell the conversation what came of its step."""
+        self._advance(lambda: self._conversation.send(outcome))
+
+    def fail(self, error: BaseException) -> None:
+        """Raise, at its step, what went wrong there; it may have something to put in order before it ends."""
+        self._advance(lambda: self._conversation.throw(error))
+
+    def _advance(self, move: Callable[[], Step | Deliver[object]]) -> None:
+        try:
+            self.step = move()
+        except StopIteration as end:
+            self.step, self.result = None, end.value
+
+
+def ask_frames(
+    endpoint: str, request: Request, expected: type[A], raw: Sequence[bytes] = (), patience: float = PATIENCE
+) -> Conversation[tuple[A, list[bytes]]]:
+    """Return the answer and the frames behind it. A request is sent again where no answer comes: ids make that safe.
+
+    Raises DaemonError where the answer is a refusal, or where there is none.
+    """
+    frames = [to_json(request), *raw]
+    for _ in range(TRIES):
+        answer = yield Ask(frames, request.id, patience)
+        if answer:
+            return read_answer(answer[0], expected), answer[1:]
+    raise DaemonError(f"daemon at {endpoint}: no answer in {TRIES} tries of {patience:g} s; is it running?")
+
+
+def addressee(frames: Sequence[bytes], waiting: Iterable[str]) -> str | None:
+    """Return which of the waiting requests an answer belongs to, None where nobody waits for it any more.
+
+    An answer without an id is that of a request that the daemon could not read: it can only belong to the one that
+    waits alone. Raises WireError where it is no answer.
+    """
+    request, known = from_json(frames[0], _answer, LARGEST_FRAME).id, tuple(waiting)
+    if request is None and len(known) == 1:
+        return known[0]
+    return request if request in known else None
+
+
+def not_let_in(endpoint: str) -> DaemonError:
+    """Return the error of a socket that libzmq will not send on: at the handshake its peer turned it away for good."""
+    return DaemonError(
+        f"daemon at {endpoint}: it does not let this client in; the key is missing, not known there, or was revoked",
+        "not-allowed",
+    )
+
+
+def read_answer(header: bytes, expected: type[A]) -> A:
+    """Return an answer's header. Raises DaemonError where it is a refusal."""
+    if not from_json(header, _answer, LARGEST_FRAME).ok:
+        problem = from_json(header, _refusal).error
+        raise DaemonError(f"{problem.message}{'; ' + problem.hint if problem.hint else ''}", problem.code)
+    return from_json(header, msgspec.json.Decoder(expected), LARGEST_FRAME)
+
+
+def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[ReceivedEvent]:
+    """Return the events whose frames stand behind an answer; kinds that only a later daemon knows are left out.
+
+    Raises WireError.
+    """
+    events: list[ReceivedEvent] = []
+    for count in answer.frames:
+        event, frames = frames[:count], frames[count:]
+        if envelope(event).kind in Envelope.KINDS:
+            events.append(decode(event))
+    return events
+
+
+@dataclass(frozen=True)
+class ReplayPage:
+    """One answer to a replay."""
+
+    items: list[ReceivedEvent | MissingEvents]
+    """In order; of what the journal no longer holds, that it is missing and why."""
+    next: int | None
+    """Where to go on; None where this is the end."""
+
+
+def replay_page(endpoint: str, since: int, until: int | None) -> Conversation[ReplayPage]:
+    """Return the events from `since` on, up to `until` (None: the newest), as many as one answer holds."""
+    request = ReplayRequest(id=uuid7(), since=since, until=until)
+    answer, frames = yield from ask_frames(endpoint, request, EventsAnswer)
+    events = read_events(answer, frames)
+    items = sorted([*events, *answer.missing], key=_first)
+    return ReplayPage(items, events[-1].event.seq + 1 if answer.more and events else None)
+
+
+def _first(item: ReceivedEvent | MissingEvents) -> int:
+    return item.first if isinstance(item, MissingEvents) else item.event.seq
+
+
+_answer = msgspec.json.Decoder(Answer)
+_refusal = msgspec.json.Decoder(Refusal)
