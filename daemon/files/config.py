@@ -114,12 +114,17 @@ SETTINGS: Mapping[str, Setting] = {
     "seed": Setting("a whole number", int),
     "max_bias_V": Setting("volts from 0 up", _not_negative),
     "max_oscillator_V": Setting("volts from 0 up", _not_negative),
+    "compensation_days": Setting("days above 0", _positive),
     "fit_seconds": Setting("seconds above 0", _positive),
     "fit_memory_MB": Setting("megabytes above 0", lambda value: int(_positive(value))),
     "diagnose": Setting("auto or asked", _when),
     "log": Setting("text or json", _form),
 }
 """All settings; each is a flag, a variable and a key of the file by this name."""
+
+
+_LIMITS = ("max_bias_V", "max_oscillator_V", "compensation_days")
+"""Of the bench."""
 
 
 def config_file() -> Path:
@@ -164,7 +169,7 @@ def options(found: Mapping[str, Any]) -> "DaemonOptions":
     simulator = {"time_scale": found.get("time_scale", 1.0), "seed": found.get("seed", 0)}
     own = {
         name: found[name]
-        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose", "max_bias_V", "max_oscillator_V")
+        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose", *_LIMITS)
         if name in found
     }
     own["journal"], own["station"] = journal_of(found)

@@ -31,5 +31,7 @@ class DaemonOptions:
     max_bias_V: float | None = None
     max_oscillator_V: float | None = None
     """The most that this bench allows, besides the analyzer's own limits."""
+    compensation_days: float | None = None
+    """How long a compensation is good for; a sweep under an older one says so."""
     diagnose: str = AUTO
     """`auto`: a diagnosis follows a fit of the first fitter that leaves a mismatch; `asked`: only a request."""

@@ -68,6 +68,11 @@ def seal_key(home: Path) -> tuple[Path, Path]:
     return home / "seal" / "private.pem", home / "seal" / "public.pem"
 
 
+def compensation_file(home: Path) -> Path:
+    """Return the file that says when the instrument's compensation was taken."""
+    return home / "compensation.json"
+
+
 def log_file(home: Path, name: str) -> Path:
     """Return the log of a process (`daemon`, `sim`, `fitter-mason`), its folder made."""
     folder = home / "log"

@@ -137,7 +137,7 @@ class JournalWriter(JournalReader):
 
     def unfinished(self) -> list[JournalMeasurement]:
         """Return the measurements of earlier runs that never came to an end."""
-        rows = "state IN ('queued', 'measuring') AND run != ? AND station = ?"
+        rows = "state IN ('queued', 'measuring', 'cancelling') AND run != ? AND station = ?"
         return self.measurements(rows, self.run, self.station)
 
     def unanswered(self, fitter: str) -> list[str]:

@@ -2,8 +2,11 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any
+
+from starlette.responses import JSONResponse, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from ...models.base.errors import PzctlError
 from ..client.async_client import connect_async
@@ -13,6 +16,8 @@ from .page_json import event_json
 
 WAITING = 500
 """Events that wait for a page; one that is slower is let go, and comes back by itself."""
+MOST_PAGES = 50
+"""Pages that may hear at once."""
 AGAIN = 1.0
 """Seconds until a daemon that has gone is looked for again."""
 
@@ -20,8 +25,11 @@ AGAIN = 1.0
 class EventStream:
     """One listener for any number of pages. Acquisition does not wait for it: the daemon drops what is not read."""
 
-    def __init__(self) -> None:
+    def __init__(self, may_hear: Callable[[Scope], bool] = lambda _: True) -> None:
+        """`may_hear` says of an open page, at each event, whether it may still hear."""
+        self._may_hear = may_hear
         self._pages: set[asyncio.Queue[str | None]] = set()
+        self._connected = 0
         self._listener: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -36,16 +44,21 @@ class EventStream:
             if not page.full():
                 page.put_nowait(None)
 
-    async def stream(self) -> AsyncIterator[str]:
-        """Yield server-sent events until the page is closed or too slow."""
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a page with server-sent events until it is closed or too slow, or that there are enough of them."""
+        if self._connected >= MOST_PAGES:
+            says = f"{MOST_PAGES} pages hear the events already; close one, and load this one again"
+            await JSONResponse({"error": says}, 503)(scope, receive, send)
+            return
         page: asyncio.Queue[str | None] = asyncio.Queue(WAITING)
         self._pages.add(page)
+        self._connected += 1
         try:
-            yield "retry: 1000\n\n"
-            while (text := await page.get()) is not None:
-                yield f"data: {text}\n\n"
+            stream = _stream(page, lambda: self._may_hear(scope))
+            await StreamingResponse(stream, media_type="text/event-stream")(scope, receive, send)
         finally:
             self._pages.discard(page)
+            self._connected -= 1
 
     async def _listen(self) -> None:
         while True:
@@ -73,6 +86,12 @@ class EventStream:
                 page.put_nowait(None)
             else:
                 page.put_nowait(text)
+
+
+async def _stream(page: "asyncio.Queue[str | None]", may_hear: Callable[[], bool]) -> AsyncIterator[str]:
+    yield "retry: 1000\n\n"
+    while (text := await page.get()) is not None and may_hear():
+        yield f"data: {text}\n\n"
 
 
 def _text(heard: ReceivedEvent) -> str:

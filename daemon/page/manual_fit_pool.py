@@ -27,7 +27,7 @@ _NICE = 5
 
 
 class ManualFitPoolError(PzctlError):
-    """A request by hand that does not say what is wanted, or that came to nothing."""
+    """A fit by hand that came to nothing."""
 
 
 class ManualFitRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -56,17 +56,17 @@ class ManualFitPool:
         self._pool: ProcessPoolExecutor | None = None
         self._lock = Lock()
 
-    def look(self, words: dict[str, Any]) -> dict[str, Any]:
+    def look(self, wish: ManualFitRequest) -> dict[str, Any]:
         """Return handles, places of effects, and the model's curves of a wish. Raises HandError, FitError."""
-        return self._ask(words, "look")
+        return self._ask(wish, "look")
 
-    def fit(self, words: dict[str, Any]) -> dict[str, Any]:
+    def fit(self, wish: ManualFitRequest) -> dict[str, Any]:
         """Return the fit of a wish, and the handles where it has brought them. Raises HandError, FitError."""
-        return self._ask(words, "fit")
+        return self._ask(wish, "fit")
 
-    def keep(self, words: dict[str, Any]) -> dict[str, Any]:
+    def keep(self, wish: ManualFitRequest) -> dict[str, Any]:
         """Fit once more and write it into the journal; return what `fit` returns. Raises PzctlError."""
-        return self._ask(words, "keep")
+        return self._ask(wish, "keep")
 
     def close(self) -> None:
         """End the process."""
@@ -75,11 +75,7 @@ class ManualFitPool:
         if pool is not None:
             _end(pool)
 
-    def _ask(self, words: dict[str, Any], work: Work) -> dict[str, Any]:
-        try:
-            wish = msgspec.convert(words, ManualFitRequest)
-        except msgspec.ValidationError as error:
-            raise ManualFitPoolError(f"choices of a fit by hand: {error}") from None
+    def _ask(self, wish: ManualFitRequest, work: Work) -> dict[str, Any]:
         with self._lock:
             pool = self._pool = self._pool or _begun()
         try:

@@ -55,6 +55,7 @@ def record_json(one: StepRecord) -> dict[str, Any]:
         "fits": [fitted_json(fit, step) for fit in one.fits],
         "refusals": list(one.refusals),
         "diagnosis": one.diagnosis.diagnosis if one.diagnosis else None,
+        "withdrawn": one.withdrawal.says if one.withdrawal else None,
     }
 
 

@@ -5,6 +5,7 @@ python -m pzctl.daemon.page.page_process BUILD.toml PORT
 
 import os
 import socket
+import ssl
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -14,8 +15,11 @@ from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..files.builds.build_file import read_build
 from ..server.workers.subprocesses import end_child, end_with_parent, start_child
+from .page_users import PageUsers
 
 PORT = 8294
+MOST_CONNECTIONS = 200
+"""A page holds two or three; those beyond are answered 503."""
 _LOOPBACK = "127.0.0.1"
 
 
@@ -32,20 +36,58 @@ def check_installed() -> None:
         raise PageError(f"{error.name} is not installed; the page needs it: pip install 'pzctl[web]'") from None
 
 
-def serve(build: Build, host: str, port: int, token: str | None) -> None:
-    """Serve the page of a lab that builds `build`, until Ctrl-C. Raises PageError."""
+def serve(
+    build: Build,
+    host: str,
+    port: int,
+    token: str | None,
+    *,
+    users: PageUsers | None = None,
+    certificate: tuple[Path, Path] | None = None,
+) -> None:
+    """Serve the page of a lab that builds `build`, until Ctrl-C; with a certificate and its key, by HTTPS.
+
+    Raises PageError.
+    """
     check_installed()
     import uvicorn
 
     from .page_server import page_app
+    from .timed_protocol import TimedProtocol
 
+    if certificate is not None:
+        check_certificate(*certificate)
+    cert, key = certificate or (None, None)
     config = uvicorn.Config(
-        page_app(build, token), host, port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+        page_app(build, token, users),
+        host,
+        port,
+        ssl_certfile=cert,
+        ssl_keyfile=key,
+        http=TimedProtocol,
+        ws="none",
+        limit_concurrency=MOST_CONNECTIONS,
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=2,
     )
     try:
         uvicorn.Server(config).run()
     except SystemExit:  # uvicorn says the reason in its log, and leaves
         raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None
+
+
+def check_certificate(cert: Path, key: Path) -> None:
+    """Raise PageError where a certificate and its key (PEM) cannot be served with."""
+    try:
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(cert, key, password="")
+    except ssl.SSLError as error:
+        reason = error.reason or "the key cannot be read"
+        raise PageError(
+            f"{cert}, {key}: these are no certificate and its key in PEM without password: {reason}"
+        ) from None
+    except OSError as error:
+        raise PageError(f"{cert}, {key}: the certificate or its key cannot be read: {error.strerror}") from None
 
 
 def free_port(host: str, port: int, hint: str) -> int:

@@ -1,41 +1,54 @@
 """The page's server: its files, the daemon's events, and what the buttons do."""
 
-import json
-from collections.abc import AsyncGenerator, Callable
+import logging
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
 
 from ...drivers.recordings import csv_text
 from ...models.base.errors import PzctlError
 from ...models.build import Build
-from ..client.client import connect
 from ..client.protocol import DaemonError
 from ..report.document.html_report import report_html
 from ..report.document.pdf_report import report_pdf
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
-from .manual_fit_pool import ManualFitPool
-from .page_guard import Guard
+from .manual_fit_pool import ManualFitPool, ManualFitRequest
+from .page_client import PageClient
+from .page_guard import Guard, shown_token, user_of
 from .page_json import build_json, record_json
+from .page_users import PageUser, PageUsers
+from .request_body import BodyError, NoFields, read_body
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=msgspec.Struct)
+A = TypeVar("A")
 
 STATIC = Path(__file__).with_name("static")
 MOST_SAMPLES = 20
 """Samples in the history."""
 
 
-def page_app(build: Build, token: str | None = None) -> Starlette:
-    """Return the page of a lab that builds `build`; with a token, only who shows it is let in."""
-    hub, hands = EventStream(), ManualFitPool()
+def page_app(build: Build, token: str | None = None, users: PageUsers | None = None) -> Starlette:
+    """Return the page of a lab that builds `build`; with a token or users, only who shows one is let in."""
+
+    def may_hear(scope: Scope) -> bool:
+        return users is None or users.of_token(shown_token(Request(scope))) is not None
+
+    hub, hands = EventStream(may_hear), ManualFitPool()
     desk = _PageRequestHandlers(build)
 
     @asynccontextmanager
@@ -45,47 +58,74 @@ def page_app(build: Build, token: str | None = None) -> Starlette:
         hub.stop()
         hands.close()
 
-    async def events(_: Request) -> Response:
-        return StreamingResponse(hub.stream(), media_type="text/event-stream")
-
     async def index(_: Request) -> Response:
         return FileResponse(STATIC / "index.html")
 
     routes = [
         Route("/", index),
-        Route("/api/events", events),
+        Route("/api/events", hub, methods=["GET"]),
+        Route("/metrics", _answering(desk.metrics)),
         Route("/api/now", _answering(desk.now)),
         Route("/api/record/{name:path}", _answering(desk.record)),
         Route("/api/history", _answering(desk.history)),
-        Route("/api/measure", _answering(desk.measure), methods=["POST"]),
-        Route("/api/diagnose", _answering(desk.diagnose), methods=["POST"]),
-        Route("/api/cancel", _answering(desk.cancel), methods=["POST"]),
-        Route("/api/look", _answering(lambda words: JSONResponse(hands.look(words))), methods=["POST"]),
-        Route("/api/fit", _answering(lambda words: JSONResponse(hands.fit(words))), methods=["POST"]),
-        Route("/api/keep", _answering(lambda words: JSONResponse(hands.keep(words))), methods=["POST"]),
-        Route("/download/{measurement}/{segment:int}.csv", _answering(desk.download)),
+        _command("/api/measure", _Measure, desk.measure),
+        _command("/api/diagnose", _Diagnose, desk.diagnose),
+        _command("/api/cancel", NoFields, desk.cancel),
+        _command("/api/look", ManualFitRequest, lambda wish, _: JSONResponse(hands.look(wish))),
+        _command("/api/fit", ManualFitRequest, lambda wish, _: JSONResponse(hands.fit(wish))),
+        _command("/api/keep", ManualFitRequest, lambda wish, user: JSONResponse(hands.keep(_signed(wish, user)))),
+        Route("/download/{measurement}/{segment}.csv", _answering(desk.download)),
         Route("/report/{name:path}", _answering(desk.report)),
         Route("/pdf/{name:path}", _answering(desk.pdf)),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
-    return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token)])
+    return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token, users=users)])
 
 
-def _answering(work: Callable[[dict[str, Any]], Response]) -> Any:
-    """Return an endpoint that works in a thread; what is wrong is one sentence with status 404 or 409."""
+class _Measure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    step: str
+
+
+class _Diagnose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    measurement: str
+
+
+def _signed(wish: ManualFitRequest, user: PageUser) -> ManualFitRequest:
+    """Return a fit to be kept under the name that its user's token stands for, where there are users."""
+    return msgspec.structs.replace(wish, by=user.name) if user.name else wish
+
+
+def _answering(work: Callable[[dict[str, str], PageUser], Response]) -> Callable[[Request], Awaitable[Response]]:
+    """Return an endpoint that looks something up, named in its address."""
 
     async def endpoint(request: Request) -> Response:
-        words = dict(request.path_params)
-        try:
-            if request.method == "POST":
-                words |= json.loads(await request.body() or b"{}")
-            return await run_in_threadpool(work, words)
-        except (ValueError, TypeError):
-            return JSONResponse({"error": "this is no JSON object"}, 400)
-        except PzctlError as error:
-            return JSONResponse({"error": str(error)}, 409 if isinstance(error, DaemonError) else 404)
+        return await _in_thread(work, request.path_params, user_of(request.scope))
 
     return endpoint
+
+
+def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]) -> Route:
+    """Return the route of a command, whose body has these fields."""
+
+    async def endpoint(request: Request) -> Response:
+        try:
+            body = await read_body(request, fields)
+        except BodyError as error:
+            return JSONResponse({"error": str(error)}, error.status)
+        return await _in_thread(work, body, user_of(request.scope))
+
+    return Route(path, endpoint, methods=["POST"])
+
+
+async def _in_thread(work: Callable[[A, PageUser], Response], asked: A, user: PageUser) -> Response:
+    """Answer from a thread; what is wrong is one sentence with status 404 or 409, a defect one with status 500."""
+    try:
+        return await run_in_threadpool(work, asked, user)
+    except PzctlError as error:
+        return JSONResponse({"error": str(error)}, 409 if isinstance(error, DaemonError) else 404)
+    except Exception as error:
+        log.exception("page")
+        return JSONResponse({"error": f"a defect of pzctl, see the page's log: {error!r}"}, 500)
 
 
 class _PageRequestHandlers:
@@ -94,11 +134,11 @@ class _PageRequestHandlers:
     def __init__(self, build: Build) -> None:
         self._build = build
 
-    def now(self, _: dict[str, Any]) -> Response:
+    def now(self, _: dict[str, str], user: PageUser) -> Response:
         """Answer how things stand: daemon, instrument, build, latest measurement."""
         daemon: dict[str, Any] = {"there": False}
         try:
-            with connect() as lab:
+            with PageClient(user.name) as lab:
                 hello, status = lab.hello(), lab.status()
             daemon = {
                 "there": True,
@@ -112,15 +152,36 @@ class _PageRequestHandlers:
             }
         except DaemonError as error:
             daemon["says"] = str(error)
-        return JSONResponse({"daemon": daemon, "build": build_json(self._build)})
+        return JSONResponse({"daemon": daemon, "build": build_json(self._build), "user": msgspec.to_builtins(user)})
 
-    def record(self, words: dict[str, Any]) -> Response:
+    def metrics(self, _: dict[str, str], user: PageUser) -> Response:
+        """Answer what a Prometheus server reads, whether a daemon is there or not."""
+        try:
+            from . import prometheus_metrics
+        except ModuleNotFoundError as error:
+            says = f"{error.name} is not installed; metrics need it: pip install 'pzctl[metrics]'"
+            return PlainTextResponse(says, 501)
+        try:
+            with PageClient(user.name) as lab:
+                text = prometheus_metrics.exposition(lab.metrics(), lab.status())
+        except DaemonError:
+            text = prometheus_metrics.exposition(None, None)
+        return Response(text, media_type=prometheus_metrics.CONTENT_TYPE)
+
+    def record(self, words: dict[str, str], user: PageUser) -> Response:
         """Answer what is known of a sample, or of one measurement."""
         record = _record(words["name"])
         steps = [record_json(one) for one in record.steps]
-        return JSONResponse({"sample": record.name, "build": build_json(record.build), "steps": steps})
+        return JSONResponse(
+            {
+                "sample": record.name,
+                "build": build_json(record.build),
+                "steps": steps,
+                "withdrawn": list(record.withdrawn),
+            }
+        )
 
-    def history(self, _: dict[str, Any]) -> Response:
+    def history(self, _: dict[str, str], user: PageUser) -> Response:
         """Answer the constants of the newest samples, step by step."""
         try:
             journal = open_journal()
@@ -133,42 +194,42 @@ class _PageRequestHandlers:
             journal.close()
         return JSONResponse({"samples": [_constants(record) for record in records]})
 
-    def measure(self, words: dict[str, Any]) -> Response:
+    def measure(self, asked: _Measure, user: PageUser) -> Response:
         """Begin to measure a step; the simulated bench glues first, a person has done it."""
-        step = str(words.get("step"))
-        with connect() as lab:
+        with PageClient(user.name) as lab:
             if lab.hello().bench is not None:
-                lab.bench({"command": "step", "name": step})
-            return JSONResponse({"measurement": lab.begin(self._build, step)})
+                lab.bench({"command": "step", "name": asked.step})
+            return JSONResponse({"measurement": lab.begin(self._build, asked.step)})
 
-    def diagnose(self, words: dict[str, Any]) -> Response:
+    def diagnose(self, asked: _Diagnose, user: PageUser) -> Response:
         """Have a measurement diagnosed; what is found comes as an event."""
-        with connect() as lab:
-            lab.diagnose(str(words.get("measurement")))
+        with PageClient(user.name) as lab:
+            lab.diagnose(asked.measurement)
         return JSONResponse({})
 
-    def cancel(self, _: dict[str, Any]) -> Response:
+    def cancel(self, _: NoFields, user: PageUser) -> Response:
         """Stop what is measured."""
-        with connect() as lab:
+        with PageClient(user.name) as lab:
             lab.cancel()
         return JSONResponse({})
 
-    def download(self, words: dict[str, Any]) -> Response:
+    def download(self, words: dict[str, str], user: PageUser) -> Response:
         """Answer one sweep of a measurement as the project's CSV."""
         (one,) = _record(words["measurement"]).steps
-        k = int(words["segment"])
-        if not 1 <= k <= len(one.sweeps):
-            return JSONResponse({"error": f"sweep {k} of {len(one.sweeps)} does not exist"}, 404)
+        numbers = {str(k): k for k in range(1, len(one.sweeps) + 1)}
+        k = numbers.get(words["segment"])
+        if k is None:
+            return JSONResponse({"error": f"there is no such sweep; they are 1 to {len(one.sweeps)}"}, 404)
         name = f"{one.measurement.sample.step}-{k}.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name.encode("ascii", "replace").decode()}"'}
         return PlainTextResponse(csv_text(one.sweeps[k - 1]), headers=headers, media_type="text/csv")
 
-    def report(self, words: dict[str, Any]) -> Response:
+    def report(self, words: dict[str, str], user: PageUser) -> Response:
         """Answer the report of a sample; its style stands inside, so the page's own rule is loosened for it."""
         policy = "default-src 'none'; style-src 'unsafe-inline'"
         return HTMLResponse(report_html(_record(words["name"])), headers={"Content-Security-Policy": policy})
 
-    def pdf(self, words: dict[str, Any]) -> Response:
+    def pdf(self, words: dict[str, str], user: PageUser) -> Response:
         """Answer the report of a sample as PDF."""
         return Response(report_pdf(report_html(_record(words["name"]))), media_type="application/pdf")
 

@@ -1,5 +1,6 @@
 """What the journal knows of one sample: the latest measurement of each gluing step, and what was answered to it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -9,6 +10,7 @@ from ...models.build import Build
 from ...models.sweep import Sweep
 from ..client.result_waiter import fit_of
 from ..journal.journal_reader import JournalMeasurement, JournalReader
+from ..journal.withdrawal import WITHDRAWN, Withdrawal, withdrawal_of
 from ..wire.events import DiagnosisEvent, FitEvent, SweepEvent, decode
 from ..wire.result_messages import curves_of
 
@@ -33,6 +35,8 @@ class StepRecord:
     """The latest; its `diagnosis` is the object of `pzctl diagnose --json`."""
     diagnosis_curves: tuple[Curve, ...]
     """Of its picture; none where it came without."""
+    withdrawal: Withdrawal | None = None
+    """Who withdrew the measurement; then it was asked for by its id."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,8 @@ class SampleRecord:
     """That of the newest measurement."""
     steps: tuple[StepRecord, ...]
     """In the order in which they were measured."""
+    withdrawn: tuple[str, ...] = ()
+    """A sentence for each measurement of the sample that was withdrawn."""
 
 
 def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
@@ -53,6 +59,10 @@ def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
     """
     one = archive.measurement(asked)
     found = [one] if one is not None else archive.measurements("sample = ? AND state = 'measured'", asked)
+    name = found[-1].sample.name if found else asked
+    withdrawn = tuple(_withdrawn(archive, name))
+    if not found and withdrawn:
+        raise UnknownSampleError(f"sample {asked!r}: no measurement of it counts: {'; '.join(withdrawn)}")
     if not found:
         raise UnknownSampleError(_unknown(archive, asked))
     latest: dict[str, JournalMeasurement] = {}
@@ -62,7 +72,16 @@ def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
     build = archive.build(found[-1].id)
     order = {step.name: k for k, step in enumerate(build.steps)}
     steps = sorted(latest.values(), key=lambda m: order.get(m.sample.step, -1))
-    return SampleRecord(found[-1].sample.name, build, tuple(_step(archive, measurement) for measurement in steps))
+    return SampleRecord(name, build, tuple(_step(archive, measurement) for measurement in steps), withdrawn)
+
+
+def _withdrawn(archive: JournalReader, name: str) -> Iterator[str]:
+    """Yield a sentence for each measurement of a sample that was withdrawn."""
+    for one in archive.measurements("sample = ? AND state = ?", name, WITHDRAWN):
+        found = withdrawal_of(archive, one.id)
+        if found is not None:
+            when = one.time[:16].replace("T", " ")
+            yield f"step {one.sample.step} of {when} UTC ({one.id}) was {found.says}"
 
 
 def _unknown(archive: JournalReader, asked: str) -> str:
@@ -90,4 +109,6 @@ def _step(archive: JournalReader, one: JournalMeasurement) -> StepRecord:
             refusals[event.fitter] = event.error or "no reason was given"
     idn = next((h.event.instrument.idn for h in heard if isinstance(h.event, SweepEvent)), "")
     sentences = tuple(f"{name}: {why}" for name, why in refusals.items() if name not in fits)
-    return StepRecord(one, tuple(h.sweep() for h in heard), idn, tuple(fits.values()), sentences, diagnosis, curves)
+    withdrawal = withdrawal_of(archive, one.id) if one.state == WITHDRAWN else None
+    recorded = tuple(h.sweep() for h in heard)
+    return StepRecord(one, recorded, idn, tuple(fits.values()), sentences, diagnosis, curves, withdrawal)

@@ -68,10 +68,15 @@ def open_journal() -> JournalReader:
     return JournalReader(folder)
 
 
-def journal_samples(archive: JournalReader, free: tuple[str, ...] | None = None) -> list[Sample]:
-    """Return every sample with the latest complete measurement of each of its steps, and the build of the newest."""
+def journal_samples(
+    archive: JournalReader, free: tuple[str, ...] | None = None, *, with_withdrawn: bool = False
+) -> list[Sample]:
+    """Return every sample with the latest complete measurement of each of its steps, and the build of the newest.
+
+    One that was withdrawn is passed over unless `with_withdrawn`.
+    """
     latest: dict[str, dict[str, JournalMeasurement]] = {}
-    for one in archive.measurements("state = 'measured'"):
+    for one in archive.measurements(_counted(with_withdrawn=with_withdrawn)):
         steps = latest.setdefault(one.sample.name, {})
         steps.pop(one.sample.step, None)
         steps[one.sample.step] = one  # so the newest of all stands last
@@ -148,14 +153,24 @@ def step_of(stem: str, steps: Sequence[str]) -> str | None:
     return None
 
 
-def latest_fits(archive: JournalReader, fitter: str, step: str | None) -> dict[str, LatestFit]:
-    """Return the latest fit of each sample that has one: that of its newest measurement (of `step`) with a result."""
-    measured = archive.measurements("state = 'measured'")
+def latest_fits(
+    archive: JournalReader, fitter: str, step: str | None, *, with_withdrawn: bool = False
+) -> dict[str, LatestFit]:
+    """Return the latest fit of each sample that has one: that of its newest measurement (of `step`) with a result.
+
+    A measurement that was withdrawn is passed over unless `with_withdrawn`.
+    """
+    measured = archive.measurements(_counted(with_withdrawn=with_withdrawn))
     found: dict[str, LatestFit | None] = {one.sample.name: None for one in measured}
     for one in reversed(measured):
         if found[one.sample.name] is None and step in (None, one.sample.step):
             found[one.sample.name] = _fit_of_measurement(archive, one, fitter)
     return {name: fit for name, fit in found.items() if fit is not None}
+
+
+def _counted(*, with_withdrawn: bool) -> str:
+    """Return the SQL condition of measurements that count."""
+    return "state IN ('measured', 'withdrawn')" if with_withdrawn else "state = 'measured'"
 
 
 def _fit_of_measurement(archive: JournalReader, one: JournalMeasurement, fitter: str) -> LatestFit | None:

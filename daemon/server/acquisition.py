@@ -45,6 +45,10 @@ class MeasurementJob:
     """Higher ones go first."""
     decides: str | None = None
     """The measurement whose diagnosis it is to decide."""
+    client: str | None = None
+    """Who asked for it: the name of their key."""
+    by: str | None = None
+    """For whom that client asked, as it said itself."""
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     @property
@@ -123,6 +127,7 @@ class Acquisition:
         instrument: InstrumentInfo,
         publish: Callable[[Event, Payload], None],
         ready: Callable[[], Awaitable[None]],
+        annotated: Callable[[Sweep], Sweep],
     ) -> None:
         self.current: MeasurementJob | None = None
         self.waiting: deque[MeasurementJob] = deque()
@@ -130,6 +135,7 @@ class Acquisition:
         self._instrument = instrument
         self._publish = publish
         self._ready = ready
+        self._annotated = annotated
         self._more = asyncio.Event()
 
     @property
@@ -151,15 +157,15 @@ class Acquisition:
         """Let go of the instrument until the next job: somebody else takes it."""
         await self._analyzer.let_go()
 
-    def cancel(self, measurement: str | None) -> bool:
-        """Cancel a job, the running one where none is named; return whether there was one."""
+    def cancel(self, measurement: str | None) -> MeasurementJob | None:
+        """Cancel a job, the running one where none is named; return it, None where there was none."""
         jobs = [job for job in (self.current, *self.waiting) if job is not None]
         if measurement is None:
             jobs = [] if self.current is None else [self.current]
-        found = [job for job in jobs if measurement in (None, job.measurement)]
-        for job in found:
-            job.cancelled.set()
-        return bool(found)
+        found = next((job for job in jobs if measurement in (None, job.measurement)), None)
+        if found is not None:
+            found.cancelled.set()
+        return found
 
     def cancel_all(self) -> None:
         """Cancel what runs and what waits."""
@@ -185,7 +191,7 @@ class Acquisition:
         self._state(job, "measuring")
         try:
             sweeps = await self._analyzer.measure(job, self._reporter(job))
-            self._announce(job, sweeps)
+            self._announce(job, tuple(map(self._annotated, sweeps)))
         except Cancelled as error:
             self._state(job, "cancelled", str(error))
         except JournalError:
@@ -213,6 +219,8 @@ class Acquisition:
                 settings=dict(sweep.settings),
                 notes=sweep.notes,
                 decides=job.decides,
+                client=job.client,
+                by=job.by,
                 columns=columns,
             )
             self._publish(event, payload)

@@ -29,15 +29,17 @@ from ..client.location import Location, announce, withdraw
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
 from ..files.database_url import without_password
-from ..files.paths import journal_folder, keys_folder, log_file, unsaved_folder, writable_home
+from ..files.paths import compensation_file, journal_folder, keys_folder, log_file, unsaved_folder, writable_home
 from ..files.worker_limits import allow_many_files
 from ..journal.journal_writer import JournalWriter
+from ..wire.curve_keys import LOCAL
 from ..wire.events import BeatEvent, Event, FitEvent, InstrumentInfo, StateEvent, encode
 from ..wire.metrics import Metrics
 from ..wire.replies import FitterState
 from .access.access_control import AccessControl
 from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
 from .acquisition import Acquisition, AnalyzerThread
+from .compensation_check import CompensationCheck
 from .plan_limits import PlanLimits
 from .publishing.durable_publisher import DurablePublisher
 from .publishing.event_publisher import EventPublisher
@@ -158,7 +160,8 @@ class Daemon:
         self._metrics = metrics
         self._publisher = DurablePublisher(journal, Spool(unsaved_folder(folder)), self._metrics, voice.say, self._said)
         self.publish = self._publisher.publish
-        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there)
+        check = CompensationCheck(compensation_file(folder), options.compensation_days)
+        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there, check)
         self._ledger = PendingResults(options.fitters)
         self._supervisor = Supervisor(
             *around,
@@ -207,7 +210,7 @@ class Daemon:
         """Serve until told to end. Raises JournalError where the journal fails."""
         _on_signals(self._end)
         self._publisher.catch_up()
-        self.publish(StateEvent(state="started"), ())
+        self.publish(StateEvent(state="started", says=_limits(self._options), client=LOCAL), ())
         for left in self._journal.unfinished():
             says = "the daemon ended before this measurement did; measure again"
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
@@ -281,6 +284,18 @@ class Daemon:
                 error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
             )
             self.publish(refusal, ())
+
+
+def _limits(options: DaemonOptions) -> str:
+    """Return the settings that keep the sample and the instrument safe, as the journal keeps them."""
+    return (
+        f"on {options.resource}; bias up to {_most(options.max_bias_V)}, oscillator up to "
+        f"{_most(options.max_oscillator_V)}"
+    )
+
+
+def _most(volts: float | None) -> str:
+    return "what the analyzer can" if volts is None else f"{volts:g} V"
 
 
 def _on_signals(stop: Callable[[], None]) -> None:

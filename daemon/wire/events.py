@@ -99,6 +99,10 @@ class SweepEvent(Sampled, frozen=True, kw_only=True, tag="sweep"):
     notes: tuple[str, ...] = ()
     decides: str | None = None
     """The measurement whose diagnosis this one is to decide; it is no record of its step then."""
+    client: str | None = None
+    """Who asked for the measurement: the name of their key."""
+    by: str | None = None
+    """For whom that client asked, as it said itself."""
 
 
 class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
@@ -112,9 +116,10 @@ class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
 class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     """Something began or ended.
 
-    Of the daemon: `started`, `stopping`. Of a measurement: `queued`, `measuring`, then one of `measured`,
-    `measured-aside` (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`. Of a
-    fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
+    Of the daemon: `started`, `shutdown` (asked for), `stopping`, `bench` (a command of the simulated bench), `leased`,
+    `released`. Of a measurement: `queued`, `measuring`, `cancelling`, then one of `measured`, `measured-aside`
+    (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`, and later, maybe,
+    `withdrawn`. Of a fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
     """
 
     state: str
@@ -123,6 +128,10 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     measurement: str | None = None
     sample: SampleStep | None = None
     fitter: str | None = None
+    client: str | None = None
+    """Who asked for it: the name of their key. None for what happened by itself."""
+    by: str | None = None
+    """For whom that client asked, as it said itself."""
 
 
 class FitEvent(Sampled, frozen=True, kw_only=True, tag="fit"):

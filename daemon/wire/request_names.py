@@ -25,6 +25,10 @@ def check_names(request: ask.Request) -> None:
 
 def _names(request: ask.Request) -> Iterator[tuple[str, str, int]]:
     """Yield each name with what it is of, and the most characters that it may have."""
+    if request.by is not None:
+        yield request.by, "by", LONGEST_OWNER
+    if isinstance(request, ask.WithdrawRequest):
+        yield request.why, "why", ask.LONGEST_REASON
     if isinstance(request, ask.MeasureRequest):
         yield from _of_build(request.build)
     if isinstance(request, ask.HelloRequest | ask.SubmitRequest):

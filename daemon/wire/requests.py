@@ -16,6 +16,9 @@ from .result_messages import FitReport
 MOST_EVENTS = 50
 """Events in one answer to `replay`."""
 
+LONGEST_REASON = 1000
+"""Characters of why a measurement is withdrawn."""
+
 Id: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 
 
@@ -24,6 +27,8 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="request"):
 
     id: Id
     v: int = WIRE
+    by: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
+    """For whom a client asks that serves several people, as the live page does. The client says so, nobody checks."""
 
 
 class HelloRequest(Request, frozen=True, kw_only=True, tag="hello"):
@@ -83,6 +88,13 @@ class CancelRequest(Request, frozen=True, kw_only=True, tag="cancel"):
     """Cancel a measurement, queued or running; the running one where none is named."""
 
     measurement: str | None = None
+
+
+class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
+    """Mark a complete measurement as withdrawn, in the name of `by`; for the daemon's own account alone."""
+
+    measurement: str
+    why: Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_REASON)]
 
 
 class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
@@ -174,6 +186,7 @@ AnyRequest: TypeAlias = (
     | SettingsRequest
     | MeasureRequest
     | CancelRequest
+    | WithdrawRequest
     | LeaseRequest
     | ReleaseRequest
     | ReplayRequest

@@ -21,3 +21,5 @@ class Compensation:
     """When, RFC 3339, UTC."""
     instrument: str
     """Answer to `*IDN?`; the arrays hold for it alone."""
+    fixture: str = ""
+    """What people call the fixture that it was measured in."""

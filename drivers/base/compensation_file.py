@@ -20,6 +20,7 @@ class _Stored(msgspec.Struct, forbid_unknown_fields=True):
     adapter: str
     taken: str
     arrays: dict[Standard, list[tuple[float, float]]]
+    fixture: str = ""
 
 
 def save(path: Path, compensation: Compensation, model: str) -> None:
@@ -28,7 +29,7 @@ def save(path: Path, compensation: Compensation, model: str) -> None:
     Raises InstrumentError where it cannot be written.
     """
     arrays = {name: [(z.real, z.imag) for z in values.tolist()] for name, values in compensation.arrays.items()}
-    content = {
+    content: dict[str, object] = {
         "kind": _kind(model),
         "version": 1,
         "instrument": compensation.instrument,
@@ -36,6 +37,8 @@ def save(path: Path, compensation: Compensation, model: str) -> None:
         "taken": compensation.taken,
         "arrays": arrays,
     }
+    if compensation.fixture:  # without, earlier versions read the file as well
+        content["fixture"] = compensation.fixture
     beside = path.with_name(path.name + ".part")
     try:
         beside.write_bytes(msgspec.json.encode(content))
@@ -62,7 +65,7 @@ def load(path: Path, can: Capabilities) -> Compensation:
     arrays: dict[Standard, np.ndarray] = {
         name: np.array([complex(*pair) for pair in pairs]) for name, pairs in stored.arrays.items()
     }
-    return Compensation(arrays, stored.adapter, stored.taken, stored.instrument)
+    return Compensation(arrays, stored.adapter, stored.taken, stored.instrument, stored.fixture)
 
 
 def _kind(model: str) -> str:

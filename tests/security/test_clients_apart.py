@@ -6,14 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import zmq
+from keyed import asked
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.wire.curve_keys import ClientKey, make_client, make_server
 from pzctl.daemon.wire.frames import to_json
-from pzctl.daemon.wire.socket_options import unlock
 from pzctl.models.build import Build, Step
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -24,17 +23,6 @@ def clients(tmp_path: Path, start_daemon: Callable[..., Location]) -> tuple[Loca
     make_server(keys_folder(tmp_path))
     ana, ben = (make_client(keys_folder(tmp_path), name, "bench") for name in ("ana", "ben"))
     return start_daemon(time_scale=0.05), ana, ben
-
-
-def asked(where: Location, key: ClientKey, request: dict[str, object]) -> dict[str, object]:
-    """Return the header of the answer to one request."""
-    with zmq.Context() as context, context.socket(zmq.REQ) as link:
-        link.linger = 0
-        unlock(link, key)
-        link.connect(where.requests)
-        link.send(json.dumps({"v": 1, **request}).encode())
-        assert link.poll(30_000)
-        return json.loads(link.recv_multipart()[0])
 
 
 def measure(build: Build, number: str, step: str = "disk", lease: object = None) -> dict[str, object]:

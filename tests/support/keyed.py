@@ -1,10 +1,13 @@
-"""Plain ZeroMQ sockets with the key of this account, as a program that is no client of ours would set it."""
+"""Plain ZeroMQ sockets with a key, as a program that is no client of ours would set it."""
+
+import json
+from typing import Any
 
 import zmq
 
 from pzctl.daemon.client.location import Location, find
 from pzctl.daemon.files.paths import home, keys_folder
-from pzctl.daemon.wire.curve_keys import local_keys
+from pzctl.daemon.wire.curve_keys import ClientKey, local_keys
 from pzctl.daemon.wire.socket_options import unlock
 
 
@@ -22,3 +25,14 @@ def served(link: "zmq.Socket[bytes]") -> "zmq.Socket[bytes]":
     link.set(zmq.CURVE_SERVER, 1)
     link.set(zmq.CURVE_SECRETKEY, pair.secret.encode())
     return link
+
+
+def asked(where: Location, key: ClientKey, request: dict[str, object]) -> dict[str, Any]:
+    """Return the header of the answer to one request."""
+    with zmq.Context() as context, context.socket(zmq.REQ) as link:
+        link.linger = 0
+        unlock(link, key)
+        link.connect(where.requests)
+        link.send(json.dumps({"v": 1, **request}).encode())
+        assert link.poll(30_000)
+        return json.loads(link.recv_multipart()[0])

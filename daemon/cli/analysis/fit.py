@@ -79,6 +79,9 @@ def fit(
         bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
     ] = False,
     dask: Annotated[str | None, typer.Option(help="With --all: on the Dask cluster at tcp://HOST:PORT.")] = None,
+    with_withdrawn: Annotated[
+        bool, typer.Option("--with-withdrawn", help="With --all: withdrawn measurements of the journal as well.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Fit complex constants to recordings. Several files of one step are repeats or further segments.
@@ -88,11 +91,12 @@ def fit(
     words = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
     frees = free_names(free)
     wanted = FitSelection(frees, words.amendments(frees), words.options())
-    if every or dask or not recordings:
-        _check_all(every, dask, {"build": build, "picture": picture, "budget": budget or None})
+    if every or dask or with_withdrawn or not recordings:
+        needs_all = "--dask" if dask else "--with-withdrawn" if with_withdrawn else None
+        _check_all(every, needs_all, {"build": build, "picture": picture, "budget": budget or None})
         from .fit_all import fit_all
 
-        fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json)
+        fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json, with_withdrawn=with_withdrawn)
         return
     if picture is not None:
         from ...report.pictures.picture_file import check_picture
@@ -109,10 +113,12 @@ def fit(
     _show(results, known, picture, as_json=as_json, budget=budget)
 
 
-def _check_all(every: bool, dask: str | None, others: "dict[str, object]") -> None:
+def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") -> None:
     """Refuse what does not go with --all, and what goes only with it. Raises UsageError."""
     if not every:
-        raise UsageError("--dask needs --all" if dask else "no recording is given; STEP=FILE is needed, or --all")
+        raise UsageError(
+            f"{needs_all} needs --all" if needs_all else "no recording is given; STEP=FILE is needed, or --all"
+        )
     for name, value in others.items():
         if value is not None:
             raise UsageError(f"--{name} does not go with --all: each sample has its own")

@@ -36,7 +36,13 @@ def _amended(sample: "Sample", wanted: FitSelection) -> "Sample":
 
 
 def fit_all(
-    words: Sequence[str], fitters: Sequence[str], wanted: FitSelection, dask: str | None, *, as_json: bool
+    words: Sequence[str],
+    fitters: Sequence[str],
+    wanted: FitSelection,
+    dask: str | None,
+    *,
+    as_json: bool,
+    with_withdrawn: bool,
 ) -> None:
     """Fit all samples with each of `fitters` (none: mason) and print the populations; `words`: nothing, or one folder.
 
@@ -54,7 +60,7 @@ def fit_all(
     else:
         journal = open_journal()
         try:
-            found = journal_samples(journal, wanted.free)
+            found = journal_samples(journal, wanted.free, with_withdrawn=with_withdrawn)
         finally:
             journal.close()
     for fitter in fitters or [DEFAULT]:

@@ -1,6 +1,7 @@
 """`pzctl compensate`: measure what the fixture adds, step by step, and keep it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
@@ -24,22 +25,30 @@ def compensate(
         list[str] | None, typer.Option(help="open, short or load, in this order; open and short where none is given.")
     ] = None,
     adapter: Annotated[str, typer.Option(help="OFF (none), M1, M2, APC7 or PROBE.")] = "OFF",
+    fixture: Annotated[str, typer.Option(help="What the fixture is called; every sweep says so.")] = "",
     apply: Annotated[bool, typer.Option("--apply", help="Give the instrument what FILE holds.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Measure the fixture open, shorted and, where wanted, with a load; every later sweep is corrected by it.
 
     Says what to put into the fixture, waits for Enter, and refuses a standard that is not what it should be. FILE keeps
-    the arrays; `--apply` gives them back to the same instrument later.
+    the arrays; `--apply` gives them back to the same instrument later. Date and fixture are written down, and go with
+    every sweep that the daemon takes; with `compensation_days` in config.toml each says where that was too long ago.
 
-    Example: pzctl compensate clips.json --resource TCPIP0::192.168.0.17::5025::SOCKET
+    Example: pzctl compensate clips.json --fixture clips-2 --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
     from ....drivers.base import compensation_file
+    from ...files.compensation_record import CompensationRecord, keep_record
+    from ...files.paths import compensation_file as record_file
+    from ...files.paths import home
     from ...report.terminal import console
     from .instrument_access import own_analyzer
 
-    if apply and (standard or adapter != "OFF"):
-        raise UsageError("--apply: standards and adapter are those of the file; leave --standard and --adapter away")
+    if apply and (standard or adapter != "OFF" or fixture):
+        raise UsageError(
+            "--apply: standards, adapter and fixture are those of the file; leave --standard, --adapter and --fixture "
+            "away"
+        )
     wanted = _standards(standard or ["open", "short"])
     screen = console(stderr=True)
     with own_analyzer(resource) as analyzer:
@@ -47,11 +56,13 @@ def compensate(
             stored = compensation_file.load(file, analyzer.capabilities)
             analyzer.restore(stored)
         else:
-            stored = _measured(analyzer, wanted, adapter, screen)
+            stored = replace(_measured(analyzer, wanted, adapter, screen), fixture=fixture.strip())
             compensation_file.save(file, stored, analyzer.capabilities.model)
+    record = CompensationRecord(stored.adapter, tuple(stored.arrays), stored.taken, stored.fixture)
+    keep_record(record_file(home()), stored.instrument, record)
     if as_json:
         told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
-        print(json.dumps(told | {"measured": not apply}))
+        print(json.dumps(told | {"measured": not apply, "fixture": stored.fixture}))
         return
     held = ", ".join(stored.arrays)
     screen.print(

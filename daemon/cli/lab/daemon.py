@@ -27,6 +27,9 @@ def daemon(
     max_oscillator: Annotated[
         float | None, typer.Option(help="Most volts (rms) of test signal that this bench allows.")
     ] = None,
+    compensation_days: Annotated[
+        float | None, typer.Option(help="Days that a compensation is good for; a sweep under an older one says so.")
+    ] = None,
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
     fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
     diagnose: Annotated[
@@ -58,6 +61,7 @@ def daemon(
     flags = {"resource": resource, "events": events, "requests": requests, "fitters": fitter, "bench": bench}
     flags |= {"journal": journal, "station": station}
     flags |= {"max_bias_V": max_bias, "max_oscillator_V": max_oscillator}
+    flags |= {"compensation_days": compensation_days}
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
     found = settings(flags | {"diagnose": diagnose, "log": log})
     begin_log(found.get("log", "text"))

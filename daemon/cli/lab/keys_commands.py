@@ -1,4 +1,4 @@
-"""`pzctl keys`: who may reach the daemon from other machines, and what for."""
+"""`pzctl keys`: who may reach the daemon and the live page from other machines, and what for."""
 
 import json
 import sys
@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Keys of those who may reach the daemon from other machines.")
+app = typer.Typer(
+    no_args_is_help=True, help="Keys of those who may reach the daemon, or the page, from other machines."
+)
 
 
 @app.command("server")
@@ -65,6 +67,35 @@ def client(
         print(json.dumps({"name": name, "right": right, "file": str(path)}))
     else:
         print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
+
+
+@app.command("page")
+def page(
+    name: Annotated[str, typer.Argument(help="Whose token it is.")],
+    right: Annotated[
+        str, typer.Option(help="read: see everything; act: measure, stop, diagnose, fit as well.")
+    ] = "read",
+    users: Annotated[Path, typer.Option(help="File that `pzctl page --users` is given.")] = Path("page-users.toml"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Let somebody in to the live page; the token is printed once, and only its hash is kept.
+
+    Remove the entry from the file to bar them; a page that is served need not be told.
+
+    Example: pzctl keys page ana --right act
+    """
+    from ...page.page_users import Right, add_user
+    from ..analysis.fit import UsageError
+
+    by_name: dict[str, Right] = {"read": "read", "act": "act"}
+    found = by_name.get(right)
+    if found is None:
+        raise UsageError(f"--right {right}: allowed are {', '.join(by_name)}")
+    token = add_user(users, name, found)
+    if as_json:
+        print(json.dumps({"name": name, "right": right, "users": str(users), "token": token}))
+    else:
+        print(f"{name} may {right}; give them the end of their address over a safe way: /?token={token}")
 
 
 @app.command("list")

@@ -1,4 +1,4 @@
-"""`pzctl journal`: check, seal, copy, repair and prune the record of everything that was measured."""
+"""`pzctl journal`: check, seal, audit, copy, repair and prune the record of everything that was measured."""
 
 import json
 import sys
@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from ....models.base.names import shown
+from ....models.base.names import check_name, shown
 
-app = typer.Typer(no_args_is_help=True, help="Check, seal, copy, repair and prune the journal.")
+app = typer.Typer(no_args_is_help=True, help="Check, seal, audit, copy, repair and prune the journal.")
 
 
 @app.command("verify")
@@ -87,6 +87,89 @@ def seal(
         path = journal_folder(home()) / SEALS
         add_seal(path, made)
         print(to_json(made).decode() if as_json else f"sealed up to entry {made.number} of the chain, in {path}")
+    finally:
+        journal.close()
+
+
+@app.command("audit")
+def audit(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """List who did what: measurements, cancels, bench commands, leases, starts of the daemon. Needs no daemon.
+
+    Each entry is an event of the journal, so `pzctl journal verify` finds one that was changed or removed.
+
+    Example: pzctl journal audit
+    """
+    import msgspec
+
+    from ...journal.audit import audit_entries
+    from ...samples.sample_selection import open_journal
+
+    journal = open_journal()
+    try:
+        entries = list(audit_entries(journal.store))
+    finally:
+        journal.close()
+    if as_json:
+        print(json.dumps({"audit": msgspec.to_builtins(entries)}))
+        return
+    from ...report.tables.audit_table import print_audit
+    from ...report.terminal import console
+
+    print_audit(console(), entries)
+
+
+@app.command("withdraw")
+def withdraw(
+    measurement: Annotated[str, typer.Argument(help="Id of a complete measurement; see `pzctl samples --json`.")],
+    by: Annotated[str, typer.Option(help="Who withdraws it.")],
+    why: Annotated[str, typer.Option(help="Why, in one sentence.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Mark a measurement as withdrawn: it stays in the record, and no fit or population counts it unless asked to.
+
+    Example: pzctl journal withdraw 0197d2b0-77a1-7d2f-8f5a-1c0e --by Ana --why "the lead had come off"
+    """
+    from ...client.location import find
+    from ...files.paths import home
+    from ...wire.request_names import LONGEST_OWNER
+    from ...wire.requests import LONGEST_REASON
+
+    who, reason = check_name(by.strip(), "--by", LONGEST_OWNER), check_name(why.strip(), "--why", LONGEST_REASON)
+    if find(home()) is not None:
+        _ask_to_withdraw(measurement, who, reason)
+    else:
+        _withdraw_here(measurement, who, reason)
+    told = {"measurement": measurement, "by": who, "why": reason}
+    print(json.dumps(told) if as_json else f"{measurement} is withdrawn, by {who}: {reason}")
+
+
+def _ask_to_withdraw(measurement: str, by: str, why: str) -> None:
+    """Have the daemon that writes the journal do it."""
+    from ...client.client import connect
+    from ...wire.replies import Answer
+    from ...wire.requests import WithdrawRequest
+    from ...wire.uuid7 import uuid7
+
+    with connect() as lab:
+        request = WithdrawRequest(id=uuid7(), measurement=measurement, why=why, by=by)
+        lab.run(lab.conversations.answer_to(request, Answer))
+
+
+def _withdraw_here(measurement: str, by: str, why: str) -> None:
+    """Write it: no daemon does."""
+    from ...files.config import journal_of, settings
+    from ...files.paths import home, journal_folder
+    from ...journal.journal_writer import JournalWriter
+    from ...journal.withdrawal import withdrawal_event
+    from ...samples.sample_selection import open_journal
+    from ...wire.curve_keys import LOCAL
+
+    open_journal().close()  # where nothing was measured yet, no journal is begun
+    journal = JournalWriter(journal_folder(home()), *journal_of(settings({})))
+    try:
+        journal.append(withdrawal_event(journal, measurement, why, LOCAL, by))
     finally:
         journal.close()
 

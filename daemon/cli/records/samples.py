@@ -18,6 +18,9 @@ def samples(
     ] = False,
     fitter: Annotated[str | None, typer.Option(help="Whose fits, with --constants; mason where not given.")] = None,
     step: Annotated[str | None, typer.Option(help="Fits of this gluing step only, with --constants.")] = None,
+    with_withdrawn: Annotated[
+        bool, typer.Option("--with-withdrawn", help="Count withdrawn measurements as well, with --constants.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """List the samples of the journal; with --constants, mean and scatter of each constant over their latest fits.
@@ -28,10 +31,12 @@ def samples(
 
     if not constants and (fitter or step):
         raise UsageError(f"--{'fitter' if fitter else 'step'} needs --constants; the list shows all fitters and steps")
+    if not constants and with_withdrawn:
+        raise UsageError("--with-withdrawn needs --constants; the list shows withdrawn measurements in any case")
     journal = open_journal()
     try:
         if constants:
-            _constants(journal, fitter, step, as_json)
+            _constants(journal, fitter, step, as_json, with_withdrawn=with_withdrawn)
         else:
             _list(journal, as_json)
     finally:
@@ -47,6 +52,7 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
         print(json.dumps({"samples": listed}))
         return
     from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
     from rich.table import Table
 
     from ...report.terminal import console
@@ -56,25 +62,39 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
         table.add_column(column)
     for name, of_sample in found.items():
         for k, one in enumerate(of_sample):
-            fits = shown(", ".join(journal.fitters(one.id))) if one.state == "measured" else one.state
+            fits = ", ".join(journal.fitters(one.id)) if one.state == "measured" else _state(journal, one)
             when = f"{one.time[:10]} {one.time[11:19]} UTC"
-            table.add_row("" if k else shown(name), shown(one.sample.step), when, fits)
+            table.add_row("" if k else escape(shown(name)), escape(shown(one.sample.step)), when, escape(shown(fits)))
         table.add_section()
     console().print(table)
 
 
+def _state(journal: "JournalReader", one: "JournalMeasurement") -> str:
+    """Return what became of a measurement that has no record that counts."""
+    from ...journal.withdrawal import WITHDRAWN, withdrawal_of
+
+    found = withdrawal_of(journal, one.id) if one.state == WITHDRAWN else None
+    return found.says if found else one.state
+
+
 def _plain(journal: "JournalReader", one: "JournalMeasurement") -> dict[str, Any]:
+    from ...journal.withdrawal import withdrawal_of
+
+    withdrawal = withdrawal_of(journal, one.id)
     return {
         "id": one.id,
         "step": one.sample.step,
         "state": one.state,
+        "withdrawn": {"by": withdrawal.by, "why": withdrawal.why, "time": withdrawal.time} if withdrawal else None,
         "time": one.time,
         "sweeps": list(journal.sweep_ids(one.id)),
         "fitters": list(journal.fitters(one.id)),
     }
 
 
-def _constants(journal: "JournalReader", fitter: str | None, step: str | None, as_json: bool) -> None:
+def _constants(
+    journal: "JournalReader", fitter: str | None, step: str | None, as_json: bool, *, with_withdrawn: bool
+) -> None:
     from ....fitters.plugins import DEFAULT
     from ....fitters.population.population_statistics import population
     from ...report.tables.population_table import population_json, print_population
@@ -82,7 +102,7 @@ def _constants(journal: "JournalReader", fitter: str | None, step: str | None, a
     from ...samples.sample_selection import NoSamplesError, latest_fits, sheets_of
 
     fitter = fitter or DEFAULT
-    fits = latest_fits(journal, fitter, step)
+    fits = latest_fits(journal, fitter, step, with_withdrawn=with_withdrawn)
     if not fits:
         of_step = f" of step {step!r}" if step else ""
         raise NoSamplesError(

@@ -55,7 +55,10 @@ def show(
         for path in drawn.values():
             screen.print(f"picture: {path}", highlight=False, soft_wrap=True)
     if as_json:
-        print(json.dumps({"sample": record.name, "steps": plain}))
+        print(json.dumps({"sample": record.name, "steps": plain, "withdrawn": list(record.withdrawn)}))
+        return
+    for says in record.withdrawn:
+        screen.print(f"! {shown(says)}", style="yellow", highlight=False, markup=False)
 
 
 def _pictures(record: "SampleRecord", one: "StepRecord", fitter: str | None, folder: Path | None) -> dict[str, Path]:

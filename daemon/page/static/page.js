@@ -6,7 +6,7 @@ import { history, stack } from "./sketch.js";
 import { complexWithUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
-const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null };
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, withdrawn: [] };
 
 function element(tag, text, properties = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, properties);
@@ -81,7 +81,7 @@ function showFit() {
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
   const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "The model describes all that the noise lets one see." : "The recording shows something that the model does not have."];
-  const words = [...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
+  const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
   $("words").replaceChildren(...words.map((word) => element("p", word)));
   body.replaceChildren(...Object.entries(fit?.constants ?? {}).map(([name, c]) => {
     const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
@@ -158,6 +158,12 @@ function showDaemon(daemon) {
   say(daemon.there ? (view.running ? `measuring ${daemon.step}` : "ready") : "no daemon");
 }
 
+// Who may only look has no buttons that command; a name that the server knows is the one under a fit.
+function showUser(user) {
+  document.body.classList.toggle("looks-only", user.right !== "act");
+  if (user.name) Object.assign($("hand-by"), { value: user.name, readOnly: true });
+}
+
 function say(text, fraction = 0, left = "") {
   $("state").textContent = text; $("progress").value = fraction; $("left").textContent = left;
 }
@@ -172,7 +178,7 @@ function painted(time) {
 async function open(sample, step) {
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
   const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
-  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null });
+  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null, withdrawn: record.withdrawn });
   showAll();
 }
 
@@ -185,6 +191,7 @@ async function refresh() {
 async function begin() {
   const now = await ask("/api/now");
   showDaemon(now.daemon);
+  showUser(now.user);
   view.build ??= now.build;
   await refresh();
   const known = view.samples.find((one) => one.name === now.build.name);
@@ -197,7 +204,7 @@ const heard = {
   progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
   state: (event) => {
     if (!event.measurement) return;
-    const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned"].includes(event.state);
+    const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned", "withdrawn"].includes(event.state);
     view.running = ended ? null : event.measurement;
     say(ended ? `${event.sample.step} ${event.state}` : `${event.state} ${event.sample.step}`, event.state === "measured" ? 1 : 0, event.state === "measured" ? "" : event.says);
     if (event.state === "failed") $("problem").textContent = event.says;
@@ -205,7 +212,7 @@ const heard = {
   },
   sweep: (event) => {
     if (event.decides) return; // made to decide a diagnosis: no record of its step
-    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0 });
+    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, withdrawn: [] });
     view.sweeps.push(event.sweep);
     showAll();
     painted(event.time);

@@ -24,7 +24,7 @@ _BAD, _GOOD = 2.0, 1.2
 
 
 def measured(record: SampleRecord) -> str:
-    """Return what was measured: a row for each sweep."""
+    """Return what was measured: a row for each sweep; then what was withdrawn."""
     rows = [
         (
             one.measurement.sample.step,
@@ -33,12 +33,13 @@ def measured(record: SampleRecord) -> str:
             str(sweep.frequency.size),
             _drive(sweep.settings),
             str(sweep.settings.get("bandwidth", "")),
-            "; ".join(sweep.notes),
+            "; ".join((*((one.withdrawal.says,) if one.withdrawal else ()), *sweep.notes)),
         )
         for one in record.steps
         for sweep in one.sweeps
     ]
-    return table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
+    shown = table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
+    return shown + "".join(f"<p>{escape(says)}.</p>" for says in record.withdrawn)
 
 
 def _drive(settings: Any) -> str:

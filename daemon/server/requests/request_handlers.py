@@ -14,6 +14,7 @@ from ....models.base.names import among
 from ....models.sweep_plan import PlanError
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
+from ...journal.withdrawal import WITHDRAWN, WithdrawalError, withdrawal_event
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
@@ -155,8 +156,9 @@ class RequestHandlers:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
         if new:
-            job = MeasurementJob(measurement, request.build, request.step, plan, request.priority, request.decides)
-            self.publish(StateEvent(state="queued", measurement=measurement, sample=job.sample), ())
+            wishes = (plan, request.priority, request.decides, client, request.by)
+            job = MeasurementJob(measurement, request.build, request.step, *wishes)
+            self.audit(request, client, "queued", measurement=measurement, sample=job.sample)
             self.acquisition.add(job)
         return reply.MeasureAnswer(id=request.id, measurement=measurement), []
 
@@ -164,19 +166,36 @@ class RequestHandlers:
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.is_busy
         lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
+        self.audit(request, client, "leased", f"to {request.owner!r} for {request.seconds:g} s")
         return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
 
     @answer.register
     def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.lease.give_back(client, request.lease)
+        self.audit(request, client, "released")
         return reply.Answer(id=request.id), []
 
     @answer.register
     def _(self, request: ask.CancelRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.lease.check_client(client)
-        if not self.acquisition.cancel(request.measurement):
+        job = self.acquisition.cancel(request.measurement)
+        if job is None:
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
+        self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample)
+        return reply.Answer(id=request.id), []
+
+    @answer.register
+    def _(self, request: ask.WithdrawRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        if client != LOCAL:
+            raise RequestError("not-allowed", "only programs of the daemon's own account may withdraw a measurement")
+        if request.by is None:
+            raise RequestError("bad-request", "withdraw: `by` is missing; a measurement is withdrawn by somebody")
+        try:
+            event = withdrawal_event(self.journal, request.measurement, request.why, client, request.by)
+        except WithdrawalError as error:
+            raise RequestError("not-withdrawn", str(error)) from error
+        self.publish(event, ())
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -225,7 +244,7 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
-            self._known(other)
+            self._refuse_withdrawn(self._known(other))
         effects = tuple(sorted({*request.effects})) if request.effects else None
         errand = WorkerJob(request.measurement, None, effects, request.also, request.propose)
         return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
@@ -251,8 +270,22 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.audit(request, client, "shutdown")
         self.shutdown()
         return reply.Answer(id=request.id), []
+
+    def audit(
+        self,
+        request: ask.Request,
+        client: str,
+        did: str,
+        says: str = "",
+        measurement: str | None = None,
+        sample: SampleStep | None = None,
+    ) -> None:
+        """Publish who asked for what is done now: the journal keeps it, hashed and chained like every event."""
+        event = StateEvent(state=did, says=says, measurement=measurement, sample=sample, client=client, by=request.by)
+        self.publish(event, ())
 
     def _list_fitter(self, fitter: str, version: str, client: str) -> None:
         """List a fitter as ready. Raises RequestError where the name is not this client's, or too many are listed."""
@@ -277,11 +310,17 @@ class RequestHandlers:
     def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Begin an errand on a complete measurement."""
         known = self._known(errand.measurement)
+        self._refuse_withdrawn(known)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
         if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
             raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
         return reply.JobAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+
+    @staticmethod
+    def _refuse_withdrawn(known: JournalMeasurement) -> None:
+        if known.state == WITHDRAWN:
+            raise RequestError("withdrawn", f"measurement {known.id!r} was withdrawn; `pzctl show {known.id}` says why")
 
     def _check_decides(self, measurement: str, sample: SampleStep) -> None:
         of = self._known(measurement).sample

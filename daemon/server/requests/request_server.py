@@ -42,6 +42,7 @@ is waited: who floods the daemon does not take a whole core, and so what is aske
 ONCE = (
     ask.MeasureRequest,
     ask.CancelRequest,
+    ask.WithdrawRequest,
     ask.BenchRequest,
     ask.FitRequest,
     ask.DiagnoseRequest,
@@ -52,6 +53,9 @@ ONCE = (
 
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
 """Those that others than the desk have a part in, or that look through the whole journal."""
+
+MOST_TOLD = 1000
+"""Characters of a bench command that the journal keeps."""
 
 Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
 """The frames of an answer, or of one that takes a while."""
@@ -172,7 +176,9 @@ class RequestServer:
         try:
             if isinstance(request, ask.BenchRequest):
                 self._desk.lease.check_client(client)
-                return [to_json(await self._bench(request, client))]
+                answer = await self._bench(request, client)
+                self._desk.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
+                return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._desk.errands.effects())
             if isinstance(request, ask.SamplesRequest):

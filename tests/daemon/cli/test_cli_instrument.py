@@ -86,12 +86,14 @@ def error_of(sim: Simulator) -> float:
 def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(sim: Simulator, tmp_path: Path) -> None:
     assert error_of(sim) > 0.1
     words = ("compensate", "clips.json", "--resource", sim.resource)
-    guided = start(tmp_path, *words)
+    guided = start(tmp_path, *words, "--fixture", "clips-2")
     for standard, asked in (("open", b"Leave the fixture open"), ("short", b"Short-circuit the fixture")):
         read_until(guided, asked)
         bench(sim, command="connect", what=standard)
         enter(guided)
     assert "clips.json: open, short, taken " in end(guided)
+    (record,) = json.loads((tmp_path / "compensation.json").read_bytes()).values()
+    assert (record["fixture"], record["standards"]) == ("clips-2", ["open", "short"])
     bench(sim, command="connect", what="device")
     compensated = error_of(sim)
     assert compensated < 1e-3
@@ -102,6 +104,7 @@ def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(sim: S
     assert error_of(sim) > 0.1
     given_back = told(start(tmp_path, *words, "--apply", "--json"))
     assert (given_back["standards"], given_back["measured"]) == (["open", "short"], False)
+    assert (given_back["fixture"], given_back["taken"]) == ("clips-2", record["taken"])
     assert error_of(sim) == pytest.approx(compensated, rel=1e-3)
 
 
@@ -119,7 +122,7 @@ def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path) -> N
     [
         (("--standard", "thru"), "--standard thru: there are open, short, load"),
         (("--adapter", "7mm"), "--adapter 7mm: there are OFF, M1, M2, APC7, PROBE"),
-        (("--apply", "--standard", "open"), "--apply: standards and adapter are those of the file"),
+        (("--apply", "--standard", "open"), "--apply: standards, adapter and fixture are those of the file"),
         (("--apply",), "x.json: the compensation cannot be read: No such file"),
     ],
 )

@@ -67,7 +67,7 @@ def test_who_stops_waiting_cancels_the_measurement(start_daemon, build: Build) -
                     return states
                 await asyncio.sleep(0.05)
 
-    assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelled"]
+    assert asyncio.run(asyncio.wait_for(story(), 30)) == ["queued", "measuring", "cancelling", "cancelled"]
 
 
 def test_a_measurement_whose_events_are_gone_is_not_waited_for(

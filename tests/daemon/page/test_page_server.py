@@ -13,64 +13,15 @@ from urllib.error import URLError
 from urllib.request import urlopen
 
 import pytest
+from page_requests import ask
 from pruned_hole import endpoints, prune_unheard
 
 from pzctl.daemon.client import event_follower
-from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_guard import is_loopback
-from pzctl.daemon.page.page_server import page_app
 from pzctl.models.build import Build
 
 TOKEN = "so-secret"  # noqa: S105
-BUILD = """
-name = "B"
-diameter_mm = 16
-[[layers]]
-name = "disk"
-kind = "piezo"
-material = "Pz27"
-thickness_mm = 0.5
-[load]
-back = "air"
-front = "air"
-[[steps]]
-name = "disk"
-layers = ["disk"]
-"""
-
-
-def ask(path: str, token: str | None = None, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
-    """Ask the application itself, as a server would."""
-    where, _, query = path.partition("?")
-    given = {"host": "127.0.0.1:8294", **headers}
-    scope = {
-        "type": "http",
-        "http_version": "1.1",
-        "method": method,
-        "scheme": "http",
-        "path": where,
-        "raw_path": where.encode(),
-        "query_string": query.encode(),
-        "headers": [(name.encode(), value.encode()) for name, value in given.items()],
-        "client": ("127.0.0.1", 1),
-        "server": ("127.0.0.1", 8294),
-    }
-    asked: list[bool] = []
-    heard: list[dict[str, Any]] = []
-
-    async def receive() -> dict[str, Any]:
-        if asked:
-            await asyncio.Event().wait()  # the browser stays
-        asked.append(True)
-        return {"type": "http.request", "body": b"{}", "more_body": False}
-
-    async def send(message: Any) -> None:
-        heard.append(dict(message))
-
-    asyncio.run(page_app(parse_build(BUILD), token)(scope, receive, send))
-    body = b"".join(message.get("body", b"") for message in heard)
-    return heard[0]["status"], {name.decode(): value.decode() for name, value in heard[0]["headers"]}, body
 
 
 @pytest.fixture(autouse=True)
@@ -124,7 +75,7 @@ def test_what_is_this_machine(host: str, here: bool) -> None:
 def test_by_hand_a_wish_that_cannot_be_is_a_sentence() -> None:
     headers = {"origin": "http://127.0.0.1:8294"}
     status, _, body = ask("/api/look", method="POST", **headers)
-    assert (status, b"missing required field `measurement`" in body) == (404, True)
+    assert (status, b"missing required field `measurement`" in body) == (400, True)
 
 
 def reached(address: str) -> bool:

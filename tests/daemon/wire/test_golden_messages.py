@@ -98,6 +98,7 @@ EVENTS: dict[str, tuple[AnyEvent, tuple[bytes, ...]]] = {
         FitEvent(**STAMP, **OF_FITTER, seq=413, report=REPORT, curves=("disk",), columns=CURVE_COLUMNS),
         CURVE_RAW,
     ),
+    "event-state-asked": (StateEvent(**STAMP, **OF, seq=3, state="cancelling", client="ana", by="Eva"), ()),
     "event-fit-refused": (FitEvent(**STAMP, **OF_FITTER, seq=414, error="no resonance between 1 and 2 MHz"), ()),
     "event-diagnosis": (DiagnosisEvent(**STAMP, **OF_FITTER, seq=415, diagnosis={"verdict": "no-mismatch"}), ()),
     "event-beat": (BeatEvent(run=STAMP["run"], time=STAMP["time"], seq=415), ()),
@@ -132,6 +133,7 @@ REQUESTS: dict[str, tuple[ask.AnyRequest, tuple[bytes, ...]]] = {
     "request-lease": (ask.LeaseRequest(id="16", owner="scan", seconds=60.0), ()),
     "request-release": (ask.ReleaseRequest(id="17", lease="l"), ()),
     "request-metrics": (ask.MetricsRequest(id="18"), ()),
+    "request-withdraw": (ask.WithdrawRequest(id="19", by="Ana", measurement="m", why="the lead had come off"), ()),
     "request-shutdown": (ask.ShutdownRequest(id="13"), ()),
 }
 

@@ -1,0 +1,64 @@
+"""What the daemon counted and timed, in the text format of Prometheus."""
+
+from collections.abc import Iterator
+
+from prometheus_client import CollectorRegistry
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client.registry import Collector
+
+from ..wire.replies import MetricsAnswer, StatusAnswer
+
+CONTENT_TYPE = CONTENT_TYPE_LATEST
+
+
+def exposition(metrics: MetricsAnswer | None, status: StatusAnswer | None) -> bytes:
+    """Return the text that a Prometheus server reads; without answers, that no daemon is there."""
+    registry = CollectorRegistry()
+    registry.register(_Answers(metrics, status))
+    return generate_latest(registry)
+
+
+class _Answers(Collector):
+    """The daemon's answers as metric families."""
+
+    def __init__(self, metrics: MetricsAnswer | None, status: StatusAnswer | None) -> None:
+        self._metrics = metrics
+        self._status = status
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield one family after the other."""
+        there = self._metrics is not None and self._status is not None
+        yield GaugeMetricFamily("pzctl_up", "Whether the daemon answers.", value=float(there))
+        if self._metrics is not None:
+            yield from _counted(self._metrics)
+        if self._status is not None:
+            yield from _state(self._status)
+
+
+def _counted(metrics: MetricsAnswer) -> Iterator[Metric]:
+    counts = CounterMetricFamily("pzctl_counted", "Events by kind, requests, refusals, cut-offs.", labels=["what"])
+    for what, count in sorted(metrics.counts.items()):
+        counts.add_metric([what], count)
+    yield counts
+    yield GaugeMetricFamily("pzctl_uptime_seconds", "Since the daemon began.", value=metrics.uptime)
+    yield GaugeMetricFamily("pzctl_queue", "Measurements that wait.", value=metrics.queue)
+    yield GaugeMetricFamily("pzctl_jobs", "Fits and diagnoses that run or wait.", value=metrics.errands)
+    seconds = GaugeMetricFamily("pzctl_seconds", "Lately: publishing, answering, fitting.", labels=["what", "quantile"])
+    for what, timing in sorted(metrics.seconds.items()):
+        for quantile, value in (("0.5", timing.median), ("0.99", timing.p99)):
+            if value is not None:
+                seconds.add_metric([what, quantile], value)
+    yield seconds
+
+
+def _state(status: StatusAnswer) -> Iterator[Metric]:
+    yield GaugeMetricFamily("pzctl_measuring", "Whether a measurement runs.", value=float(status.measuring is not None))
+    yield GaugeMetricFamily("pzctl_last_event", "Number of the last event of the journal.", value=status.seq)
+    yield GaugeMetricFamily(
+        "pzctl_leased", "Whether somebody has leased the instrument.", value=float(bool(status.lease))
+    )
+    fitters = GaugeMetricFamily("pzctl_fitter", "1 for the state that a fitter is in.", labels=["fitter", "state"])
+    for fitter in status.fitters:
+        fitters.add_metric([fitter.name, fitter.state], 1.0)
+    yield fitters

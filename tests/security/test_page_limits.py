@@ -1,0 +1,144 @@
+"""What one who may see the page must not do to it: crash it with a body, hold its connections, take all its streams."""
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import uvicorn
+from page_requests import BUILD, ask
+
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.daemon.page import event_stream, request_body, timed_protocol
+from pzctl.daemon.page.event_stream import EventStream
+from pzctl.daemon.page.page_server import page_app
+
+OWN = {"origin": "http://127.0.0.1:8294"}
+
+
+@pytest.fixture(autouse=True)
+def _home(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (b"[" * 60_000, "Expected `object`, got `array`"),
+        (b'{"step":' * 8_000, "Expected `str`, got `object`"),
+        (b"{", "no JSON object"),
+        (b"\xff\xfe", "no JSON object"),
+        (b"[]", "Expected `object`, got `array`"),
+        (b'[["step", "disk"]]', "Expected `object`, got `array`"),
+        (b'{"step": NaN}', "no JSON object"),
+        (b'{"step": "\\ud800"}', "no JSON object"),
+        (b'{"step": 7}', "Expected `str`, got `int`"),
+        (b"{}", "missing required field `step`"),
+        (b'{"step": "disk", "token": 1}', "unknown field `token`"),
+    ],
+)
+def test_every_malformed_body_is_answered_400_with_one_sentence(body: bytes, says: str) -> None:
+    status, _, answer = ask("/api/measure", method="POST", body=body, **OWN)
+    assert status == 400
+    assert says in json.loads(answer)["error"]
+    assert len(answer.splitlines()) == 1
+
+
+def test_a_band_is_two_frequencies() -> None:
+    wish = json.dumps({"measurement": "m", "bands": {"disk": [[1e6, 2e6, 3e6]]}}).encode()
+    status, _, answer = ask("/api/look", method="POST", body=wish, **OWN)
+    assert (status, b"of length 2" in answer) == (400, True)
+
+
+def test_a_body_is_read_no_further_than_its_limit() -> None:
+    status, _, answer = ask("/api/look", method="POST", body=b" " * (request_body.MOST_BODY + 1), **OWN)
+    assert (status, b"at most these are allowed" in answer) == (413, True)
+
+
+def test_a_body_that_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(request_body, "BODY_SECONDS", 0.05)
+    status, _, answer = ask("/api/look", method="POST", body=None, **OWN)
+    assert (status, b"did not come within" in answer) == (408, True)
+
+
+def test_one_event_stream_too_many_is_refused_and_a_closed_one_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_stream, "MOST_PAGES", 2)
+    asyncio.run(_streams())
+
+
+async def _streams() -> None:
+    hub = EventStream()
+
+    async def opened() -> tuple[int, "asyncio.Task[None]"]:
+        status: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+
+        async def send(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                status.set_result(message["status"])
+
+        scope = {"type": "http", "method": "GET", "asgi": {"spec_version": "2.3"}, "headers": []}
+        task = asyncio.create_task(hub(scope, asyncio.Event().wait, send))  # type: ignore[arg-type]
+        return await status, task
+
+    (first, page), (second, other) = await opened(), await opened()
+    third, refused = await opened()
+    assert (first, second, third) == (200, 200, 503)
+    page.cancel()
+    await asyncio.wait([page, refused])
+    again, last = await opened()
+    assert again == 200
+    for task in (other, last):
+        task.cancel()
+    await asyncio.wait([other, last])
+
+
+@contextmanager
+def served() -> Iterator[tuple[str, int]]:
+    """Serve the page as `pzctl page` does, in a thread."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    config = uvicorn.Config(
+        page_app(parse_build(BUILD)), http=timed_protocol.TimedProtocol, ws="none", log_level="critical"
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=lambda: asyncio.run(server.serve([listener])))
+    thread.start()
+    try:
+        yield listener.getsockname()
+    finally:
+        server.should_exit = True
+        thread.join()
+        listener.close()
+
+
+@pytest.mark.parametrize(
+    "begun", [b"", b"GET / HTTP/1.1\r\nHost: 127", b"GET /nowhere HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\nGET / HT"]
+)
+def test_a_head_that_does_not_come_ends_its_connection(begun: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timed_protocol, "HEADER_SECONDS", 0.2)
+    with served() as address, socket.create_connection(address, timeout=60) as slow:
+        slow.sendall(begun)
+        while True:
+            try:
+                if not slow.recv(1 << 16):
+                    break
+            except ConnectionResetError:
+                break  # ended, which is what is promised; a connection that is kept times out above
+
+
+def test_somebody_who_does_not_read_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timed_protocol, "READ_SECONDS", 0.2)
+    with served() as address, socket.socket() as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.settimeout(60)
+        deaf.connect(address)
+        with pytest.raises(ConnectionError):
+            _ask_without_end(deaf)
+
+
+def _ask_without_end(deaf: socket.socket) -> None:
+    while True:
+        deaf.sendall(b"GET /static/uPlot.iife.min.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 100)
