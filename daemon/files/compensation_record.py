@@ -11,7 +11,7 @@ class CompensationRecord(msgspec.Struct, frozen=True):
     """What `pzctl compensate` last gave an instrument."""
 
     adapter: str
-    """Token of `E4TP`."""
+    """As a sweep's settings say it."""
     standards: tuple[str, ...]
     taken: str
     """When, RFC 3339, UTC."""

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ...drivers.agilent4294a.sweeps.sweep_record import ADAPTERS
 from ...models.sweep import Sweep
 from ..files.compensation_record import CompensationRecord, record_of
 
@@ -48,7 +47,7 @@ class CompensationCheck:
 
 def _is(known: CompensationRecord, in_use: Sequence[str], adapter: str | None) -> bool:
     """Return whether the compensation that was written down is the one that the instrument uses."""
-    return sorted(known.standards) == sorted(in_use) and ADAPTERS.get(known.adapter) == adapter
+    return sorted(known.standards) == sorted(in_use) and known.adapter == adapter
 
 
 def _days_between(taken: str, when: str) -> float | None:

@@ -45,5 +45,5 @@ CAPABILITIES = Capabilities(
     accuracy=_accuracy,
     points_seconds=_points_seconds,
     setup_seconds=0.5,  # some eighty questions, which a LAN answers in 5 to 10 ms
-    adapters=("OFF", "M1", "M2", "APC7", "PROBE"),
+    adapters={"OFF": "none", "M1": "4TP 1 m", "M2": "4TP 2 m", "APC7": "7 mm", "PROBE": "probe"},
 )

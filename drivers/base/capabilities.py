@@ -1,7 +1,7 @@
 """What an analyzer can do, as numbers: what plans are made with and checked against before anything is sent."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,8 +45,8 @@ class Capabilities:
     """Seconds that all sweeps of a plan over these frequencies take, the delays before sweeps not counted."""
     setup_seconds: float
     """What setting up, checking and reading a segment takes."""
-    adapters: tuple[str, ...] = ()
-    """Words for what may sit between analyzer and fixture, as `compensate` takes them."""
+    adapters: Mapping[str, str] = field(default_factory=dict[str, str])
+    """What may sit between analyzer and fixture, as `compensate` takes it, and as a sweep's settings say it."""
 
     def seconds(self, plan: SweepPlan) -> float:
         """Return the seconds that `plan` takes, the set-up of its segments included."""

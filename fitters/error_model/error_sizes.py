@@ -258,7 +258,7 @@ def _around(
 
 def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
     """Return the best along one grid; of what takes another product of all columns, only the neighbours."""
-    if name in ("shape", "bend", "held") and ("held" if name == "held" else "shape") not in made.columns.parts:
+    if name in ("shape", "bend") and "shape" not in made.columns.parts:
         return now, value
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again

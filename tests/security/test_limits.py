@@ -17,6 +17,7 @@ from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
 from pzctl.daemon.wire.events import decode
+from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments
 from pzctl.fitters.diagnosis.design.experiment_design import bearable
 from pzctl.models.build import Build
@@ -111,11 +112,11 @@ def test_a_limit_that_is_none_is_refused(line: str, says: str) -> None:
 
 def test_no_experiment_is_proposed_that_the_sample_does_not_stand() -> None:
     sweep = Sweep(np.linspace(1e6, 2e6, 11), np.full(11, 50 - 10j), {"oscillator_V": 0.2})
-    plans = [one.plan for one in experiments([sweep])]
+    plans = [one.plan for one in experiments([sweep], CAPABILITIES)]
     limits = LevelLimits(max_oscillator_V=0.2)
     assert not all(map(limits.allows, plans)), "a higher level is one of them"
     build = replace(parse_build(THESIS_BUILD.read_text()), plan=None, limits=limits)
-    assert all(limits.allows(one.plan) for one in bearable(experiments([sweep]), build))
+    assert all(limits.allows(one.plan) for one in bearable(experiments([sweep], CAPABILITIES), build))
 
 
 def test_a_bias_that_a_killed_daemon_left_on_goes_off_when_the_next_one_connects(

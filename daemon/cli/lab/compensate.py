@@ -58,7 +58,8 @@ def compensate(
         else:
             stored = replace(_measured(analyzer, wanted, adapter, screen), fixture=fixture.strip())
             compensation_file.save(file, stored, analyzer.capabilities.model)
-    record = CompensationRecord(stored.adapter, tuple(stored.arrays), stored.taken, stored.fixture)
+    between = analyzer.capabilities.adapters.get(stored.adapter, stored.adapter)
+    record = CompensationRecord(between, tuple(stored.arrays), stored.taken, stored.fixture)
     keep_record(record_file(home()), stored.instrument, record)
     if as_json:
         told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}

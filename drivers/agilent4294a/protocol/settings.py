@@ -102,7 +102,7 @@ SETTINGS: dict[str, Kind] = {
 
 CONDITIONS: dict[str, Kind] = {
     "CALP": ChoiceSetting("points of compensation", ("FIXED", "USER")),
-    "E4TP": ChoiceSetting("adapter", CAPABILITIES.adapters),
+    "E4TP": ChoiceSetting("adapter", tuple(CAPABILITIES.adapters)),
     "CALST": FlagSetting("user calibration"),
     "COMSTA": FlagSetting("open compensation"),
     "COMSTB": FlagSetting("short compensation"),

@@ -16,9 +16,6 @@ from ..sweep_time import estimated
 from .single_sweep import RawSweep
 from .stitch import stitch
 
-ADAPTERS = {"OFF": "none", "M1": "4TP 1 m", "M2": "4TP 2 m", "APC7": "7 mm", "PROBE": "probe"}
-"""What the tokens of `E4TP?` mean."""
-
 INDUCTIVE = (
     "The reactance is inductive at every point, and a piezoelectric device is a capacitor off its resonances: "
     "is it connected, and the polarity right?"
@@ -90,7 +87,7 @@ def _as_read_back(got: Mapping[str, Value], segment: Segment, plan: SweepPlan) -
 
 def _conditions(got: Mapping[str, Value]) -> dict[str, Any]:
     return {
-        "adapter": ADAPTERS[str(got["E4TP"])],
+        "adapter": CAPABILITIES.adapters[str(got["E4TP"])],
         "user_calibration": got["CALST"],
         "compensation": [CONDITIONS[m].words.split()[0] for m in ("COMSTA", "COMSTB", "COMSTC") if got[m]],
     }

@@ -12,14 +12,14 @@ from pzctl.daemon.files.compensation_record import CompensationRecord, keep_reco
 from pzctl.daemon.files.paths import compensation_file
 from pzctl.daemon.server.compensation_check import UNDATED, CompensationCheck
 from pzctl.drivers import open_analyzer
-from pzctl.drivers.agilent4294a import Agilent4294A
+from pzctl.drivers.agilent4294a.instrument import Agilent4294A
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.server import SimOptions, running
 
 TAKEN = "2026-11-01T08:00:00.000Z"
-CLIPS = CompensationRecord("OFF", ("open", "short"), TAKEN, "clips-2")
+CLIPS = CompensationRecord("none", ("open", "short"), TAKEN, "clips-2")
 
 
 def sweep(begun: str, *standards: str, adapter: str = "none") -> Sweep:
@@ -30,7 +30,7 @@ def sweep(begun: str, *standards: str, adapter: str = "none") -> Sweep:
 
 @pytest.fixture
 def record(tmp_path: Path) -> Path:
-    keep_record(tmp_path / "c.json", "another,2", CompensationRecord("M1", ("open",), TAKEN))
+    keep_record(tmp_path / "c.json", "another,2", CompensationRecord("4TP 1 m", ("open",), TAKEN))
     keep_record(tmp_path / "c.json", "4294A,1", CLIPS)
     return tmp_path / "c.json"
 
@@ -77,7 +77,7 @@ def test_the_daemon_measures_on_and_says_so(
         )
         analyzer.close()
         bench_command("127.0.0.1", sim.bench_port, command="connect", what="device")
-        old = CompensationRecord(taken.adapter, ("open",), "2020-01-01T08:00:00.000Z", "jig")
+        old = CompensationRecord("none", ("open",), "2020-01-01T08:00:00.000Z", "jig")
         keep_record(compensation_file(tmp_path), taken.instrument, old)
         start_daemon(resource=sim.resource, compensation_days=7.0)
         with connect() as lab:

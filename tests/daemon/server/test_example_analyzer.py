@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.client.connection import DaemonError
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.drivers import capabilities_of, open_analyzer
 from pzctl.drivers.base.analyzer import InstrumentError
 from pzctl.models.build import Build
