@@ -68,6 +68,11 @@ class WhitenedColumns:
         """Return X^T K^-1 X, shape (P, P)."""
         return self.times(self)
 
+    def lengths(self) -> Reals:
+        """Return the diagonal of X^T K^-1 X, shape (P,)."""
+        whole = np.einsum("np,np->p", self.plain, self.plain)
+        return whole if self.rough is None or self.solved is None else whole - np.sum(self.rough * self.solved, axis=0)
+
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
         whole = self.plain.T @ other.plain

@@ -12,7 +12,7 @@ from ....models.effects import Device, EffectParameter
 from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns
 from ...error_model.error_sizes import USUAL, ErrorSizes
-from ...error_model.point_covariance import PointErrors, gram
+from ...error_model.point_covariance import Kernel, PointErrors
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 
@@ -126,21 +126,23 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     on = np.flatnonzero(scale > 0)
     J = made.J
     blocks = [
-        np.concatenate([c[:, on] * scale[on], j, d, r[:, None]], axis=1)
-        for c, j, d, r in zip(columns.blocks, J, changes, made.r, strict=True)
+        np.concatenate([c[:, on] * scale[on], j, r[:, None]], axis=1)
+        for c, j, r in zip(columns.blocks, J, made.r, strict=True)
     ]
-    G, _ = gram(columns.points, blocks, sizes.colour, sizes.rough)
+    kernel = Kernel(columns.points, sizes.colour, sizes.rough)
+    there, tried = kernel.white(blocks), kernel.white(changes)
+    G, beside, lengths = there.squared(), there.times(tried), tried.lengths()
     C, M = on.size, J[0].shape[1]
-    own = G[: C + M, : C + M].copy()
+    own = G[:-1, :-1].copy()
     own[:C, :C] += np.eye(C)
     own[C:, C:] += made.before.P
-    right = G[: C + M, C + M :].copy()
+    right = np.concatenate([beside[:-1], G[:-1, -1:]], axis=1)
     right[C:, -1] += made.before.g
     unit = np.sqrt(np.maximum(np.diag(own), 1e-300))
     solved = np.linalg.solve(own / unit / unit[:, None] + 1e-11 * np.eye(C + M), right / unit[:, None])
     right = right / unit[:, None]
-    c = np.diag(G)[C + M : -1] - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
-    b = -(G[C + M : -1, -1] - right[:, :-1].T @ solved[:, -1])
+    c = lengths - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
+    b = -(beside[-1] - right[:, :-1].T @ solved[:, -1])
     c = np.maximum(c, 1e-30)
     a = np.clip(b / c, *_STRETCH)
     return a * b - a**2 * c / 2, a
