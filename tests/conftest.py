@@ -12,7 +12,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tes
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # else each of a thousand processes compiles the package anew
 
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 SUPPORT = ROOT / "tests" / "support"
 
-STARTS_PROCESSES = frozenset({"start_daemon", "on_cores", "cluster", "odd_fitter"})
+STARTS_PROCESSES = frozenset({"start_daemon", "start_program", "on_cores", "cluster", "odd_fitter"})
 """Fixtures that start processes."""
 PROCESS_MODULES = frozenset({"subprocess", "multiprocessing", "postgres", "Browser", "start"})
 """Names that a test module imports to start processes itself: the last two a browser and a daemon."""
@@ -42,6 +45,22 @@ def _folder(variable: str, default: Path) -> Path:
     if not folder.is_dir():
         pytest.skip(f"{folder} is absent; set {variable} to the folder of {default.name}")
     return folder
+
+
+@pytest.fixture
+def start_program() -> Iterator[Callable[..., "subprocess.Popen[Any]"]]:
+    """Return `Popen` with a process group of the program's own, which is killed where it still runs after the test."""
+    started: list[subprocess.Popen[Any]] = []
+
+    def begin(words: list[Any], **how: Any) -> "subprocess.Popen[Any]":
+        started.append(subprocess.Popen(words, start_new_session=True, **how))
+        return started[-1]
+
+    yield begin
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
 
 
 @pytest.fixture(scope="session")

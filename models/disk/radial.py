@@ -78,7 +78,7 @@ class RadialArm:
     d31: complex
     """C/N."""
     alpha: float = 0.0
-    """c13E/c33E, 0.66 to 0.83 for the usual ceramics; 0 is a disk of vanishing thickness."""
+    """c13E/c33E, 0.64 to 0.75 for the usual ceramics; 0 is a disk of vanishing thickness."""
     d33f: float = 0.0
     """e33/c33E, C/N: what d33 is of a disk clamped in its plane; 1.0e-10 to 1.5e-10 for the usual ceramics."""
     laws: Mapping[str, LossLaw] = field(default_factory=dict[str, LossLaw])

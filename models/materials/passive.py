@@ -35,12 +35,6 @@ _ELASTIC = (
     Material("thesis ML1", "elastic", _thesis_layer(10.3, 0.5, 2455, 150, 60)),
     Material("thesis ML2", "elastic", _thesis_layer(2.4, 0.12, 2250, 140, 35)),
     Material(
-        "EPO-TEK 301",
-        "elastic",
-        elastic(2650, 33, "recalled; Wang, Ritter, Cao, Shung, TUFFC 48 (2001) 78 for the family", density=1150),
-        "Q from 9.5 dB/mm at 30 MHz",
-    ),
-    Material(
         "Araldite AW106",
         "elastic",
         elastic(2300, 20, "PMC8157294; Q of the epoxy family", density=1090),

@@ -1,9 +1,11 @@
 """A bare round disk as build.toml has it, and noise."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from complex_ceramic import MATERIAL
 from numpy.typing import NDArray
 
 from pzctl.daemon.files.builds.build_file import parse_build
@@ -32,7 +34,7 @@ layers = ["disk"]
 
 @pytest.fixture
 def disk_build() -> Callable[..., Build]:
-    """Builds of one bare disk; sizes in mm and kg/m3."""
+    """Builds of one bare disk, of the library's materials and the tests' own ceramic; sizes in mm and kg/m3."""
 
     def make(
         material: str,
@@ -43,7 +45,14 @@ def disk_build() -> Callable[..., Build]:
         (diameter, thickness, density), (u_diameter, u_thickness, u_density) = sizes, u
         names = ("diameter", "u_diameter", "thickness", "u_thickness", "density", "u_density")
         values = (diameter, u_diameter, thickness, u_thickness, density, u_density)
-        return parse_build(DISK.format(material=material, more=more, **dict(zip(names, values, strict=True))))
+        own = material == MATERIAL.name
+        sizes_and_u = dict(zip(names, values, strict=True))
+        build = parse_build(DISK.format(material="PZT-5A" if own else material, more=more, **sizes_and_u))
+        if not own:
+            return build
+        constants = {name: value for name, value in MATERIAL.values.items() if name != "density"}
+        disk = replace(build.layers[0], material=material, values={**build.layers[0].values, **constants})
+        return replace(build, layers=(disk,))
 
     return make
 

@@ -16,17 +16,16 @@ SCRIPT = "from pzctl.sim.server import SimOptions, run; run(SimOptions(port=0, b
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_says_its_addresses_and_dies_cleanly(number, tmp_path):
-    with subprocess.Popen(
-        [sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
-    ) as process:
-        addresses = json.loads(process.stdout.readline())
-        host, port = addresses["bench"].split(":")
-        assert bench_command(host, int(port), command="status")["step"] == "disk"
-        assert addresses["instrument"].startswith("TCPIP0::127.0.0.1::")
-        assert addresses["prologix"].startswith("PRLGX-TCPIP0::127.0.0.1::")
-        process.send_signal(number)
-        out, err = process.communicate(timeout=120)
+def test_says_its_addresses_and_dies_cleanly(number, tmp_path, start_program):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = start_program([sys.executable, "-c", SCRIPT], cwd=tmp_path, **pipes)
+    addresses = json.loads(process.stdout.readline())
+    host, port = addresses["bench"].split(":")
+    assert bench_command(host, int(port), command="status")["step"] == "disk"
+    assert addresses["instrument"].startswith("TCPIP0::127.0.0.1::")
+    assert addresses["prologix"].startswith("PRLGX-TCPIP0::127.0.0.1::")
+    process.send_signal(number)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 0
     assert out == ""
     (line,) = err.splitlines()

@@ -5,7 +5,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,21 +26,30 @@ def sim() -> Iterator[Simulator]:
         yield simulator
 
 
+Start = Callable[..., "subprocess.Popen[bytes]"]
+
+
 def bench(sim: Simulator, **command: Any) -> None:
     with socket.create_connection(("127.0.0.1", sim.bench_port), 5) as line:
         line.sendall(json.dumps(command).encode() + b"\n")
         assert json.loads(line.makefile().readline())["ok"]
 
 
-def start(home: Path, *words: object) -> "subprocess.Popen[bytes]":
-    return subprocess.Popen(
-        [PZCTL, *map(str, words)],
-        env={**os.environ, "PZCTL_HOME": str(home)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        cwd=home,
-    )
+@pytest.fixture
+def start(start_program: Start) -> Start:
+    """Return a function that starts a command in a folder, which is its data folder too."""
+
+    def begin(home: Path, *words: object) -> "subprocess.Popen[bytes]":
+        return start_program(
+            [PZCTL, *map(str, words)],
+            env={**os.environ, "PZCTL_HOME": str(home)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=home,
+        )
+
+    return begin
 
 
 def end(process: "subprocess.Popen[bytes]", status: int = 0) -> str:
@@ -83,7 +92,9 @@ def error_of(sim: Simulator) -> float:
     return float(np.max(np.abs(sweep.impedance / true - 1)))
 
 
-def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(sim: Simulator, tmp_path: Path) -> None:
+def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(
+    sim: Simulator, tmp_path: Path, start: Start
+) -> None:
     assert error_of(sim) > 0.1
     words = ("compensate", "clips.json", "--resource", sim.resource)
     guided = start(tmp_path, *words, "--fixture", "clips-2")
@@ -108,7 +119,7 @@ def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(sim: S
     assert error_of(sim) == pytest.approx(compensated, rel=1e-3)
 
 
-def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path) -> None:
+def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path, start: Start) -> None:
     guided = start(tmp_path, "compensate", "x.json", "--resource", sim.resource, "--standard", "short")
     read_until(guided, b"Short-circuit")
     bench(sim, command="connect", what="open")
@@ -126,11 +137,13 @@ def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path) -> N
         (("--apply",), "x.json: the compensation cannot be read: No such file"),
     ],
 )
-def test_what_cannot_be_is_one_sentence(sim: Simulator, tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+def test_what_cannot_be_is_one_sentence(
+    sim: Simulator, tmp_path: Path, start: Start, words: tuple[str, ...], says: str
+) -> None:
     assert says in end(start(tmp_path, "compensate", "x.json", "--resource", sim.resource, *words), 2)
 
 
-def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path) -> None:
+def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path, start: Start) -> None:
     for name, begins in (("s.tif", (b"II*", b"MM\0*")), ("s.txt", (b"4294A REV",)), ("s.s1p", (b"!", b"#"))):
         assert f"{name}: " in end(start(tmp_path, "screenshot", name, "--resource", sim.resource))
         assert (tmp_path / name).read_bytes().startswith(begins), name
@@ -145,7 +158,7 @@ def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path) -
 
 
 def test_the_instrument_is_the_flags_else_the_environments_else_the_files(
-    sim: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sim: Simulator, tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert "no instrument is named: give --resource" in end(start(tmp_path, "screenshot", "s.tif"), 2)
     (tmp_path / "config.toml").write_text('resource = "nobody.invalid:5025"\n')

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -145,11 +146,11 @@ def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted in /proc")
-def test_ctrl_c_ends_every_process_of_a_proof(tmp_path: Path) -> None:
+def test_ctrl_c_ends_every_process_of_a_proof(
+    tmp_path: Path, start_program: "Callable[..., subprocess.Popen[str]]"
+) -> None:
     run = [sys.executable, "-c", "from pzctl.daemon.cli import main; main()", "prove", "--count", "9", "--out", "p"]
-    terminal = subprocess.Popen(
-        run, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
-    )
+    terminal = start_program(run, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     deadline = time.monotonic() + 60
     while members(terminal.pid) < 4 and time.monotonic() < deadline:  # itself, who makes cases, and two of its own
         time.sleep(0.1)

@@ -303,7 +303,11 @@ class Slow:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="process groups are POSIX")
-def test_ctrl_c_ends_a_batch_cleanly(tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]) -> None:
+def test_ctrl_c_ends_a_batch_cleanly(
+    tmp_path: Path,
+    wait_until: Callable[[Callable[[], object]], None],
+    start_program: "Callable[..., subprocess.Popen[str]]",
+) -> None:
     fill(tmp_path)
     (tmp_path / "slow_fitter.py").write_text(SLOW)
     info = tmp_path / "slow_fitter-1.dist-info"
@@ -312,13 +316,12 @@ def test_ctrl_c_ends_a_batch_cleanly(tmp_path: Path, wait_until: Callable[[Calla
     (info / "entry_points.txt").write_text("[pzctl.fitters]\nslow = slow_fitter:Slow\n")
     path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, "PZCTL_HOME": str(tmp_path), "PYTHONPATH": path}
-    process = subprocess.Popen(
+    process = start_program(
         [PZCTL, "fit", "--all", "--fitter", "slow"],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        start_new_session=True,
     )
     wait_until(lambda: list(tmp_path.glob("*.begun")))
     os.killpg(process.pid, signal.SIGINT)

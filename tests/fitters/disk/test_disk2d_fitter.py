@@ -3,6 +3,7 @@
 import os
 from dataclasses import replace
 
+import complex_ceramic
 import numpy as np
 import pytest
 from scipy.signal import find_peaks
@@ -17,11 +18,10 @@ from pzctl.models.constants.passivity import passivity_margin
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.materials import find
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 
-TRUTH = Tensor6mm(*(find("Pz27 Bergen").values[name].value for name in CONSTANTS))
+TRUTH = complex_ceramic.TENSOR
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -12,7 +12,7 @@ BAND = np.concatenate([np.arange(3.3e6, 4.8e6, 1e3), np.linspace(8e6, 9.5e6, 101
 
 @pytest.mark.parametrize(("noise", "re", "im"), [(1e-6, 5e-4, 5e-3), (1e-3, 1e-3, 0.03)])
 def test_constants_come_back(disk_build, swept, noise, re, im):
-    build = disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
+    build = disk_build("test ceramic", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
     sweep = swept(stack_of(build, build.steps[0]), BAND, noise)
     result = SherritThickness().fit(FitTask(build, {"disk": (sweep,)}))
     for name in ("c33D", "h33", "eps33S"):
@@ -25,21 +25,21 @@ def test_constants_come_back(disk_build, swept, noise, re, im):
 
 
 def test_sizes_enter_the_uncertainty(disk_build, swept):
-    build = disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0), (0.0, 0.00512, 0.0))  # thickness to 1 %
+    build = disk_build("test ceramic", (16.0, 0.512, 7700.0), (0.0, 0.00512, 0.0))  # thickness to 1 %
     sweep = swept(stack_of(build, build.steps[0]), BAND)
     c33D = SherritThickness().fit(FitTask(build, {"disk": (sweep,)})).constants["disk.c33D"]
     assert c33D.u_re / c33D.re == pytest.approx(0.02, rel=0.15)  # c33D goes as thickness squared
 
 
 def test_the_thesiss_own_grid_is_too_coarse_for_a_sharp_ceramic(disk_build, swept):
-    build = disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0))
+    build = disk_build("test ceramic", (16.0, 0.512, 7700.0))
     sweep = swept(stack_of(build, build.steps[0]), np.linspace(1e6, 9e6, 801))
     with pytest.raises(FitError, match="points in its linewidth"):
         SherritThickness().fit(FitTask(build, {"disk": (sweep,)}))
 
 
 def test_a_recording_of_the_radial_mode_is_refused(disk_build, swept):
-    build = disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0))
+    build = disk_build("test ceramic", (16.0, 0.512, 7700.0))
     sweep = swept(stack_of(build, build.steps[0]), np.linspace(50e3, 900e3, 801))
     with pytest.raises(FitError, match=r"no thickness resonance in 50-900 kHz: it is expected near 4\.22 MHz"):
         SherritThickness().fit(FitTask(build, {"disk": (sweep,)}))

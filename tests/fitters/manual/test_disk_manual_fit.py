@@ -29,7 +29,7 @@ FITTERS = {"radial": RadialLeastSquares(), "disk": DiskFitter()}
 
 @pytest.fixture
 def build(disk_build: Callable[..., Build]) -> Build:
-    return disk_build("Pz27 Bergen", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
+    return disk_build("test ceramic", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
 
 
 @pytest.fixture

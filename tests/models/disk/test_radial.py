@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from complex_ceramic import MATERIAL
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
@@ -127,7 +128,7 @@ def test_mass_of_motion_through_the_thickness_makes_no_energy(seed, f):
 
 
 def both():
-    v = find("Pz27 Bergen").values
+    v = MATERIAL.values
     plate = Piezo("disk", THICKNESS, 7700, v["c33D"].value, v["h33"].value, v["eps33S"].value)
     radial = Radial(*(v[key].value for key in ("s11E", "s12E", "d31", "eps33T")))
     return BothModes.of(Stack((plate,), VACUUM, VACUUM, AREA), "disk", radial), radial

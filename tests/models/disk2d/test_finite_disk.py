@@ -6,17 +6,17 @@ and z, the energies integrated by Gauss's rule. It shares no equation with the r
 
 import numpy as np
 import pytest
+from complex_ceramic import MATERIAL
 from numpy.polynomial import legendre
 
 from pzctl.models.constants.piezo_constants import Radial
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
-from pzctl.models.materials import find
 from pzctl.models.stack import VACUUM, Piezo, Stack
 
 RADIUS, DENSITY = 5e-3, 7700.0
 AREA = np.pi * RADIUS**2
-VALUES = find("Pz27 Bergen").values
+VALUES = MATERIAL.values
 TENSOR = Tensor6mm(*(VALUES[name].value for name in Tensor6mm.__dataclass_fields__))
 
 

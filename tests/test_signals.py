@@ -1,0 +1,18 @@
+"""Tests interrupt what they start, also where pytest was told to ignore Ctrl-C: by `nohup`, or by `&` in a script."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+CHILD = "import signal; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
+UNDER_NOHUP = f"""
+import signal, runpy, subprocess, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+runpy.run_path(sys.argv[1])
+subprocess.run([sys.executable, "-c", {CHILD!r}], check=True)
+"""
+
+
+def test_children_can_be_interrupted_where_pytest_ignores_ctrl_c() -> None:
+    words = [sys.executable, "-c", UNDER_NOHUP, str(Path(__file__).with_name("conftest.py"))]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "True\n"
