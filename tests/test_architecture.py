@@ -1,4 +1,4 @@
-"""docs/architecture.md names what there is: every module, every name in one, every room, every contract."""
+"""docs/architecture.md and the decisions name what there is: every module, name, room and contract."""
 
 import re
 import tomllib
@@ -11,7 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 FLOORS = ("daemon", "drivers", "fitters", "models", "sim")
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-NAMED = sorted(set(re.findall(r"`([\w/]+\.py)(?::([\w.]+))?`", PAGE)))
+DECISIONS = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "decisions").glob("*.md"))
+NAMED = sorted(set(re.findall(r"`([\w/]+\.py)(?::([\w.]+))?`", PAGE + DECISIONS)))
 
 
 @pytest.mark.parametrize(("path", "name"), NAMED, ids=[":".join(filter(None, one)) for one in NAMED])

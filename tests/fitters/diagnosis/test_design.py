@@ -9,7 +9,7 @@ import pytest
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
-from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments, plan_of
+from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments, frequencies, plan_of, settings_of
 from pzctl.fitters.diagnosis.design.experiment_design import proposals
 from pzctl.fitters.diagnosis.design.sweep_comparison import compared
 from pzctl.fitters.diagnosis.diagnose import diagnose
@@ -96,6 +96,22 @@ def test_nothing_is_proposed_that_the_analyzer_cannot_do() -> None:
     assert {one.kind for one in own} - kinds.keys() == {"lower level", "higher level"}
     (wider,) = kinds["wider band"].segments
     assert (wider.start_Hz, wider.stop_Hz, kinds["bandwidth"].bandwidth) == (2e6, 7e6, 3)
+
+
+def test_every_proposed_sweep_is_one_that_an_analyzer_can_do_and_differs_as_it_says() -> None:
+    sweep = swept()
+    base = plan_of(sweep)
+    for one in experiments([sweep, swept(f=np.linspace(1e6, 9e6, 161))], INSTRUMENT):
+        f = frequencies(one.plan)
+        assert 40 <= f[0] < f[-1] <= 110e6, one.kind
+        assert f.size == one.plan.segments[0].points <= 801
+        said = plan_of(Sweep(f, np.full(f.size, 1 - 1j), settings_of(one.plan)))
+        assert (said.direction, said.oscillator_V, said.bandwidth) == (
+            one.plan.direction,
+            one.plan.oscillator_V,
+            one.plan.bandwidth,
+        )
+        assert (one.plan == base) == (one.kind == "repeat"), one.kind
 
 
 def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosis]) -> None:

@@ -1,0 +1,178 @@
+"""What is tried: where an effect could sit, which sizes are likely, what is held out, and what hypotheses weigh."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
+from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
+from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import coarseness, fitted, probabilities
+from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.hypotheses.size_priors import SizePriors, block_of, shown, width
+from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.interface import FitTask
+from pzctl.models.effects import Device, EffectParameter, catalogue
+from pzctl.models.sweep import Sweep
+
+FROM_NOTHING = EffectParameter("inductance", "H", typical=2e-8, upper=1e-5, prior=(1.5e-8, 0.9))
+BETWEEN = EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0)
+EITHER_SIGN = EffectParameter("gain", "1", typical=1e-3, lower=-0.5, upper=0.5)
+
+
+def test_an_effect_is_tried_at_all_its_places_and_no_other_effect(lead_case) -> None:
+    found = candidates(lead_case.problem, ("electrode-mass", "cable"))
+    assert {(one.effect.name, one.where) for one in found} == {
+        ("electrode-mass", "face:back"),
+        ("electrode-mass", "face:front"),
+        ("cable", "terminals"),
+    }
+    assert {one.steps for one in found} == {("disk",)}
+    assert {one.effect.name for one in candidates(lead_case.problem)} <= {effect.name for effect in catalogue()}
+
+
+def test_over_two_steps_a_clip_may_be_changed_but_a_bond_stays(cases) -> None:
+    files = json.loads((cases / "truth.json").read_text())["glue-null"]["files"]
+    folder = cases / "glue-null"
+    sweeps = {step: tuple(read_recording(folder / file) for file in of) for step, of in files.items()}
+    task = FitTask(read_build(folder / "build.toml"), sweeps)
+    problem = Problem.of(solve(task, lambda _: None), None)
+    first, last = problem.steps
+    steps = {}
+    for one in candidates(problem, ("lead-inductance", "bond-layer", "face-load")):
+        steps.setdefault((one.effect.name, one.where.partition(":")[0]), set()).add(one.steps)
+    assert steps["lead-inductance", "terminals"] == {(first, last), (first,), (last,)}
+    assert all(of[-1] == last for of in steps["bond-layer", "interface"])
+    fronts = [one.steps for one in candidates(problem, ("face-load",)) if one.where == "face:front"]
+    assert sorted(fronts) == sorted([(first,), (last,)]), "the front of a step is inside the next one"
+
+
+def test_a_further_resonance_is_looked_for_where_there_is_a_recording(lead_case) -> None:
+    f = lead_case.task.sweeps["disk"][0].frequency
+    (line, *_) = candidates(lead_case.problem, ("spurious-resonance",))
+    (knob,) = (knob for knob in line.effect_parameters if knob.name == "frequency")
+    assert (knob.lower, knob.upper) == (f[0], f[-1])
+    assert line.resonance_parameters == (line.prefix + "frequency",)
+
+
+@pytest.mark.parametrize("flaw", FLAWS, ids=lambda flaw: type(flaw).__name__)
+def test_an_artefact_of_no_size_changes_nothing(flaw, bare: Device) -> None:
+    f = np.linspace(1e6, 12e6, 101)
+    own = flaw.effect_parameters(bare.bare, "any")
+    assert own[0].null == 0
+    assert np.array_equal(bare.with_effect(flaw, "any").impedance(f), bare.impedance(f))
+    moved = bare.with_effect(flaw, "any", {own[0].name: own[0].typical}).impedance(f)
+    assert np.max(np.abs(moved / bare.impedance(f) - 1)) > 1e-5
+
+
+def test_a_range_step_is_a_factor_from_one_frequency_on(bare: Device) -> None:
+    f = np.linspace(1e6, 12e6, 101)
+    stepped = bare.with_effect(RangeStep(), "any", {"gain": 0.01, "phase": -0.02, "frequency": f[60]})
+    change = np.log(stepped.impedance(f) / bare.impedance(f))
+    np.testing.assert_allclose(change[:60], 0, atol=1e-12)
+    np.testing.assert_allclose(change[61:], 0.01 - 0.02j, rtol=1e-9)
+
+
+def test_flaws_have_the_same_name_and_no_place(lead_case) -> None:
+    assert {(one.effect.name, one.where) for one in flaws(lead_case.problem)} == {("unknown", "any")}
+    assert len(flaws(lead_case.problem)) == len(FLAWS)
+
+
+@pytest.mark.parametrize("knob", [FROM_NOTHING, BETWEEN, EITHER_SIGN], ids=lambda knob: knob.name)
+@given(z=st.floats(-2, 2))
+def test_a_coordinate_of_a_size_comes_back_and_has_its_slope(knob: EffectParameter, z: float) -> None:
+    block, x = block_of("p", knob), np.array([z])
+    value, slope = block.forward(x)
+    assert knob.lower <= value[0] <= knob.upper
+    assert block.inverse(value) == pytest.approx(x, abs=1e-6)
+    step = 1e-6
+    above, below = (block.forward(x + sign * step)[0][0] for sign in (1, -1))
+    assert slope[0, 0] == pytest.approx((above - below) / (2 * step), rel=1e-4)
+
+
+def test_usual_sizes_are_likelier_than_odd_ones_but_tails_are_wide(lead_case) -> None:
+    free = ("disk.c33D", *lead_case.lead.parameters)
+    priors = SizePriors((lead_case.lead,), free)
+    K = len(lead_case.lead.parameters)
+
+    def log_density(z: float) -> float:
+        x = np.array([7.0, z, *[0.0] * (K - 1)])  # what is no size has no say
+        rows, slopes = priors.rows(x)
+        assert slopes.shape == (K, len(free))
+        assert not slopes[:, 0].any()
+        return -float(rows @ rows) / 2 + priors.log_tails(x)
+
+    at = [log_density(z) for z in (0.0, 1.0, 2.0, 4.0, 8.0)]
+    assert at == sorted(at, reverse=True)
+    assert at[-1] > -8, "a normal density alone would say -32"
+    assert width(BETWEEN) > width(FROM_NOTHING) == width(EITHER_SIGN) == 1
+    told = shown(dict.fromkeys(lead_case.lead.parameters, -1.0), lead_case.lead)
+    assert told["inductance"] == 0, "no size below its limit is shown"
+
+
+def test_two_whole_blocks_of_a_sweep_are_held_out_and_told_as_bands(lead_case) -> None:
+    (recording,) = lead_case.problem.recordings
+    (mask,) = held_out([recording], "bands")
+    assert np.array_equal(mask, blocks(recording.sweep))
+    assert np.count_nonzero(np.diff(mask.astype(int)) == 1) == 2
+    assert mask.mean() == pytest.approx(2 / 11, abs=0.01)
+    f, bands = recording.sweep.frequency, bands_of(recording, mask)
+    told = np.any([(f >= a) & (f <= b) for a, b in bands], axis=0)
+    assert np.array_equal(told, mask)
+
+
+def test_what_is_held_out_weighs_nothing(lead_case) -> None:
+    problem = lead_case.problem
+    (mask,) = problem.proof
+    objective = problem.without(problem.proof).objective((), problem.values)
+    residual = objective.residual(objective.coordinates.x)[: 2 * mask.size].reshape(2, -1)
+    assert not residual[:, mask].any()
+    whole = problem.objective((), problem.values)
+    np.testing.assert_allclose(
+        residual[:, ~mask], whole.residual(whole.coordinates.x)[: 2 * mask.size].reshape(2, -1)[:, ~mask]
+    )
+
+
+def test_devices_know_how_their_sweep_ran(lead_case) -> None:
+    (recording,) = lead_case.problem.recordings
+    down = Sweep(recording.sweep.frequency, recording.sweep.impedance, {"direction": "down", "oscillator_V": 0.1})
+    (seen,) = as_devices([replace(recording, sweep=down, model=recording.model.bare)])
+    assert (seen.model.conditions.direction, seen.model.conditions.level_V) == ("down", 0.1)
+
+
+def test_an_effect_that_is_there_has_the_evidence_and_its_size(lead_case) -> None:
+    problem, lead = lead_case.problem, lead_case.lead
+    null = lead_case.search.found[frozenset()]
+    start = {lead.prefix + "inductance": 1e-8, lead.prefix + "resistance": 1e-3}
+    made = fitted(problem, (lead,), {**null.values, **start})
+    assert made.key == {lead}
+    assert made.log_weight > null.log_weight + 100
+    assert made.values[lead.prefix + "inductance"] == pytest.approx(lead_case.inductance, rel=0.01)
+    assert made.log_odds < 0 == null.log_odds
+
+
+def weighed(evidence: float, odds: float, shortfall: float) -> SimpleNamespace:
+    fit = SimpleNamespace(shortfall=shortfall)
+    return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=evidence + odds, fit=fit)
+
+
+@given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-10, 0)), min_size=1, max_size=6), st.floats(0, 1e4))
+def test_probabilities_are_as_coarse_as_the_best_explanation_is_wrong(parts, shortfall: float) -> None:
+    exact, coarse = (probabilities([weighed(*one, short) for one in parts]) for short in (0.0, shortfall))
+    for found in (exact, coarse):
+        assert np.sum(found) == pytest.approx(1)
+        assert np.all(found >= 0)
+    weight = np.array([evidence + odds for evidence, odds in parts])
+    np.testing.assert_allclose(exact, np.exp(weight - weight.max()) / np.exp(weight - weight.max()).sum(), atol=1e-12)
+    flat = [weighed(evidence, 0.0, shortfall) for evidence, _ in parts]
+    sharp = [weighed(evidence, 0.0, 0.0) for evidence, _ in parts]
+    assert np.max(probabilities(flat)) <= np.max(probabilities(sharp)) + 1e-12
+    assert coarseness(-5.0) == coarseness(0.0) == 1 <= coarseness(shortfall)

@@ -1,0 +1,154 @@
+"""How probable explanations are, how much effects move, what could stay hidden: by public results."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pzctl.fitters.diagnosis import decision_rules
+from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
+from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
+from pzctl.fitters.diagnosis.inference.conclusion import conclude
+from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
+from pzctl.fitters.diagnosis.inference.effect_size import (
+    change_by,
+    constants_of,
+    largest_of,
+    moves_a_constant,
+    projected,
+    sizes_of,
+)
+from pzctl.fitters.diagnosis.inference.finite_diameter import finite
+from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
+from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
+from pzctl.fitters.diagnosis.search.score_test import scores
+from pzctl.fitters.interface import Constant
+
+
+def test_what_is_there_is_concluded_with_what_it_takes(lead_case) -> None:
+    found = conclude(lead_case.search)
+    (named,) = found.findings
+    assert named.candidate is lead_case.lead
+    assert named.probability > 0.9
+    assert named.share > 0.99
+    assert found.verdict == "explained"
+    assert not found.something_left
+
+
+def test_where_nothing_that_was_tried_explains_it_that_is_the_conclusion(lead_case) -> None:
+    search = GreedySearch(lead_case.problem, ())
+    search.run()
+    found = conclude(search)
+    assert found.something_left
+    assert (found.verdict, found.named) == ("unexplained", ())
+
+
+def test_an_effect_moves_what_it_does_and_not_what_constants_could(lead_case) -> None:
+    problem, best, lead = lead_case.problem, lead_case.search.best, lead_case.lead
+    (change,) = change_by(problem, best, lead)
+    (sweep,) = lead_case.task.sweeps["disk"]
+    without = lead_case.stack.impedance(sweep.frequency)
+    told = np.log(1 + 2j * np.pi * sweep.frequency * lead_case.inductance / without)
+    assert np.median(np.abs(change - told)) < 0.02 * np.median(np.abs(told))
+    (left,) = projected(best, [[change]]).T
+    assert np.linalg.norm(left) < np.linalg.norm(change)
+    rms, largest = sizes_of(problem, best)[lead], largest_of(problem, best, lead)
+    assert rms == pytest.approx(np.linalg.norm(left) / np.sqrt(sweep.frequency.size))
+    assert largest == pytest.approx(np.max(np.abs(left)))
+
+
+def test_constants_with_the_effect_are_right_and_without_it_are_not(lead_case) -> None:
+    problem, search = lead_case.problem, lead_case.search
+    right, wrong = (constants_of(problem, one) for one in (search.best, search.found[frozenset()]))
+    true = lead_case.stack.parameters()
+    for name in ("c33D", "h33", "eps33S"):
+        own = right[f"disk.{name}"]
+        assert own.u_re
+        assert abs(own.re - true[f"disk.{name}.re"]) < 4 * own.u_re, name
+    assert moves_a_constant(wrong, right)
+    assert not moves_a_constant(right, right)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.booleans())
+def test_a_constant_has_moved_where_either_part_did_by_its_uncertainty(re: float, im: float, free: bool) -> None:
+    before = {"disk.c33D": Constant(100.0, 5.0, 1.0, 0.1, "Pa")}
+    after = {"disk.c33D": Constant(100.0 + re, 5.0 + 0.1 * im, 1.0, 0.1, "Pa", free=free)}
+    moved = abs(after["disk.c33D"].re - 100.0) > 1.0 or abs(after["disk.c33D"].im - 5.0) > 0.1
+    assert moves_a_constant(before, after) == (free and moved)
+    assert not moves_a_constant({}, after)
+
+
+def shift_in_u(name: str, shift: float, constants: dict[str, Constant]) -> float:
+    own = constants[name.removesuffix(".im")]
+    value, u = (own.im, own.u_im) if name.endswith(".im") else (own.re, own.u_re)
+    return abs(shift * value) / (u or np.inf)
+
+
+def test_what_the_constants_hide_is_listed_with_what_it_would_shift(lead_case) -> None:
+    problem, final = lead_case.problem, lead_case.final
+    remaining = scores(problem, lead_case.candidates, final.objective, final.descent.x)
+    constants = constants_of(problem, lead_case.search.best)
+    listed = {one.effect: one for one in not_decidable(final, remaining, constants, {"lead-inductance"})}
+    assert "lead-inductance" not in listed
+    mass = listed["electrode-mass"]
+    assert mass.where.startswith("face:")
+    assert mass.shifts["disk.c33D"] > 0, "a mass that is ignored makes the disk too soft"
+    assert max(shift_in_u(*one, constants) for one in mass.shifts.items()) > 1, (
+        "by less than u it would not be worth a word"
+    )
+    assert not_decidable(final, remaining, constants, {one.candidate.effect.name for one in remaining}) == ()
+
+
+def test_two_dimensions_are_not_asked_where_one_leaves_nothing(lead_case) -> None:
+    said: list[str] = []
+    assert finite(lead_case.task, lead_case.null, lead_case.final, said.append) is None
+    assert said == []
+
+
+JUMP = DataIssue("step", (2e6, 2.01e6), 3.0, 0.004)
+LINE = SimpleNamespace(steps=("disk",), resonance_parameters=("line",))
+
+
+def gated(*troubles: DataIssue, turned: str = "") -> Gated:
+    return Gated({}, (DataCheck("disk", 0, 801, troubles=troubles, turned=turned),))
+
+
+@pytest.mark.parametrize(
+    ("data", "verdict", "deserved"),
+    [
+        (gated(), "no-mismatch", "no-mismatch"),
+        (gated(turned="inverted"), "no-mismatch", "explained"),
+        (gated(turned="inverted"), "unexplained", "unexplained"),
+        (gated(JUMP), "no-mismatch", "unexplained"),
+        (gated(JUMP), "explained", "partly-explained"),
+        (gated(JUMP, turned="inverted"), "explained", "partly-explained"),
+    ],
+)
+def test_turned_data_are_explained_and_disturbed_ones_never_wholly(data: Gated, verdict: str, deserved: str) -> None:
+    assert verdict_with(data, verdict) == deserved  # type: ignore[arg-type]
+
+
+def test_disturbances_are_told_three_at_most_and_lines_in_them_are_theirs() -> None:
+    (finding,) = of_the_data(gated(*[JUMP] * 5), 1.0, 1.0)
+    assert finding.says.count("it jumps by") == 3
+    assert "and 2 more" in finding.says
+    for at, inside in ((2.005e6, True), (1.985e6, True), (1.9e6, False)):
+        found = SimpleNamespace(values={"line": at})
+        assert where_disturbed(gated(JUMP), LINE, found) is inside  # type: ignore[arg-type]
+        elsewhere = SimpleNamespace(steps=("ml1",), resonance_parameters=("line",))
+        assert not where_disturbed(gated(JUMP), elsewhere, found)  # type: ignore[arg-type]
+    small = replace(JUMP, kind="glitch", size=1e-4)
+    assert of_the_data(gated(small), 1.0, 1.0) == [], "a small glitch may be a faint line"
+
+
+def test_every_number_that_decides_says_where_it_comes_from() -> None:
+    body = ast.parse(Path(decision_rules.__file__).read_text(encoding="utf-8")).body[1:]
+    for number, words in zip(body[::2], body[1::2], strict=True):
+        assert isinstance(number, ast.Assign)
+        assert isinstance(words, ast.Expr)
+        assert len(ast.literal_eval(words.value)) > 20

@@ -1,0 +1,117 @@
+"""The proof of an explanation: held-out points, other samples, and residuals in which nothing is left."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pzctl.fitters.diagnosis.search.refit import as_refit
+from pzctl.fitters.diagnosis.validation.bands import excess_of, guilty_bands
+from pzctl.fitters.diagnosis.validation.cross_sample import carried_over
+from pzctl.fitters.diagnosis.validation.held_out_misfit import held_out_chi2, unforeseen
+from pzctl.fitters.diagnosis.validation.residual_summary import in_words, remainder
+from pzctl.fitters.diagnosis.validation.whiteness_tests import period, uneven
+from pzctl.models.base.arrays import Complexes
+
+N = 801
+
+
+def noise(seed: int) -> Complexes:
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal(N) + 1j * rng.standard_normal(N)
+
+
+def chi2(residual: Complexes) -> float:
+    return float(np.mean(np.abs(residual) ** 2)) / 2
+
+
+def test_noise_has_no_structure() -> None:
+    assert not any(uneven(noise(seed), 1) or period(noise(seed)) for seed in range(300))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_ripple_below_the_noise_is_told_by_its_period(seed: int) -> None:
+    hum = noise(seed) + 0.6 * np.sin(2 * np.pi * np.arange(N) / 13.0)
+    assert chi2(hum) < 1.2
+    found = period(hum)
+    assert found is not None
+    assert found == pytest.approx(13.0, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_few_points_out_of_place_are_found_where_they_are(seed: int) -> None:
+    moved = noise(seed)
+    moved[400:406] += 4 + 4j
+    assert chi2(moved) < 1.3
+    ((_, first, stop),) = uneven(moved, 1)
+    assert first <= 402
+    assert stop >= 404
+    assert stop - first < 20
+
+
+def test_a_noise_twice_as_large_as_told_has_no_period() -> None:
+    assert not any(period(2 * noise(seed)) for seed in range(50))
+
+
+@given(st.integers(40, 740), st.integers(20, 60), st.floats(20, 200))
+def test_bands_are_where_the_excess_is(first: int, length: int, height: float) -> None:
+    f = np.linspace(1e6, 5e6, N)
+    excess = np.ones(N)
+    excess[first : first + length] = height
+    ((low, high),) = guilty_bands(f, excess)
+    assert abs(low - f[first]) <= 8 * (f[1] - f[0])
+    assert abs(high - f[min(first + length, N - 1)]) <= 8 * (f[1] - f[0])
+    assert guilty_bands(f, np.ones(N)) == ()
+
+
+def test_the_worst_band_comes_first_and_faint_ones_beside_it_are_not_told() -> None:
+    f, excess = np.arange(N, dtype=float), np.ones(N)
+    excess[100:140], excess[300:340], excess[600:640] = 50.0, 2000.0, 10.0
+    worst, second = guilty_bands(f, excess)
+    assert 300 <= worst[0] + 8 < worst[1] <= 350
+    assert 100 <= second[0] + 8 < second[1] <= 150
+    before, after = noise(1), noise(2)
+    (fall,) = excess_of([before], [after])
+    assert np.sum(fall) == pytest.approx(N * (chi2(before) - chi2(after)))
+
+
+def test_held_out_points_are_foretold_with_the_effect_and_not_without(lead_case) -> None:
+    with_lead = held_out_chi2(lead_case.problem, lead_case.final)
+    assert with_lead == pytest.approx(1, abs=0.4)
+    assert held_out_chi2(lead_case.problem, lead_case.null) > 1000 * with_lead
+    assert unforeseen(lead_case.problem, lead_case.final) == (), "a lead is felt in every band"
+
+
+def test_a_lead_is_borne_out_by_another_sample_that_has_it_and_not_by_one_that_has_none(lead_case, nothing) -> None:
+    problem, final = lead_case.problem, lead_case.final
+    same = carried_over(problem, final, "same jig", lead_case.task, lambda _: None)
+    assert same.effects == ("lead-inductance at terminals",)
+    assert same.chi2_per_dof_after < 1.5 < 1000 < same.chi2_per_dof_before
+    assert "bears it out" in same.says
+    better = carried_over(problem, final, "better jig", nothing, lambda _: None)
+    assert better.chi2_per_dof_after > 10 * better.chi2_per_dof_before
+    assert "does not have" in better.says
+    none = carried_over(problem, lead_case.null, "any", nothing, lambda _: None)
+    assert none.effects == ()
+    assert "Nothing was found here" in none.says
+
+
+def test_noise_is_no_remainder_and_a_line_is_told_by_its_place(lead_case) -> None:
+    left = remainder(lead_case.final)
+    assert (left.bands_Hz, left.poles, left.texture) == ((), (), None)
+    assert in_words(left) == ""
+    (sweep,) = lead_case.task.sweeps["disk"]
+    f_k, q = 6.1e6, 60.0
+    x = sweep.frequency / f_k
+    line = 2j * np.pi * sweep.frequency * 2e-12 / (1 - x**2 + 1j * x / q)
+    (own,) = lead_case.problem.recordings
+    with_line = replace(sweep, impedance=1 / (1 / sweep.impedance + line))
+    problem = replace(lead_case.problem, recordings=(replace(own, sweep=with_line),))
+    left = remainder(as_refit(problem, lead_case.search.best))
+    assert any(low <= f_k <= high for low, high in left.bands_Hz)
+    assert left.poles[0].frequency_Hz == pytest.approx(f_k, rel=0.01)
+    assert left.poles[0].q == pytest.approx(q, rel=0.5)
+    assert left.poles[0].capacitance == pytest.approx(2e-12, rel=0.3)
+    assert f"a resonance at {left.poles[0].frequency_Hz / 1e6:.4g} MHz" in in_words(left)
