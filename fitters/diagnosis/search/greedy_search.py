@@ -23,6 +23,9 @@ from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilitie
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
 
+_APART = 0.03
+"""Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
+
 
 @dataclass(eq=False)
 class GreedySearch:
@@ -139,8 +142,8 @@ class GreedySearch:
 
     def _try(self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate]) -> None:
         effects = (*parent.effects, one)
-        starts = (ErrorSizes(colour=parent.fit.sizes.colour),)
-        for promise in promises[:1]:
+        starts = (ErrorSizes(colour=parent.fit.sizes.colour), parent.fit.sizes)
+        for promise in _apart(promises):
             self._fit(effects, {**parent.values, **promise.start}, starts, rounds=2)
 
     def _fit(
@@ -156,8 +159,13 @@ class GreedySearch:
 
         What cannot be computed there, physics or covariance, is none.
         """
+        null = self.found[frozenset()]
         try:
-            self._take(fitted(self.problem, effects, values, starts, near=near, rounds=rounds, fast=self._fast))
+            self._take(
+                fitted(
+                    self.problem, effects, values, (*starts, null.fit.sizes), near=near, rounds=rounds, fast=self._fast
+                )
+            )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return
 
@@ -214,3 +222,14 @@ class GreedySearch:
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """Return the first start and, of an effect that resonates, those at other frequencies: each is a valley of its own."""
+    kept: list[ScreenedCandidate] = []
+    for promise in promises:
+        at = [promise.start[name] for name in promise.candidate.resonance_parameters]
+        before = [[one.start[name] for name in one.candidate.resonance_parameters] for one in kept]
+        if not kept or all(any(abs(f / g - 1) > _APART for f, g in zip(at, other, strict=True)) for other in before):
+            kept.append(promise)
+    return kept
