@@ -45,10 +45,17 @@ class Instrument:
     """A 4294A with a bench behind it. One event loop at a time."""
 
     def __init__(
-        self, bench: Bench, time_scale: float = 1.0, clock: Callable[[], float] = time.monotonic, serial: str = SERIAL
+        self,
+        bench: Bench,
+        time_scale: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        identity: str = f"HEWLETT-PACKARD,4294A,{SERIAL},{FIRMWARE}",
+        set_initial: Callable[["Instrument"], None] = lambda _: None,
     ) -> None:
         self.bench, self.time_scale, self.clock = bench, time_scale, clock
-        self.identity = f"HEWLETT-PACKARD,4294A,{serial},{FIRMWARE}"
+        self.identity, self._set_initial = identity, set_initial
+        self.scpi: dict[str, Value] = {}
+        """Settings of an analyzer that speaks SCPI, where they are none of the 4294A's."""
         self.date_lost = False
         """Fault: the clock's battery is dead."""
         self.bias_overload = False
@@ -92,6 +99,7 @@ class Instrument:
         self.opc_wanted = False
         self.sweeper.hold()
         self.new_axis()
+        self._set_initial(self)
         if continuous:
             self.sweeper.start(-1)
 

@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator, Callable
 
 from ..instrument.instrument import Instrument
 from ..instrument.list_table import FIELDS
-from ..instrument.status import USER_REQUEST
 from .command_entry import Entry
 from .command_table import ROWS
 from .commands import COMMANDS, LIST_EDITOR, QUERIES
@@ -89,15 +88,5 @@ async def perform(
                 await instrument.until_standard_measured()
             if answer is not None:
                 yield answer
-    except CommandError as error:
-        instrument.status.error(error)
-
-
-def panel(instrument: Instrument, message: bytes) -> None:
-    """Carry out the commands of a message as a person at the front panel does, and set the user-request bit."""
-    instrument.status.raise_standard(USER_REQUEST)
-    try:
-        for unit in parse(message):
-            execute(instrument, unit)
     except CommandError as error:
         instrument.status.error(error)

@@ -124,7 +124,7 @@ MNEMONIC_LIMIT = 12
 """Characters of a mnemonic; those of a tree (`:PROG:DEF`) have as many at each level."""
 
 _STARRED = re.compile(rb"\*[A-Za-z]{3}[0-9]+")
-_MNEMONIC = re.compile(rb"\*?[A-Za-z][A-Za-z0-9_]*|:?[A-Za-z0-9]+(:[A-Za-z0-9]+)+")
+_MNEMONIC = re.compile(rb"\*?[A-Za-z][A-Za-z0-9_]*|:?[A-Za-z0-9]+(:[A-Za-z0-9]+)*")
 
 
 def _check_mnemonic(word: bytes) -> None:
