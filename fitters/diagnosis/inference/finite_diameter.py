@@ -28,7 +28,8 @@ _SHOWS = 0.02
 plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _DESCRIBED = 6e-3
 """Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
-_SECONDS = 12.0
+_ROUNDS = 4
+"""Budget: descents in two dimensions, of at most twelve steps each."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -57,7 +58,7 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
         return None
     progress("fitting the disk in two dimensions")
     try:
-        result = finite_disk(task, _SECONDS, enough=_DESCRIBED)
+        result = finite_disk(task, _ROUNDS, enough=_DESCRIBED)
     except FitError:
         return None
     probability = _probability(task, result, null, best)
