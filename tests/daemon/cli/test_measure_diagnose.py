@@ -87,7 +87,7 @@ def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> 
     assert {"effect": "stray-capacitance", "where": "terminals"} in proposal["decides"]
     assert 10 < proposal["seconds"] < 100
     assert "proposal for disk: sweep from 1.5 to 16.5 MHz" in done.stderr
-    assert "nobody can be asked here" in done.stderr
+    assert "this is no terminal to ask in" in done.stderr
     with pzctl.connect() as lab:
         assert [one.state for one in lab.samples()[0].measurements] == ["measured"]
 

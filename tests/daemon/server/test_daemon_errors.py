@@ -89,11 +89,11 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
             ),
             (
                 lambda: raised(["screenshot", str(tmp_path / "s.tif"), "--resource", str(where.resource)]),
-                f"the daemon that runs owns {where.resource}; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: raised(["measure", "--step", "disk", "--resource", "127.0.0.1:5025"]),
-                f"the daemon that runs owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: [diagnosed(lab, one.id, k) for k in range(MOST_ERRANDS + 1)],
