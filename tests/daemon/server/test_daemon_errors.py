@@ -135,11 +135,11 @@ def test_a_daemon_that_hangs_and_one_that_is_not_there(
         events = lab.listen(10.0)
         os.kill(where.pid, signal.SIGSTOP)
         try:
-            says = f"daemon at {where.events}: not a sound for 0.3 s; it has ended or hangs"
+            says = f"daemon at {where.events}: silent for 0.3 s; it has ended or hangs"
             assert sentence(lambda: next(events)) == says
         finally:
             os.kill(where.pid, signal.SIGCONT)
     try:
-        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: not a sound for 0.3 s")
+        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: silent for 0.3 s")
     finally:
         os.kill(where.pid, signal.SIGCONT)

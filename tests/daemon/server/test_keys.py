@@ -173,7 +173,7 @@ def test_a_client_that_is_turned_away_is_told(start_daemon, key_of, tmp_path: Pa
 
     for error in asyncio.run(both()):
         assert isinstance(error, DaemonError)
-        assert "it does not let this client in" in str(error)
+        assert "it refuses this client" in str(error)
         assert error.code == "not-allowed"
 
 
