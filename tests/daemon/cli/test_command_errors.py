@@ -71,11 +71,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "x.bmp"],
-            "x.bmp: no picture has a name that ends so; allowed are .png, .svg, .pdf",
+            "x.bmp: the name ends with '.bmp'; allowed are .png, .svg, .pdf",
         ),
         (
             ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "proof"],
-            "proof: this is a folder; the name of a file is needed, as proof/fit.png",
+            "proof: this is a folder; a file name is needed, such as proof/fit.png",
         ),
         (
             ["diagnose", "--build", "no.toml", "disk=disk.csv", "--effects", "cable,"],
@@ -209,7 +209,7 @@ def simulator_that_does_not_start() -> object:
     [
         (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its duration are needed"),
         (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
-        (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
+        (huge_file, "huge.toml: 1000001 bytes is too large for a build.toml"),
         (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
         (
             lambda: copy_journal(no_record, Path("disk.csv")),

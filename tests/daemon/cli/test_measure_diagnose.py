@@ -129,5 +129,5 @@ def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
     archive = open_journal()
     page = report_html(sample_record(archive, one))
     archive.close()
-    assert "guilty: layer:disk" in page, "the picture is there, with its place marked"
+    assert "marked: layer:disk" in page, "the picture is there, with its place marked"
     assert "bends with the oscillator level" in page
