@@ -272,12 +272,10 @@ def test_a_port_that_is_taken(here: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(PzctlError, match=rf"endpoint 'tcp://127.0.0.1:{port}' cannot be bound: Address already"):
             bound(f"tcp://127.0.0.1:{port}")
-        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: nobody can listen there; is the port taken"):
+        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: cannot listen there; is the port taken"):
             serve(read_build(BUILD), "127.0.0.1", port, None)
         with (
-            pytest.raises(
-                PzctlError, match="nobody can listen there: Address already in use; --page-port takes another"
-            ),
+            pytest.raises(PzctlError, match="cannot listen there: Address already in use; --page-port takes another"),
             served_beside(BUILD, port),
         ):
             pass
