@@ -236,7 +236,10 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
             damping = 0.0 if damping < 1e-2 else damping * _RELAXED
             if fall < close:
                 break
-            value = marginal.value(x, held)
+            try:
+                value = marginal.value(x, held)
+            except np.linalg.LinAlgError:
+                break
         else:
             damping = 1e-2 if damping == 0 else damping * _DAMPED
             if damping > 1e6:

@@ -28,7 +28,8 @@ _SHOWS = 0.02
 faint. The best plate leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _DESCRIBED = 6e-3
 """Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is hardly better."""
-_SECONDS = 12.0
+_ROUNDS = 4
+"""Descents in two dimensions, of at most twelve steps each. A budget."""
 _MORE = 14
 """Parameters that the disk has and a plate has not: seven complex constants."""
 
@@ -57,7 +58,7 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
         return None
     progress("fitting the disk in two dimensions")
     try:
-        result = finite_disk(task, _SECONDS, enough=_DESCRIBED)
+        result = finite_disk(task, _ROUNDS, enough=_DESCRIBED)
     except FitError:
         return None
     probability = _probability(task, result, null, best)

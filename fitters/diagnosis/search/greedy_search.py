@@ -1,6 +1,6 @@
 """The search: nothing, each effect, pairs and greedy further ones, look-alikes instead; all by one log evidence."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -92,9 +92,7 @@ class GreedySearch:
                 if frozenset((*rest, other)) in self.found:
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
-                self._take(
-                    fitted(self.problem, (*rest, other), {**one.values, **there}, (one.fit.sizes,), fast=self._fast)
-                )
+                self._fit((*rest, other), {**one.values, **there}, (one.fit.sizes,))
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
@@ -143,13 +141,25 @@ class GreedySearch:
         effects = (*parent.effects, one)
         starts = (ErrorSizes(colour=parent.fit.sizes.colour),)
         for promise in promises[:1]:
-            try:
-                made = fitted(
-                    self.problem, effects, {**parent.values, **promise.start}, starts, rounds=2, fast=self._fast
-                )
-            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-                continue
-            self._take(made)
+            self._fit(effects, {**parent.values, **promise.start}, starts, rounds=2)
+
+    def _fit(
+        self,
+        effects: tuple[Candidate, ...],
+        values: Mapping[str, float],
+        starts: Sequence[ErrorSizes],
+        *,
+        near: bool = False,
+        rounds: int = 3,
+    ) -> None:
+        """Fit these effects from `values`, and keep the hypothesis unless one of the same effects is better.
+
+        What cannot be computed there, physics or covariance, is none.
+        """
+        try:
+            self._take(fitted(self.problem, effects, values, starts, near=near, rounds=rounds, fast=self._fast))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return
 
     def _take(self, made: Hypothesis) -> None:
         if np.isfinite(made.log_weight):
@@ -174,8 +184,7 @@ class GreedySearch:
             for one in again:
                 self._fine.add(one.key)
                 start = (one.fit.sizes,) if one.fit.converged else (ErrorSizes(colour=one.fit.sizes.colour),)
-                finer = fitted(self.problem, one.effects, one.values, start, near=True, rounds=4, fast=self._fast)
-                self._take(finer)
+                self._fit(one.effects, one.values, start, near=True, rounds=4)
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""
@@ -192,7 +201,7 @@ class GreedySearch:
         """Fit the best without each of its effects, as long as one less is better."""
         for effect in one.effects:
             rest = tuple(other for other in one.effects if other is not effect)
-            self._take(fitted(self.problem, rest, one.values, (one.fit.sizes,), near=True, fast=self._fast))
+            self._fit(rest, one.values, (one.fit.sizes,), near=True)
         self.polish()
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
