@@ -1,0 +1,271 @@
+"""What two recordings differ by although nothing was done: the errors of a pair, and one evidence for all hypotheses.
+
+    ln Z_after = ln(change of Z_before) + noise + instrument + fixture + drift + form of the change + rest
+
+- noise of both recordings, that of before as it is seen through the change;
+- gain and phase of the analyzer in each, constant or smooth over frequency: what its specification allows;
+- what open and short compensation leave, once more after each clamping;
+- a drift of the resonances, all together and each by itself: columns d ln Z/d ln f times smooth functions, real for a
+  shift and imaginary for the losses, so that a steep flank counts for no more than it knows;
+- the change's own formula, off by a smooth share of itself: a coil's core, a line's loss;
+- the rest: what none of these describes, an exponentially correlated error that is large where the device is sensitive.
+
+All but noise and rest are columns with a unit normal prior, integrated out exactly. How large each part is, is chosen
+by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, that nobody has named.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+
+from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
+from ...models.circuits.terminals import skin
+from ..error_model.point_covariance import PointErrors, gram
+from ..error_model.prior_scales import FIXTURE
+from ..error_model.smooth_basis import smooth
+from .pair import Pair
+
+INSTRUMENT = 1e-3
+"""Gain (ln |Z|) and phase (rad) of an analyzer."""
+_LEVEL = 1.5e-3
+"""An error of gain or phase that is the same at all frequencies: cables, range and connectors of the day."""
+_SAME = 1e-9
+_SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
+"""Correlation lengths of gain and phase in ln f, and how much of them is fast."""
+_DRIFT_LENGTH, _LOSSES = 0.1, 0.3
+"""Resonances further apart than this in ln f drift by themselves; drift of 1/(2 Q) in that of ln f."""
+_SHAPE_LENGTH = 1.0
+_FLOOR = 0.5
+"""Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
+USUAL_REST = 3e-4
+
+Grid = dict[float, float]
+"""Sizes with their prior probabilities."""
+GRIDS: dict[str, Grid] = {
+    "instrument": {0.1: 0.15, 0.3: 0.3, 1.0: 0.45, 3.0: 0.1},
+    "fixture": {0.0: 0.5, 1.0: 0.5},
+    "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
+    "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
+}
+RESTS: Grid = {
+    0.0: 0.4, 1e-4: 0.2, 3e-4: 0.15, 1e-3: 0.1, 3e-3: 0.05, 1e-2: 0.03, 3e-2: 0.025, 0.1: 0.02, 0.3: 0.015, 1.0: 0.01,
+}  # fmt: skip
+_START = {"instrument": 1.0, "fixture": 1.0, "drift": 1e-4, "shape": 0.01}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large each part of the errors is."""
+
+    instrument: float = 1.0
+    fixture: float = 1.0
+    drift: float = 1e-4
+    shape: float = 0.01
+    rest: float = 0.0
+
+    @property
+    def log_prior(self) -> float:
+        """Ln of its probability on the grids."""
+        return sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items()) + log(RESTS[self.rest])
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A hypothesis about a pair at one place: what it predicts and how that moves."""
+
+    predicted: Impedances
+    through: Complexes
+    """d ln Z predicted / d ln Z before, shape (N,)."""
+    slopes: Complexes
+    """d ln Z predicted / d coordinate, shape (N, P); each coordinate has a unit normal prior."""
+    shapes: Complexes
+    """d ln Z predicted / d ln of each size a change is known by, shape (N, K)."""
+    x: Reals
+    """The coordinates, shape (P,)."""
+    frequency: Reals
+    """Hz, shape (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a pair says of a hypothesis, errors and coordinates integrated out."""
+
+    log_evidence: float
+    """Summed over the rests."""
+    usual: float
+    """Part of the evidence in which the rest is no more than usual."""
+    sizes: Sizes
+    """The most probable."""
+    x: Reals
+    """Posterior mean of the coordinates, shape (P,), by one step from where it was linearised."""
+    covariance: Reals
+    """Of the coordinates, shape (P, P)."""
+    cost: float
+    """chi2 of the pair and all priors at these sizes."""
+    here: float
+    """-2 ln density at the place it was linearised at, errors integrated out, up to a constant of the sizes."""
+    left: Complexes
+    """What no change and no error but rest and noise describes, shape (N,)."""
+
+
+class PairErrors:
+    """Everything that is the same for all hypotheses about a pair."""
+
+    def __init__(self, pair: Pair) -> None:
+        self.pair = pair
+        f, u = pair.frequency, pair.log_f
+        ends = float(u[0]), float(u[-1])
+        span = max(ends[1] - ends[0], 1e-6)
+        slow = smooth(u, ends, _SLOW, 5)
+        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 8)
+        self._gain = INSTRUMENT * np.column_stack([slow, fast])
+        drift = smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 14)
+        self._drift = np.column_stack([np.ones_like(u), drift])
+        self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
+        self._jw, self._skin = j_omega(f), skin(f)
+        steep = np.abs(pair.slope)
+        self._felt = np.sqrt(_FLOOR**2 + steep**2 / 4)
+
+    def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
+        """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
+        pair, s, Z = self.pair, at.through, self.pair.after
+        steep = (s * pair.slope)[:, None]
+        gain = np.hstack([self._gain, 1j * self._gain])
+        level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
+        groups = {
+            "x": at.slopes,
+            "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
+            "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
+            "fixture": self._fixture(Z),
+            "drift": np.hstack([steep * self._drift, 1j * _LOSSES * steep * self._drift]),
+            "shape": np.hstack(
+                [np.zeros((Z.size, 0), np.complex128)]
+                + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
+            ),
+        }
+        where: dict[str, slice] = {}
+        first = 1
+        for name, block in groups.items():
+            where[name] = slice(first, first + block.shape[1])
+            first += block.shape[1]
+        r = np.log(pair.after / at.predicted) + at.slopes @ at.x
+        return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
+
+    def _fixture(self, Z: Impedances) -> Complexes:
+        one, jw = np.ones_like(Z), self._jw
+        series = np.column_stack(
+            [jw * FIXTURE["inductance"], one * FIXTURE["resistance"], self._skin * FIXTURE["skin"]]
+        )
+        shunt = np.column_stack([jw * FIXTURE["capacitance"], one * FIXTURE["conductance"]])
+        return np.hstack([series / Z[:, None], -shunt * Z[:, None]])
+
+    def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
+        """Return the noise of each point: of both recordings, and what a drift does beside its column."""
+        pair, s = self.pair, np.abs(at.through)
+        second = s * np.hypot(0.5 * drift**2 * np.abs(pair.bend), drift * pair.slope_error)
+        noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
+        return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
+
+    def outcome(self, at: Linearised, rests: Sequence[float] = tuple(RESTS), start: Sizes | None = None) -> Outcome:
+        """Return what the pair says of a hypothesis that was linearised here."""
+        X, where = self.columns(at)
+        points = self.points(at)
+        kept = np.isfinite(points.noise)
+        logs: list[float] = []
+        best: tuple[float, Sizes, Reals] | None = None
+        sizes = start or Sizes()
+        for rest in rests:
+            G, log_det = gram([points], [X], 0.0, (rest, 0.0))
+            sizes = replace(sizes, rest=rest)
+            value, sizes = _climbed(G, log_det, where, sizes)
+            logs.append(value)
+            if best is None or value > best[0]:
+                best = value, sizes, G
+            if rest and value < best[0] - 40:
+                break
+        if best is None:
+            raise ValueError("no rests")
+        total = float(np.logaddexp.reduce(logs))
+        usual = [v for v, rest in zip(logs, rests, strict=False) if rest <= USUAL_REST]
+        part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
+        return self._finished(best[1], best[2], X, where, (total, part, int(np.count_nonzero(kept))))
+
+    def _finished(
+        self, sizes: Sizes, G: Reals, X: Complexes, where: dict[str, slice], told: tuple[float, float, int]
+    ) -> Outcome:
+        scale = _scale(where, sizes, G.shape[0])
+        inverse, a = _posterior(G, scale)
+        own = where["x"]
+        x = a[own.start - 1 : own.stop - 1]
+        covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
+        cost = float(G[0, 0] - G[0, 1:] @ a)
+        return Outcome(told[0], told[1], sizes, x, covariance, cost, cost, X[:, 0] - X[:, 1:] @ a)
+
+    def quadratic(self, at: Linearised, sizes: Sizes) -> float:
+        """Return chi2 at these sizes of the errors, everything else integrated out."""
+        X, where = self.columns(at)
+        G, _ = gram([self.points(at)], [X], 0.0, (sizes.rest, 0.0))
+        _, a = _posterior(G, _scale(where, sizes, G.shape[0]))
+        return float(G[0, 0] - G[0, 1:] @ a)
+
+
+def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
+    """Return the prior standard deviation of each column's coefficient, the residual's left out."""
+    scale = np.ones(count - 1)
+    for name, own in where.items():
+        if name in GRIDS:
+            scale[own.start - 1 : own.stop - 1] = getattr(sizes, name)
+    return scale
+
+
+def _factor(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
+    S = scale[:, None] * G[1:, 1:] * scale
+    S[np.diag_indices_from(S)] += 1.0
+    c, failed = dpotrf(S, lower=1)
+    if failed:
+        S[np.diag_indices_from(S)] *= 1 + 1e-9
+        c, failed = dpotrf(S, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("errors of a pair")
+    return c, scale * G[1:, 0]
+
+
+def _posterior(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
+    """Return covariance and mean of the columns' coefficients."""
+    c, v = _factor(G, scale)
+    solved, _ = dpotrs(c, v, lower=1)
+    lower, _ = dpotri(c, lower=1)
+    inverse = np.tril(lower) + np.tril(lower, -1).T
+    return scale[:, None] * inverse * scale, scale * solved
+
+
+def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
+    c, v = _factor(G, scale)
+    solved, _ = dpotrs(c, v, lower=1)
+    return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
+
+
+def _climbed(G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes) -> tuple[float, Sizes]:
+    """Return the largest density times prior over the sizes of the errors, one after the other, and where it is."""
+
+    def value(trial: Sizes) -> float:
+        return _log_density(G, log_det, _scale(where, trial, G.shape[0])) + trial.log_prior
+
+    best = value(sizes)
+    for _ in range(3):
+        before = best
+        for name, grid in GRIDS.items():
+            if where[name].start == where[name].stop:
+                continue
+            for size in grid:
+                if size != getattr(sizes, name):
+                    trial = replace(sizes, **{name: size})
+                    here = value(trial)
+                    if here > best:
+                        best, sizes = here, trial
+        if best - before < 0.1:
+            break
+    return best, sizes

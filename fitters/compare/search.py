@@ -1,0 +1,120 @@
+"""The search for what happened: each change alone, then the best with one more at either end, and once more."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from .change import Change
+from .hypothesis import Fitted, Hypothesis, fitted, plain_fit, plain_misfit
+from .pair_errors import PairErrors
+
+_LATTICE = np.arange(-3.5, 3.6, 0.25)
+"""Where the size that a change is known by is tried, standard deviations of its prior."""
+_TRIED = 2
+"""Starts that are followed."""
+_PARENTS, _GROWN = 2, 4
+"""How many of the best are grown, and how many of what grew of each is fitted. Budgets."""
+_MOST = 3
+"""Changes at once. A budget."""
+_PAYS = 5.0
+"""Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """All hypotheses that were fitted, the most probable first."""
+
+    fits: tuple[Fitted, ...]
+    nothing: Fitted
+
+    @property
+    def best(self) -> Fitted:
+        """The most probable."""
+        return self.fits[0]
+
+    def probabilities(self) -> Reals:
+        """Return the posterior probability of each, shape (K,)."""
+        logs = np.array([one.log_posterior for one in self.fits])
+        return np.exp(logs - np.logaddexp.reduce(logs))
+
+
+def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
+    """Return what was fitted to a pair."""
+    nothing = fitted(Hypothesis(()), errors, np.zeros(0))
+    fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
+    for change in changes:
+        hypothesis = Hypothesis((change,))
+        _, x = _started(hypothesis, errors, np.zeros(0), 0)
+        fits[change,] = fitted(hypothesis, errors, x)
+    for depth in range(1, _MOST):
+        ranked = _ranked(fits.values())
+        best = ranked[0]
+        if len(best.hypothesis.changes) < depth or (depth > 1 and not _short(best)):
+            break
+        parents = [one for one in ranked if len(one.hypothesis.changes) == depth][:_PARENTS]
+        for parent in parents:
+            for hypothesis, x in _grown(parent, errors, changes):
+                if hypothesis.changes not in fits:
+                    fits[hypothesis.changes] = fitted(hypothesis, errors, x)
+        if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
+            break
+    return Searched(tuple(_ranked(fits.values())), nothing)
+
+
+def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
+    return sorted(fits, key=lambda one: -one.log_posterior)
+
+
+def _short(best: Fitted) -> bool:
+    """Return whether an explanation leaves more than noise."""
+    return best.outcome.sizes.rest > 0
+
+
+def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> list[tuple[Hypothesis, Reals]]:
+    """Return what promises most of all that one more change can make of an explanation."""
+    own = parent.hypothesis.changes
+    trials: list[tuple[float, Hypothesis, Reals]] = []
+    for change in changes:
+        if any(one.effect == change.effect for one in own):
+            continue
+        for at in _places(own, change):
+            hypothesis = Hypothesis((*own[:at], change, *own[at:]))
+            value, x = _started(hypothesis, errors, parent.x, at, steps=5)
+            trials.append((value, hypothesis, x))
+    trials.sort(key=lambda trial: trial[0])
+    return [(hypothesis, plain_fit(hypothesis, errors, x)[1]) for _, hypothesis, x in trials[:_GROWN]]
+
+
+def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
+    """Return where a change can stand among others: what happened in the device comes before all at the terminals."""
+    first = sum(one.where != "terminals" for one in own)
+    return tuple(range(first, len(own) + 1)) if change.where == "terminals" else (0,)
+
+
+def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, steps: int = 12) -> tuple[float, Reals]:
+    """Return where plain least squares lead from the best places of the lattice of change `at`; and what they leave."""
+    own = hypothesis.slices[at]
+    base = np.concatenate([known[: own.start], np.zeros(own.stop - own.start), known[own.start :]])
+    if own.start == own.stop:
+        return plain_misfit(hypothesis, errors, base), base
+    starts: list[tuple[float, Reals]] = []
+    for z in _LATTICE:
+        x = base.copy()
+        x[own.start] = z
+        starts.append((plain_misfit(hypothesis, errors, x), x))
+    lowest = sorted(starts, key=lambda start: start[0])
+    followed = [plain_fit(hypothesis, errors, x, steps) for _, x in _apart(lowest, own.start)]
+    return min(followed, key=lambda end: end[0])
+
+
+def _apart(starts: list[tuple[float, Reals]], k: int) -> list[tuple[float, Reals]]:
+    """Return the best starts that are no neighbours of each other."""
+    kept: list[tuple[float, Reals]] = []
+    for value, x in starts:
+        if all(abs(x[k] - other[k]) > 0.6 for _, other in kept):
+            kept.append((value, x))
+        if len(kept) == _TRIED:
+            break
+    return kept
