@@ -1,12 +1,11 @@
-"""A change: what may have happened between two recordings, with the sizes it has in nature."""
+"""The sizes that a change has in nature."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from ...models.base.arrays import Frequencies, Impedances
+from ...models.base.arrays import Reals
 
 Values = Mapping[str, float]
 """Sizes in SI units, by name."""
@@ -25,6 +24,11 @@ class ChangeSize:
     """Standard deviation of its logarithm; of a signed one its own, in its unit."""
     signed: bool = False
 
+    @property
+    def lattice(self) -> Reals:
+        """Coordinates at which a fit may begin: of a signed size the denser, the smaller it is."""
+        return 3.5 * np.sinh(np.linspace(-5, 5, 60)) / np.sinh(5.0) if self.signed else np.arange(-3.5, 3.6, 0.25)
+
     def value(self, x: float) -> float:
         """Return the size at a coordinate whose prior is a unit normal."""
         return self.median + self.spread * x if self.signed else float(self.median * np.exp(self.spread * x))
@@ -32,36 +36,3 @@ class ChangeSize:
     def slope(self, x: float) -> float:
         """Return d size / d coordinate."""
         return self.spread if self.signed else self.spread * self.value(x)
-
-
-class Change(Protocol):
-    """What may have happened."""
-
-    @property
-    def effect(self) -> str:
-        """Its name, the catalogue's where the catalogue has it."""
-        ...
-
-    @property
-    def where(self) -> str:
-        """`terminals`, `device`, or a place of the build."""
-        ...
-
-    @property
-    def sizes(self) -> tuple[ChangeSize, ...]:
-        """What it has for sizes; the first is what it is known by."""
-        ...
-
-    @property
-    def odds(self) -> float:
-        """Prior odds against nothing, beside other changes."""
-        ...
-
-    @property
-    def says(self) -> str:
-        """A sentence for people."""
-        ...
-
-    def apply(self, Z: Impedances, frequency: Frequencies, values: Values) -> Impedances:
-        """Return what is seen in ohm, shape (N,), where Z was seen before."""
-        ...

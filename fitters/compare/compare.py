@@ -10,12 +10,13 @@ from ...models.base.arrays import Reals
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
-from .change import Change
 from .comparison import ChangeFinding, ComparedCurve, Comparison, Verdict
-from .hypothesis import Fitted, Hypothesis, fitted
+from .device_changes import device_changes
+from .hypothesis import Change, Fitted, Hypothesis, fitted
 from .limits import limits, repeatability
 from .pair import Pair, pair_of
 from .pair_errors import USUAL_REST, PairErrors, Sizes
+from .resonances import fitted_poles, resonances_of
 from .search import Searched, search
 from .two_ports import TwoPort, two_ports
 
@@ -31,18 +32,21 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
     """Return what changed; several sweeps on a side are repeats. Raises TaskError where they cannot be compared."""
     began = time.monotonic()
     pair = pair_of(before, after)
-    errors = PairErrors(pair)
-    searched = search(errors, two_ports())
+    own = resonances_of(fitted_poles(pair, pair.before, pair.noise_before), pair, pair.before)
+    errors = PairErrors(pair, own)
+    searched = search(errors, (*two_ports(), *device_changes(pair, own)))
     return concluded(errors, searched, began)
 
 
 def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:
     """Return the answer."""
-    pair, best, nothing = errors.pair, searched.best, searched.nothing
-    verdict, probability = _verdict(searched, errors)
+    pair, nothing = errors.pair, searched.nothing
+    alike = _class(searched, errors)
+    best = _simplest(searched, alike)
+    verdict, probability = _verdict(searched, best, alike)
     named = best if verdict in ("explained", "partly-explained") else nothing
     held = _held_out(pair.frequency.size)
-    findings = _findings(errors, searched, named, held) if named.hypothesis.changes else ()
+    findings = _findings(errors, searched, named, (alike, held)) if named.hypothesis.changes else ()
     findings = (*_turned(pair), *findings)
     if verdict == "unchanged" and findings:
         verdict = "explained"
@@ -69,15 +73,19 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     )
 
 
-def _verdict(searched: Searched, errors: PairErrors) -> tuple[Verdict, float]:
+def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
+    """Return, of those that the pair does not tell from the best, the one with fewest changes."""
+    return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.best)
+
+
+def _verdict(searched: Searched, best: Fitted, alike: Sequence[int]) -> tuple[Verdict, float]:
     """Return the verdict and how probable it is: the rest of the best hypothesis says whether it is all."""
     chances = searched.probabilities()
-    best = searched.best
     usual = best.outcome.usual
     if not best.hypothesis.changes:
-        share = float(chances[0])
+        share = float(chances[searched.fits.index(best)])
         return ("unchanged", share * usual) if usual >= NAMED else ("unexplained", share * (1 - usual))
-    share = float(sum(chances[k] for k in _class(searched, errors)))
+    share = float(sum(chances[k] for k in alike))
     if share < NAMED:
         return "unexplained", 1 - share
     left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))
@@ -89,6 +97,8 @@ def _verdict(searched: Searched, errors: PairErrors) -> tuple[Verdict, float]:
 def _class(searched: Searched, errors: PairErrors) -> list[int]:
     """Return the hypotheses that the pair does not tell from the best: as probable, or the same to within errors."""
     best = searched.best
+    if not best.hypothesis.changes:
+        return []
     alike: list[int] = []
     for k, one in enumerate(searched.fits):
         if not one.hypothesis.changes:
@@ -102,15 +112,16 @@ def _class(searched: Searched, errors: PairErrors) -> list[int]:
 def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
     """Return the chi2 by which the predictions of two hypotheses differ, errors integrated out."""
     pair = replace(errors.pair, after=one.at.predicted)
-    at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0))
-    return PairErrors(pair).quadratic(at, best.outcome.sizes)
+    at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0), inside=())
+    return PairErrors(pair, errors.own).quadratic(at, best.outcome.sizes)
 
 
 def _findings(
-    errors: PairErrors, searched: Searched, named: Fitted, held: Sequence[tuple[int, int]]
+    errors: PairErrors, searched: Searched, named: Fitted, known: tuple[Sequence[int], Sequence[tuple[int, int]]]
 ) -> tuple[ChangeFinding, ...]:
+    """Return what was found; `known` are the hypotheses that look alike, and the points held out."""
     chances = searched.probabilities()
-    alike = _class(searched, errors)
+    alike, held = known
     made: list[ChangeFinding] = []
     for k, change in enumerate(named.hypothesis.changes):
         others = tuple(c for j, c in enumerate(named.hypothesis.changes) if j != k)
@@ -121,7 +132,7 @@ def _findings(
                 effect=change.effect,
                 where=change.where,
                 step="",
-                probability=_probability(searched, chances, change),
+                probability=_probability(searched, chances, change, alike),
                 bands_Hz=_bands(errors.pair, np.log(named.at.predicted / without.at.predicted)),
                 parameters=_sizes(named, k),
                 chi2_per_dof_before=_chi2(errors, without),
@@ -145,14 +156,14 @@ def _without(errors: PairErrors, searched: Searched, others: tuple[Change, ...])
     return known or fitted(Hypothesis(others), errors, np.zeros(sum(len(one.sizes) for one in others)))
 
 
-def _probability(searched: Searched, chances: Reals, change: Change) -> float:
-    """Return the posterior share of all hypotheses that hold an effect at its place."""
+def _probability(searched: Searched, chances: Reals, change: Change, alike: Sequence[int]) -> float:
+    """Return the posterior share of all hypotheses that hold an effect at its place, or cannot be told from it."""
     key = change.effect, change.where
     return float(
         sum(
             chance
-            for one, chance in zip(searched.fits, chances, strict=True)
-            if any((c.effect, c.where) == key for c in one.hypothesis.changes)
+            for k, (one, chance) in enumerate(zip(searched.fits, chances, strict=True))
+            if k in alike or any((c.effect, c.where) == key for c in one.hypothesis.changes)
         )
     )
 
@@ -215,7 +226,7 @@ def _held_out(count: int) -> tuple[tuple[int, int], ...]:
 def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int]]) -> float:
     """Return by how much the points held out raise the least chi2 of the others, for each number (Chow's test)."""
     sizes: Sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
-    rest = PairErrors(errors.pair.without(held)).quadratic(fit.at, sizes)
+    rest = PairErrors(errors.pair.without(held), errors.own).quadratic(fit.at, sizes)
     count = 2 * sum(b - a for a, b in held)
     return (errors.quadratic(fit.at, sizes) - rest) / count
 

@@ -9,9 +9,10 @@ from math import log
 import numpy as np
 
 from ...models.base.arrays import Complexes, Impedances, Reals
-from .change import Change
+from .change import TERMINALS
+from .device_changes import DeviceChange
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
-from .two_ports import TwoPort
+from .two_ports import Turned, TwoPort
 
 _STEP = 1e-4
 _FURTHEST = 1.0
@@ -23,6 +24,9 @@ _IMPOSSIBLE = 20.0
 """Ln odds against a change that at its sizes is not what it is called."""
 _BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are not believed."""
+
+
+Change = TwoPort | Turned | DeviceChange
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,12 @@ class Hypothesis:
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
     @property
+    def inside(self) -> tuple[int, ...]:
+        """Which coordinates are those of changes in the device."""
+        pairs = zip(self.changes, self.slices, strict=True)
+        return tuple(k for change, own in pairs if change.where != TERMINALS for k in range(own.start, own.stop))
+
+    @property
     def count(self) -> int:
         """How many coordinates it has."""
         return sum(len(change.sizes) for change in self.changes)
@@ -59,9 +69,12 @@ class Hypothesis:
 
     def predict(self, Z: Impedances, frequency: Reals, x: Reals) -> Impedances:
         """Return what is seen after the changes, ohm, shape (N,)."""
-        seen = Z
+        seen, own = Z, None
         for k, change in enumerate(self.changes):
-            seen = change.apply(seen, frequency, self.values(x, k))
+            if isinstance(change, TwoPort | Turned):
+                seen = change.apply(seen, frequency, self.values(x, k))
+            else:
+                seen, own = change.act(seen, own or change.resonances, frequency, self.values(x, k))
         return seen
 
     def linearised(self, errors: PairErrors, x: Reals) -> Linearised:
@@ -74,12 +87,12 @@ class Hypothesis:
             moved[k] += _STEP
             slopes[:, k] = np.log(self.predict(Z, f, moved) / seen) / _STEP
         through = np.log(self.predict(Z * (1 + _STEP), f, x) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
-        return Linearised(seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes), x, f)
+        return Linearised(seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes, x), x, self.inside, f)
 
-    def _shapes(self, slopes: Complexes) -> Complexes:
+    def _shapes(self, slopes: Complexes, x: Reals) -> Complexes:
         """Return d ln Z / d ln of the size that each change is known by, shape (N, K)."""
         columns = [
-            slopes[:, own.start] * (1.0 if change.sizes[0].signed else 1 / change.sizes[0].spread)
+            slopes[:, own.start] * (x[own.start] if change.sizes[0].signed else 1 / change.sizes[0].spread)
             for change, own in zip(self.changes, self.slices, strict=True)
             if change.sizes
         ]
@@ -197,5 +210,5 @@ def _downhill(
 def _cost(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> float:
     """Return chi2 with the coordinates held at `x`, errors integrated out, and their prior."""
     at = hypothesis.linearised(errors, x)
-    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), at.frequency)
+    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), (), at.frequency)
     return errors.quadratic(held, sizes) + float(x @ x)

@@ -27,7 +27,7 @@ def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
         ("series-resistance", "resistance", "ohm"): one / Z,
         ("stray-capacitance", "capacitance", "F"): -jw * Z,
         ("leakage", "conductance", "S"): -Z,
-        ("frequencies-scaled", "shift", "1"): -fit.at.through * pair.slope,
+        ("frequencies-scaled", "shift", "1"): -fit.at.through * errors.slope,
     }
     made: list[Limit] = []
     for (effect, name, unit), column in columns.items():

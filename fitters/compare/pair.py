@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
@@ -19,8 +19,6 @@ _FLOOR = 1e-5
 """No analyzer repeats ln Z better than this."""
 _SPLINE = 15.0
 """The error of a cubic spline falls to a sixteenth where points are twice as dense; a fifteenth of the difference."""
-_SLOPE = 4.0
-"""By how much, at least, the error of a slope falls where points are twice as dense and resonances hardly resolved."""
 _MOSTLY = 0.9
 _SMOOTH = 9
 """Points over which the error of interpolation and the scatter of repeats are averaged."""
@@ -53,29 +51,6 @@ class Pair:
     def change(self) -> Complexes:
         """ln(after/before), shape (N,); its imaginary part within pi."""
         return np.log(self.after / self.before)
-
-    @cached_property
-    def curve(self) -> "BSpline[np.complex128]":
-        """Ln Z before over ln f, a spline of fifth degree through the points."""
-        return make_interp_spline(self.log_f, unwrapped(self.before), 5)
-
-    @cached_property
-    def slope(self) -> Complexes:
-        """Slope of ln Z over ln f before, shape (N,): what a drift of all resonances moves."""
-        return np.asarray(self.curve(self.log_f, 1), np.complex128)
-
-    @cached_property
-    def slope_error(self) -> Reals:
-        """How far the slope may be off where the points are far apart, shape (N,): from every other point."""
-        u, y = self.log_f, unwrapped(self.before)
-        halves = [np.asarray(make_interp_spline(u[k::2], y[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
-        error = np.min([np.abs(half - self.slope) for half in halves], axis=0)
-        return np.sqrt(_running(error**2)) / _SLOPE
-
-    @cached_property
-    def bend(self) -> Complexes:
-        """Second derivative of ln Z by ln f before, shape (N,)."""
-        return np.asarray(self.curve(self.log_f, 2), np.complex128)
 
     def without(self, held: Sequence[tuple[int, int]]) -> "Pair":
         """Return the same with blocks of points that take no part: their noise is infinite."""
@@ -150,7 +125,7 @@ def _side(side: Sequence[Sweep], turned: str, grid: Frequencies) -> tuple[Comple
     variance = np.mean(variances, axis=0) / n
     if n > 1:
         scatter = np.sum(np.abs(np.array(curves) - mean) ** 2, axis=0) / 2 / (n - 1) / n
-        variance = np.maximum(variance, _running(scatter))
+        variance = np.maximum(variance, running(scatter))
     return mean, np.sqrt(variance + _FLOOR**2)
 
 
@@ -170,10 +145,11 @@ def _on_grid(Z: Impedances, f: Frequencies, noise: Reals, grid: Frequencies) -> 
     made = np.asarray(CubicSpline(u, y)(v), np.complex128)
     coarse = [CubicSpline(u[k::2], y[k::2])(v) for k in (0, 1)]
     error = np.sqrt(sum(np.abs(one - made) ** 2 for one in coarse) / 4) / _SPLINE
-    return made, np.hypot(np.interp(v, u, noise), np.sqrt(_running(error**2)))
+    return made, np.hypot(np.interp(v, u, noise), np.sqrt(running(error**2)))
 
 
-def _running(values: Reals) -> Reals:
+def running(values: Reals) -> Reals:
+    """Return the running mean over some points, shape (N,)."""
     kernel = np.ones(_SMOOTH)
     weight = np.convolve(np.ones_like(values), kernel, mode="same")
     return np.convolve(values, kernel, mode="same") / weight

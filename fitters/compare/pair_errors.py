@@ -17,6 +17,7 @@ by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
@@ -27,6 +28,7 @@ from ..error_model.point_covariance import PointErrors, gram
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
 from .pair import Pair
+from .resonances import Resonances, slope_of
 
 INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""
@@ -45,24 +47,30 @@ USUAL_REST = 3e-4
 Grid = dict[float, float]
 """Sizes with their prior probabilities."""
 GRIDS: dict[str, Grid] = {
+    "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
     "instrument": {0.1: 0.15, 0.3: 0.3, 1.0: 0.45, 3.0: 0.1},
     "fixture": {0.0: 0.5, 1.0: 0.5},
     "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
+    "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
     "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
 RESTS: Grid = {
     0.0: 0.4, 1e-4: 0.2, 3e-4: 0.15, 1e-3: 0.1, 3e-3: 0.05, 1e-2: 0.03, 3e-2: 0.025, 0.1: 0.02, 0.3: 0.015, 1.0: 0.01,
 }  # fmt: skip
-_START = {"instrument": 1.0, "fixture": 1.0, "drift": 1e-4, "shape": 0.01}
 
 
 @dataclass(frozen=True)
 class Sizes:
     """How large each part of the errors is."""
 
+    noise: float = 1.0
+    """In what the recordings' smoothness says it is."""
     instrument: float = 1.0
     fixture: float = 1.0
     drift: float = 1e-4
+    """Of all resonances together."""
+    wander: float = 3e-5
+    """Of each by itself."""
     shape: float = 0.01
     rest: float = 0.0
 
@@ -85,6 +93,8 @@ class Linearised:
     """d ln Z predicted / d ln of each size a change is known by, shape (N, K)."""
     x: Reals
     """The coordinates, shape (P,)."""
+    inside: tuple[int, ...]
+    """Which coordinates are those of changes in the device."""
     frequency: Reals
     """Hz, shape (N,)."""
 
@@ -105,8 +115,6 @@ class Outcome:
     """Of the coordinates, shape (P, P)."""
     cost: float
     """chi2 of the pair and all priors at these sizes."""
-    here: float
-    """-2 ln density at the place it was linearised at, errors integrated out, up to a constant of the sizes."""
     left: Complexes
     """What no change and no error but rest and noise describes, shape (N,)."""
 
@@ -114,8 +122,10 @@ class Outcome:
 class PairErrors:
     """Everything that is the same for all hypotheses about a pair."""
 
-    def __init__(self, pair: Pair) -> None:
-        self.pair = pair
+    def __init__(self, pair: Pair, own: Resonances) -> None:
+        self.pair, self.own = pair, own
+        self.slope, self._slope_error = slope_of(pair, own)
+        self._bend = np.gradient(self.slope, pair.log_f)
         f, u = pair.frequency, pair.log_f
         ends = float(u[0]), float(u[-1])
         span = max(ends[1] - ends[0], 1e-6)
@@ -123,29 +133,33 @@ class PairErrors:
         fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 8)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
         drift = smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 14)
-        self._drift = np.column_stack([np.ones_like(u), drift])
+        self._drift = {"drift": np.ones((u.size, 1)), "wander": drift}
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
         self._jw, self._skin = j_omega(f), skin(f)
-        steep = np.abs(pair.slope)
+        steep = np.abs(self.slope)
         self._felt = np.sqrt(_FLOOR**2 + steep**2 / 4)
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
         """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
         pair, s, Z = self.pair, at.through, self.pair.after
-        steep = (s * pair.slope)[:, None]
+        steep = (s * self.slope)[:, None]
         gain = np.hstack([self._gain, 1j * self._gain])
         level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
-        groups = {
+        groups: dict[str, Any] = {
             "x": at.slopes,
             "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
             "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
             "fixture": self._fixture(Z),
-            "drift": np.hstack([steep * self._drift, 1j * _LOSSES * steep * self._drift]),
+            **{name: np.hstack([steep * own, 1j * _LOSSES * steep * own]) for name, own in self._drift.items()},
             "shape": np.hstack(
                 [np.zeros((Z.size, 0), np.complex128)]
                 + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
             ),
         }
+        inverse = 1 / self.points(at).noise
+        for name in self._drift:
+            groups[name] = _beside(groups[name], at.slopes[:, list(at.inside)], inverse)
+        groups["shape"] = _beside(groups["shape"], at.slopes, inverse)
         where: dict[str, slice] = {}
         first = 1
         for name, block in groups.items():
@@ -165,7 +179,7 @@ class PairErrors:
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and what a drift does beside its column."""
         pair, s = self.pair, np.abs(at.through)
-        second = s * np.hypot(0.5 * drift**2 * np.abs(pair.bend), drift * pair.slope_error)
+        second = s * np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
         return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
 
@@ -180,7 +194,7 @@ class PairErrors:
         for rest in rests:
             G, log_det = gram([points], [X], 0.0, (rest, 0.0))
             sizes = replace(sizes, rest=rest)
-            value, sizes = _climbed(G, log_det, where, sizes)
+            value, sizes = _climbed(G, log_det, where, sizes, 2 * int(np.count_nonzero(kept)))
             logs.append(value)
             if best is None or value > best[0]:
                 best = value, sizes, G
@@ -191,10 +205,10 @@ class PairErrors:
         total = float(np.logaddexp.reduce(logs))
         usual = [v for v, rest in zip(logs, rests, strict=False) if rest <= USUAL_REST]
         part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
-        return self._finished(best[1], best[2], X, where, (total, part, int(np.count_nonzero(kept))))
+        return self._finished(best[1], best[2] / best[1].noise ** 2, X, where, (total, part))
 
     def _finished(
-        self, sizes: Sizes, G: Reals, X: Complexes, where: dict[str, slice], told: tuple[float, float, int]
+        self, sizes: Sizes, G: Reals, X: Complexes, where: dict[str, slice], told: tuple[float, float]
     ) -> Outcome:
         scale = _scale(where, sizes, G.shape[0])
         inverse, a = _posterior(G, scale)
@@ -202,14 +216,27 @@ class PairErrors:
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
         cost = float(G[0, 0] - G[0, 1:] @ a)
-        return Outcome(told[0], told[1], sizes, x, covariance, cost, cost, X[:, 0] - X[:, 1:] @ a)
+        return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a)
 
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
         X, where = self.columns(at)
         G, _ = gram([self.points(at)], [X], 0.0, (sizes.rest, 0.0))
-        _, a = _posterior(G, _scale(where, sizes, G.shape[0]))
-        return float(G[0, 0] - G[0, 1:] @ a)
+        seen = G / sizes.noise**2
+        _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
+        return float(seen[0, 0] - seen[0, 1:] @ a)
+
+
+def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> Complexes:
+    """Return columns without what the coordinates could do in their place, so that sizes keep their meaning."""
+    if not slopes.shape[1] or not columns.shape[1]:
+        return columns
+    weighted, aim = slopes * inverse[:, None], columns * inverse[:, None]
+    length = np.linalg.norm(weighted, axis=0)
+    unit = np.where(length > 0, length, 1.0)
+    basis = np.vstack([weighted.real, weighted.imag]) / unit
+    share = np.linalg.lstsq(basis, np.vstack([aim.real, aim.imag]), rcond=1e-8)[0]
+    return np.asarray(columns - (slopes / unit) @ share, np.complex128)
 
 
 def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
@@ -248,17 +275,18 @@ def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
     return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
 
 
-def _climbed(G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes) -> tuple[float, Sizes]:
+def _climbed(G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, numbers: int) -> tuple[float, Sizes]:
     """Return the largest density times prior over the sizes of the errors, one after the other, and where it is."""
 
     def value(trial: Sizes) -> float:
-        return _log_density(G, log_det, _scale(where, trial, G.shape[0])) + trial.log_prior
+        scale = _scale(where, trial, G.shape[0])
+        return _log_density(G / trial.noise**2, log_det + 2 * numbers * log(trial.noise), scale) + trial.log_prior
 
     best = value(sizes)
     for _ in range(3):
         before = best
         for name, grid in GRIDS.items():
-            if where[name].start == where[name].stop:
+            if name in where and where[name].start == where[name].stop:
                 continue
             for size in grid:
                 if size != getattr(sizes, name):

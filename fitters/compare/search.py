@@ -6,12 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.base.arrays import Reals
-from .change import Change
-from .hypothesis import Fitted, Hypothesis, fitted, plain_fit, plain_misfit
+from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit
 from .pair_errors import PairErrors
 
-_LATTICE = np.arange(-3.5, 3.6, 0.25)
-"""Where the size that a change is known by is tried, standard deviations of its prior."""
 _TRIED = 2
 """Starts that are followed."""
 _PARENTS, _GROWN = 2, 4
@@ -100,20 +97,22 @@ def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, 
     if own.start == own.stop:
         return plain_misfit(hypothesis, errors, base), base
     starts: list[tuple[float, Reals]] = []
-    for z in _LATTICE:
+    change = hypothesis.changes[at]
+    for coordinates in change.starts or [(float(z),) for z in change.sizes[0].lattice]:
         x = base.copy()
-        x[own.start] = z
+        x[own.start : own.start + len(coordinates)] = coordinates
         starts.append((plain_misfit(hypothesis, errors, x), x))
     lowest = sorted(starts, key=lambda start: start[0])
-    followed = [plain_fit(hypothesis, errors, x, steps) for _, x in _apart(lowest, own.start)]
+    apart = 0.6 if not change.sizes[0].signed else 0.0
+    followed = [plain_fit(hypothesis, errors, x, steps) for _, x in _apart(lowest, own.start, apart)]
     return min(followed, key=lambda end: end[0])
 
 
-def _apart(starts: list[tuple[float, Reals]], k: int) -> list[tuple[float, Reals]]:
+def _apart(starts: list[tuple[float, Reals]], k: int, least: float) -> list[tuple[float, Reals]]:
     """Return the best starts that are no neighbours of each other."""
     kept: list[tuple[float, Reals]] = []
     for value, x in starts:
-        if all(abs(x[k] - other[k]) > 0.6 for _, other in kept):
+        if all(abs(x[k] - other[k]) > least for _, other in kept):
             kept.append((value, x))
         if len(kept) == _TRIED:
             break

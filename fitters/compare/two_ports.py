@@ -39,6 +39,7 @@ class TwoPort:
     derived: Callable[[Values], dict[str, tuple[float, str]]] | None = None
     """What follows from its sizes, with units."""
 
+    starts: tuple[tuple[float, ...], ...] = ()
     possible: Callable[[Frequencies, Values], bool] | None = None
     """Whether it is what it is called at these sizes in this band."""
 
@@ -62,6 +63,7 @@ class Turned:
     where: str = TERMINALS
     sizes: tuple[ChangeSize, ...] = ()
     odds: float = 0.02
+    starts: tuple[tuple[float, ...], ...] = ()
 
     @property
     def says(self) -> str:
