@@ -175,7 +175,8 @@ def _rivals(
     taken = {change.effect, *(one.effect for one in others)}
     shares: dict[tuple[str, str], float] = {}
     for k in among:
-        for one in searched.fits[k].hypothesis.changes:
+        changes = searched.fits[k].hypothesis.changes
+        for one in () if any(c.effect == change.effect for c in changes) else changes:
             if one.effect not in taken:
                 key = one.effect, one.where
                 shares[key] = shares.get(key, 0.0) + float(chances[k])

@@ -18,6 +18,7 @@ _STEP = 1e-4
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
 _PLAIN, _MARGINAL = 12, 8
+_FEW_RESTS = (0.0, 1e-3, 3e-2)
 _CLOSE = 1e-3
 """Of a standard uncertainty: a step that is shorter ends a fit."""
 _IMPOSSIBLE = 20.0
@@ -174,12 +175,24 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
     return best, x
 
 
-def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals) -> Fitted:
-    """Return the fit beside errors, begun at `x`."""
-    sizes: Sizes | None = None
+def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
+    """Return roughly the ln posterior of a hypothesis near `x`, with errors of these sizes, and where it is."""
+    best = -np.inf
+    for _ in range(2):
+        at = hypothesis.linearised(errors, x)
+        outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=0)
+        best = max(best, outcome.log_evidence + hypothesis.log_prior)
+        move = outcome.x - x
+        if x.size:
+            x = np.clip(x + move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST), -_BOUND, _BOUND)
+    return best, x
+
+
+def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
+    """Return the fit beside errors, begun at `x` with errors of these sizes."""
     rests = tuple(RESTS)
     at = hypothesis.linearised(errors, x)
-    outcome = errors.outcome(at, rests, sizes)
+    outcome = errors.outcome(at, _FEW_RESTS if hypothesis.count else rests, sizes, rounds=1)
     if hypothesis.count:
         for _ in range(_MARGINAL):
             move = outcome.x - x
@@ -188,7 +201,7 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals) -> Fitted:
                 break
             x, at = _downhill(hypothesis, errors, x, move, outcome.sizes)
             near = tuple(r for r in rests if outcome.sizes.rest / 11 <= r <= outcome.sizes.rest * 11) or rests[:3]
-            outcome = errors.outcome(at, near, outcome.sizes)
+            outcome = errors.outcome(at, near, outcome.sizes, rounds=1)
         outcome = errors.outcome(at, rests, outcome.sizes)
     return Fitted(hypothesis, x, at, outcome)
 

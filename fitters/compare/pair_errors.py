@@ -28,13 +28,14 @@ from ..error_model.point_covariance import PointErrors, gram
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
 from .pair import Pair
-from .resonances import Resonances, slope_of
+from .resonances import Resonances, changed, pole_terms, slope_of
 
 INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""
 _LEVEL = 1.5e-3
 """An error of gain or phase that is the same at all frequencies: cables, range and connectors of the day."""
 _SAME = 1e-9
+_STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
 """Correlation lengths of gain and phase in ln f, and how much of them is fast."""
 _DRIFT_LENGTH, _LOSSES = 0.1, 0.3
@@ -129,20 +130,35 @@ class PairErrors:
         f, u = pair.frequency, pair.log_f
         ends = float(u[0]), float(u[-1])
         span = max(ends[1] - ends[0], 1e-6)
-        slow = smooth(u, ends, _SLOW, 5)
-        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 8)
+        slow = smooth(u, ends, _SLOW, 4)
+        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
-        drift = smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 14)
-        self._drift = {"drift": np.ones((u.size, 1)), "wander": drift}
+        steep = self.slope[:, None]
+        drift = steep * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
+        own_drift = self._of_each(f)
+        self._drift = {
+            "drift": np.hstack([steep, 1j * _LOSSES * steep]),
+            "wander": np.hstack([drift, 1j * _LOSSES * drift, *own_drift]),
+        }
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
         self._jw, self._skin = j_omega(f), skin(f)
-        steep = np.abs(self.slope)
-        self._felt = np.sqrt(_FLOOR**2 + steep**2 / 4)
+        self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
+
+    def _of_each(self, f: Reals) -> list[Complexes]:
+        """Return what a drift of each resonance by itself does to ln Z, and one of its losses, shapes (N, P)."""
+        own, Y = self.own, 1 / self.pair.before
+        if not own.poles.size:
+            return []
+        made: list[Complexes] = []
+        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
+            now = pole_terms(f, *changed(own.poles, own.residues, shift, q, 0.0))
+            made.append(np.asarray((own.seen(f) - now) / Y[:, None] / _STEP, np.complex128))
+        made[1] = made[1] * 2 * own.q * _LOSSES
+        return made
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
         """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
         pair, s, Z = self.pair, at.through, self.pair.after
-        steep = (s * self.slope)[:, None]
         gain = np.hstack([self._gain, 1j * self._gain])
         level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
         groups: dict[str, Any] = {
@@ -150,7 +166,7 @@ class PairErrors:
             "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
             "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
             "fixture": self._fixture(Z),
-            **{name: np.hstack([steep * own, 1j * _LOSSES * steep * own]) for name, own in self._drift.items()},
+            **{name: s[:, None] * own for name, own in self._drift.items()},
             "shape": np.hstack(
                 [np.zeros((Z.size, 0), np.complex128)]
                 + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
@@ -183,8 +199,14 @@ class PairErrors:
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
         return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
 
-    def outcome(self, at: Linearised, rests: Sequence[float] = tuple(RESTS), start: Sizes | None = None) -> Outcome:
-        """Return what the pair says of a hypothesis that was linearised here."""
+    def outcome(
+        self,
+        at: Linearised,
+        rests: Sequence[float] = tuple(RESTS),
+        start: Sizes | None = None,
+        rounds: int = 3,
+    ) -> Outcome:
+        """Return what the pair says of a hypothesis that was linearised here; sizes of errors chosen in `rounds`."""
         X, where = self.columns(at)
         points = self.points(at)
         kept = np.isfinite(points.noise)
@@ -194,7 +216,7 @@ class PairErrors:
         for rest in rests:
             G, log_det = gram([points], [X], 0.0, (rest, 0.0))
             sizes = replace(sizes, rest=rest)
-            value, sizes = _climbed(G, log_det, where, sizes, 2 * int(np.count_nonzero(kept)))
+            value, sizes = _climbed(G, log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
             logs.append(value)
             if best is None or value > best[0]:
                 best = value, sizes, G
@@ -275,15 +297,21 @@ def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
     return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
 
 
-def _climbed(G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, numbers: int) -> tuple[float, Sizes]:
-    """Return the largest density times prior over the sizes of the errors, one after the other, and where it is."""
+def _climbed(
+    G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, known: tuple[int, int]
+) -> tuple[float, Sizes]:
+    """Return the largest density times prior over the sizes of the errors, one after the other, and where it is.
+
+    `known`: how many numbers there are, and how often all sizes are tried.
+    """
+    numbers, rounds = known
 
     def value(trial: Sizes) -> float:
         scale = _scale(where, trial, G.shape[0])
         return _log_density(G / trial.noise**2, log_det + 2 * numbers * log(trial.noise), scale) + trial.log_prior
 
     best = value(sizes)
-    for _ in range(3):
+    for _ in range(rounds):
         before = best
         for name, grid in GRIDS.items():
             if name in where and where[name].start == where[name].stop:

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.base.arrays import Reals
-from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit
-from .pair_errors import PairErrors
+from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit, screened
+from .pair_errors import PairErrors, Sizes
 
 _TRIED = 2
 """Starts that are followed."""
-_PARENTS, _GROWN = 2, 4
-"""How many of the best are grown, and how many of what grew of each is fitted. Budgets."""
+_FITTED, _NEAR = 6, 15.0
+"""How many are fitted beside errors, and within how many nats of the best more are. A budget."""
+_PARENTS, _SCREENED, _GROWN = 2, 8, 4
+"""How many of the best are grown; of what grew of each, how many are screened and how many fitted. Budgets."""
 _MOST = 3
 """Changes at once. A budget."""
 _PAYS = 5.0
@@ -41,10 +43,10 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
     """Return what was fitted to a pair."""
     nothing = fitted(Hypothesis(()), errors, np.zeros(0))
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
-    for change in changes:
-        hypothesis = Hypothesis((change,))
-        _, x = _started(hypothesis, errors, np.zeros(0), 0)
-        fits[change,] = fitted(hypothesis, errors, x)
+    singles = [Hypothesis((change,)) for change in changes]
+    starts = [(one, _started(one, errors, np.zeros(0), 0)[1]) for one in singles]
+    for hypothesis, x in _promising(starts, errors, nothing.outcome.sizes):
+        fits[hypothesis.changes] = fitted(hypothesis, errors, x, nothing.outcome.sizes)
     for depth in range(1, _MOST):
         ranked = _ranked(fits.values())
         best = ranked[0]
@@ -54,7 +56,7 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
         for parent in parents:
             for hypothesis, x in _grown(parent, errors, changes):
                 if hypothesis.changes not in fits:
-                    fits[hypothesis.changes] = fitted(hypothesis, errors, x)
+                    fits[hypothesis.changes] = fitted(hypothesis, errors, x, parent.outcome.sizes)
         if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
             break
     return Searched(tuple(_ranked(fits.values())), nothing)
@@ -81,7 +83,16 @@ def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> lis
             value, x = _started(hypothesis, errors, parent.x, at, steps=5)
             trials.append((value, hypothesis, x))
     trials.sort(key=lambda trial: trial[0])
-    return [(hypothesis, plain_fit(hypothesis, errors, x)[1]) for _, hypothesis, x in trials[:_GROWN]]
+    ends = [(hypothesis, plain_fit(hypothesis, errors, x)[1]) for _, hypothesis, x in trials[:_SCREENED]]
+    return _promising(ends, errors, parent.outcome.sizes)[:_GROWN]
+
+
+def _promising(
+    starts: Sequence[tuple[Hypothesis, Reals]], errors: PairErrors, sizes: Sizes
+) -> list[tuple[Hypothesis, Reals]]:
+    """Return those that are worth a fit beside errors, the best first, each with where it begins."""
+    ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in starts), key=lambda trial: -trial[0])
+    return [(one, x) for k, (value, x, one) in enumerate(ranked) if k < _FITTED or value > ranked[0][0] - _NEAR]
 
 
 def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
