@@ -111,9 +111,8 @@ def _class(searched: Searched, errors: PairErrors) -> list[int]:
 
 def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
     """Return the chi2 by which the predictions of two hypotheses differ, errors integrated out."""
-    pair = replace(errors.pair, after=one.at.predicted)
     at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0), inside=())
-    return PairErrors(pair, errors.own).quadratic(at, best.outcome.sizes)
+    return errors.instead(one.at.predicted).quadratic(at, best.outcome.sizes)
 
 
 def _findings(
@@ -216,7 +215,7 @@ def _turned(pair: Pair) -> tuple[ChangeFinding, ...]:
 def _chi2(errors: PairErrors, fit: Fitted) -> float:
     """Return what is missed, in units of noise and usual errors, for each number."""
     sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
-    return errors.quadratic(fit.at, sizes) / (2 * errors.pair.frequency.size)
+    return fit.errors.quadratic(fit.at, sizes) / (2 * errors.pair.frequency.size)
 
 
 def _held_out(count: int) -> tuple[tuple[int, int], ...]:
@@ -227,9 +226,9 @@ def _held_out(count: int) -> tuple[tuple[int, int], ...]:
 def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int]]) -> float:
     """Return by how much the points held out raise the least chi2 of the others, for each number (Chow's test)."""
     sizes: Sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
-    rest = PairErrors(errors.pair.without(held), errors.own).quadratic(fit.at, sizes)
+    rest = fit.errors.without(held).quadratic(fit.at, sizes)
     count = 2 * sum(b - a for a, b in held)
-    return (errors.quadratic(fit.at, sizes) - rest) / count
+    return (fit.errors.quadratic(fit.at, sizes) - rest) / count
 
 
 def _bands(pair: Pair, effect: "np.ndarray[tuple[int], np.dtype[np.complex128]]") -> Bands:

@@ -8,19 +8,22 @@ poles cannot describe cancels:
 Where all frequencies move by one factor, the remainder is moved as well, on the scale of frequency.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import make_lsq_spline
 
-from ...models.base.arrays import Frequencies, Impedances
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from .change import DEVICE, ChangeSize, Values
 from .pair import Pair
 from .resonances import Resonances, changed, pole_terms, slope_of
 
 _MOST = 8
 """Resonances that may have changed alone. A budget."""
-_USUAL = 0.08
+_USUAL = 0.03
+_KNOT = 4
+"""Points between the knots of a remainder without its noise."""
 _KNOWN_LEVEL, _SAME_LEVEL, _UNKNOWN_LEVEL = 0.5, 1e-4, 0.02
 """Prior odds of a dependence on amplitude where the files tell two levels, tell one, or tell none."""
 _PLACES, _QS = 160, (20.0, 60.0, 200.0)
@@ -58,7 +61,8 @@ class Scaled:
         place = u - values["shift"]
         inside = np.clip(place, u[0], u[-1])
         outside = np.exp(place - inside)  # a capacitance's admittance, beyond the ends of the band
-        moved = np.asarray(make_interp_spline(u, rest, 3)(inside), np.complex128) * outside * factor
+        smooth = _smoothed(u, rest)
+        moved = rest + smooth(inside) * outside * factor - smooth(u)
         scale = np.exp(values["capacitance"])
         now = Resonances(own.poles * factor, own.residues * factor**2 * scale)
         return 1 / (moved * scale + np.sum(now.seen(frequency), axis=1)), now
@@ -142,6 +146,22 @@ DeviceChange = Scaled | Moved | NewResonance | AmplitudeDependent
 _SHIFT = ChangeSize("shift", "1", 0.0, 5e-3, signed=True)
 _Q = ChangeSize("ln Q", "1", 0.0, 0.5, signed=True)
 _STRENGTH = ChangeSize("ln strength", "1", 0.0, 0.2, signed=True)
+
+
+def _smoothed(u: Reals, rest: Complexes) -> Callable[[Reals], Complexes]:
+    """Return a remainder as a function of ln f without most of its noise.
+
+    Noise that is interpolated is averaged: the change would seem to fit better than noise allows.
+    """
+    inner = u[_KNOT:-_KNOT:_KNOT]
+    knots = np.concatenate([np.full(4, u[0]), inner, np.full(4, u[-1])])
+    parts = make_lsq_spline(u, np.column_stack([rest.real, rest.imag]), knots, 3)
+
+    def at(place: Reals) -> Complexes:
+        values = np.asarray(parts(place), np.float64)
+        return np.asarray(values[:, 0] + 1j * values[:, 1], np.complex128)
+
+    return at
 
 
 def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:

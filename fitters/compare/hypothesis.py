@@ -12,6 +12,7 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from .change import TERMINALS
 from .device_changes import DeviceChange
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
+from .resonances import Resonances
 from .two_ports import Turned, TwoPort
 
 _STEP = 1e-4
@@ -19,10 +20,14 @@ _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
 _PLAIN, _MARGINAL = 12, 8
 _FEW_RESTS = (0.0, 1e-3, 3e-2)
+_DRIFTED = 2
+"""How often all is linearised anew about the drift that was found."""
 _CLOSE = 1e-3
 """Of a standard uncertainty: a step that is shorter ends a fit."""
 _IMPOSSIBLE = 20.0
 """Ln odds against a change that at its sizes is not what it is called."""
+_UNSEEN = 0.7
+"""Relative uncertainty of the size that a change is known by, from which it is another change, if any."""
 _BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are not believed."""
 
@@ -68,9 +73,9 @@ class Hypothesis:
         own = x[self.slices[k]]
         return {size.name: size.value(float(at)) for size, at in zip(self.changes[k].sizes, own, strict=True)}
 
-    def predict(self, Z: Impedances, frequency: Reals, x: Reals) -> Impedances:
-        """Return what is seen after the changes, ohm, shape (N,)."""
-        seen, own = Z, None
+    def predict(self, Z: Impedances, frequency: Reals, x: Reals, own: Resonances | None = None) -> Impedances:
+        """Return what is seen after the changes, ohm, shape (N,), where Z with its resonances `own` was before."""
+        seen = Z
         for k, change in enumerate(self.changes):
             if isinstance(change, TwoPort | Turned):
                 seen = change.apply(seen, frequency, self.values(x, k))
@@ -78,17 +83,24 @@ class Hypothesis:
                 seen, own = change.act(seen, own or change.resonances, frequency, self.values(x, k))
         return seen
 
-    def linearised(self, errors: PairErrors, x: Reals) -> Linearised:
-        """Return what it predicts at `x`, and how that moves."""
+    def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
+        """Return what it predicts at `x`, and how that moves; `drift`: where the device changed, with its drift too."""
         f, Z = errors.pair.frequency, errors.pair.before
-        seen = self.predict(Z, f, x)
+        own = errors.own
+        seen = self.predict(Z, f, x, own)
         slopes = np.empty((f.size, x.size), np.complex128)
         for k in range(x.size):
             moved = x.copy()
             moved[k] += _STEP
-            slopes[:, k] = np.log(self.predict(Z, f, moved) / seen) / _STEP
-        through = np.log(self.predict(Z * (1 + _STEP), f, x) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
-        return Linearised(seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes, x), x, self.inside, f)
+            slopes[:, k] = np.log(self.predict(Z, f, moved, own) / seen) / _STEP
+        through = np.log(self.predict(Z * (1 + _STEP), f, x, own) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
+        each = None
+        if drift and self.inside and own.poles.size:
+            rows = [np.log(self.predict(Zk, f, x, now) / seen) / step for Zk, now, step in errors.nudged()]
+            each = np.asarray(np.column_stack(rows), np.complex128)
+        return Linearised(
+            seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes, x), x, self.inside, f, each
+        )
 
     def _shapes(self, slopes: Complexes, x: Reals) -> Complexes:
         """Return d ln Z / d ln of the size that each change is known by, shape (N, K)."""
@@ -108,6 +120,8 @@ class Fitted:
     x: Reals
     at: Linearised
     outcome: Outcome
+    errors: PairErrors
+    """With the resonances where they drifted to."""
 
     @property
     def log_posterior(self) -> float:
@@ -116,14 +130,20 @@ class Fitted:
 
     @cached_property
     def possible(self) -> bool:
-        """Whether each change is what it is called at the sizes that were found."""
+        """Whether each change is what it is called at the sizes that were found, and its first size is seen at all."""
         f = self.at.frequency
-        return all(
+        return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
             not isinstance(change, TwoPort)
             or change.possible is None
             or change.possible(f, self.hypothesis.values(self.x, k))
             for k, change in enumerate(self.hypothesis.changes)
         )
+
+    def _seen(self, k: int) -> bool:
+        change, own = self.hypothesis.changes[k], self.hypothesis.slices[k]
+        if not change.sizes or change.sizes[0].signed:
+            return True
+        return change.sizes[0].spread * float(np.sqrt(self.outcome.covariance[own.start, own.start])) < _UNSEEN
 
     def sizes(self, k: int) -> Mapping[str, tuple[float, float, str]]:
         """Return value, standard uncertainty and unit of the sizes of change `k`."""
@@ -131,7 +151,7 @@ class Fitted:
         sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
         return {
             size.name: (size.value(float(x)), float(abs(size.slope(float(x))) * u), size.unit)
-            for size, x, u in zip(change.sizes, self.x[own], sd, strict=True)
+            for size, x, u in zip(change.sizes, self.outcome.total[own], sd, strict=True)
         }
 
 
@@ -139,7 +159,7 @@ def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals) -> float:
     """Return the mean square of ln Z that is left, every point counting alike: what a start is chosen by."""
     pair = errors.pair
     with np.errstate(all="ignore"):
-        r = np.log(pair.after / hypothesis.predict(pair.before, pair.frequency, x))
+        r = np.log(pair.after / hypothesis.predict(pair.before, pair.frequency, x, errors.own))
     kept = np.isfinite(pair.noise_after)
     value = float(np.mean(np.abs(r[kept]) ** 2))
     return value if np.isfinite(value) else np.inf
@@ -153,7 +173,7 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
     if hypothesis.count == 0:
         return best, x
     for _ in range(steps):
-        at = hypothesis.linearised(errors, x)
+        at = hypothesis.linearised(errors, x, drift=False)
         noise2 = best + pair.noise_after[kept] ** 2 + pair.noise_before[kept] ** 2
         weight = 1 / np.sqrt(np.maximum(noise2, 1e-14))
         r = np.log(pair.after / at.predicted)[kept] * weight
@@ -202,8 +222,18 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
             x, at = _downhill(hypothesis, errors, x, move, outcome.sizes)
             near = tuple(r for r in rests if outcome.sizes.rest / 11 <= r <= outcome.sizes.rest * 11) or rests[:3]
             outcome = errors.outcome(at, near, outcome.sizes, rounds=1)
+    for _ in range(_DRIFTED):
+        errors = errors.drifted(outcome)
+        if hypothesis.count:
+            x = np.clip(outcome.x, -_BOUND, _BOUND) if _small(outcome, x) else x
+        at = hypothesis.linearised(errors, x)
         outcome = errors.outcome(at, rests, outcome.sizes)
-    return Fitted(hypothesis, x, at, outcome)
+    return Fitted(hypothesis, x, at, outcome, errors)
+
+
+def _small(outcome: Outcome, x: Reals) -> bool:
+    """Return whether a further step is one of those that need no check."""
+    return bool(np.all(np.abs(outcome.x - x) < _FURTHEST / 4))
 
 
 def _downhill(
@@ -223,5 +253,5 @@ def _downhill(
 def _cost(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> float:
     """Return chi2 with the coordinates held at `x`, errors integrated out, and their prior."""
     at = hypothesis.linearised(errors, x)
-    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), (), at.frequency)
+    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), (), at.frequency, at.each)
     return errors.quadratic(held, sizes) + float(x @ x)

@@ -45,7 +45,7 @@ def _limited(errors: PairErrors, fit: Fitted, column: Complexes) -> tuple[float,
         slopes=np.column_stack([fit.at.slopes, column * scale]),
         x=np.append(fit.at.x, 0.0),
     )
-    outcome = errors.outcome(at, (fit.outcome.sizes.rest,), fit.outcome.sizes)
+    outcome = fit.errors.outcome(at, (fit.outcome.sizes.rest,), fit.outcome.sizes)
     return float(outcome.x[-1]) * scale, float(np.sqrt(outcome.covariance[-1, -1])) * scale
 
 

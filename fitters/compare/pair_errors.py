@@ -14,7 +14,7 @@ All but noise and rest are columns with a unit normal prior, integrated out exac
 by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, that nobody has named.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import log
 from typing import Any
@@ -43,13 +43,16 @@ _DRIFT_LENGTH, _LOSSES = 0.1, 0.3
 _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
+_USUAL_DRIFT = 1e-4
+_FURTHEST_DRIFT = 6e-4
+"""Drift about which errors are linearised at most: what moved further was no drift."""
 USUAL_REST = 3e-4
 
 Grid = dict[float, float]
 """Sizes with their prior probabilities."""
 GRIDS: dict[str, Grid] = {
     "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
-    "instrument": {0.1: 0.15, 0.3: 0.3, 1.0: 0.45, 3.0: 0.1},
+    "instrument": {0.3: 0.4, 1.0: 0.5, 3.0: 0.1},
     "fixture": {0.0: 0.5, 1.0: 0.5},
     "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
     "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
@@ -98,6 +101,8 @@ class Linearised:
     """Which coordinates are those of changes in the device."""
     frequency: Reals
     """Hz, shape (N,)."""
+    each: Complexes | None = None
+    """d ln Z predicted / d ln frequency and / d ln Q of each resonance before, shape (N, 2P), where the device changed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,43 +123,99 @@ class Outcome:
     """chi2 of the pair and all priors at these sizes."""
     left: Complexes
     """What no change and no error but rest and noise describes, shape (N,)."""
+    total: Reals
+    """The coordinates with what the drift has done in their place, shape (P,): all that moved."""
+    moved: Reals
+    """Ln frequency, then ln Q, by which each resonance has drifted, shape (2P,)."""
 
 
 class PairErrors:
     """Everything that is the same for all hypotheses about a pair."""
 
-    def __init__(self, pair: Pair, own: Resonances) -> None:
+    def __init__(self, pair: Pair, own: Resonances, moved: tuple[Reals, Reals] | None = None) -> None:
+        """Take a pair and the resonances before.
+
+        `moved`: ln frequency and ln Q by which each has drifted, about which drift is linear then.
+        """
+        self.recorded, self._first = pair, own
+        if moved is not None:
+            now = Resonances(*changed(own.poles, own.residues, *moved, 0.0))
+            drifted = 1 / pair.before + np.sum(now.seen(pair.frequency) - own.seen(pair.frequency), axis=1)
+            pair, own = replace(pair, before=1 / drifted), now
         self.pair, self.own = pair, own
-        self.slope, self._slope_error = slope_of(pair, own)
-        self._bend = np.gradient(self.slope, pair.log_f)
+        self._moved = np.concatenate(moved) if moved is not None else np.zeros(2 * own.poles.size)
+        self.slope, rest, self._slope_error = slope_of(pair, own)
+        self._bend = np.gradient(rest, pair.log_f)
         f, u = pair.frequency, pair.log_f
         ends = float(u[0]), float(u[-1])
         span = max(ends[1] - ends[0], 1e-6)
         slow = smooth(u, ends, _SLOW, 4)
         fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
-        steep = self.slope[:, None]
-        drift = steep * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
-        own_drift = self._of_each(f)
-        self._drift = {
-            "drift": np.hstack([steep, 1j * _LOSSES * steep]),
-            "wander": np.hstack([drift, 1j * _LOSSES * drift, *own_drift]),
-        }
+        drift = rest[:, None] * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
+        self._each = self._of_each(f)
+        self._rest = rest[:, None], np.hstack([drift, 1j * _LOSSES * drift])
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
         self._jw, self._skin = j_omega(f), skin(f)
         self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
 
-    def _of_each(self, f: Reals) -> list[Complexes]:
-        """Return what a drift of each resonance by itself does to ln Z, and one of its losses, shapes (N, P)."""
+    @property
+    def _unit(self) -> Reals:
+        """Ln frequency and ln Q of each resonance by which it drifts where the frequency drifts by one."""
+        return np.concatenate([np.ones(self.own.q.size), 2 * _LOSSES * self.own.q])
+
+    def _of_each(self, f: Reals) -> Complexes:
+        """Return d ln Z before / d ln frequency and / d ln Q of each resonance, shape (N, 2P)."""
         own, Y = self.own, 1 / self.pair.before
-        if not own.poles.size:
-            return []
         made: list[Complexes] = []
         for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
             now = pole_terms(f, *changed(own.poles, own.residues, shift, q, 0.0))
             made.append(np.asarray((own.seen(f) - now) / Y[:, None] / _STEP, np.complex128))
-        made[1] = made[1] * 2 * own.q * _LOSSES
-        return made
+        return np.hstack(made)
+
+    def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
+        """Yield the first recording with the frequency, then the Q of each resonance moved by a step of its ln."""
+        f, own = self.pair.frequency, self.own
+        seen, Y = own.seen(f), 1 / self.pair.before
+        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
+            poles, residues = changed(own.poles, own.residues, shift, q, 0.0)
+            now = pole_terms(f, poles, residues)
+            for k in range(poles.size):
+                p, r = own.poles.copy(), own.residues.copy()
+                p[k], r[k] = poles[k], residues[k]
+                yield 1 / (Y + now[:, k] - seen[:, k]), Resonances(p, r), _STEP
+
+    def _drift(self, at: Linearised) -> dict[str, Complexes]:
+        """Return what a drift of one does to ln Z after: of all resonances together, and of each, shapes (N, M)."""
+        s, count = at.through[:, None], self.own.poles.size
+        each = (s * self._each if at.each is None else at.each) * self._unit
+        together, remainder = self._rest
+        both = [np.sum(each[:, :count], axis=1) + (s * together)[:, 0], np.sum(each[:, count:], axis=1)]
+        return {
+            "drift": np.asarray(np.column_stack(both), np.complex128),
+            "wander": np.asarray(np.hstack([s * remainder, each]), np.complex128),
+        }
+
+    def drifted(self, outcome: "Outcome") -> "PairErrors":
+        """Return the same with the resonances where they have drifted to."""
+        count = self.own.poles.size
+        if not count:
+            return self
+        most = _FURTHEST_DRIFT * self._unit
+        moved = np.clip(outcome.moved, -most, most)
+        return PairErrors(self.recorded, self._first, (moved[:count], moved[count:]))
+
+    def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
+        """Return the same with blocks of points that take no part."""
+        return self._with(self.recorded.without(held))
+
+    def instead(self, after: Impedances) -> "PairErrors":
+        """Return the same with another recording after, ohm, shape (N,); drift is linear about no drift."""
+        return PairErrors(replace(self.recorded, after=after), self._first)
+
+    def _with(self, pair: Pair) -> "PairErrors":
+        count = self._first.poles.size
+        return PairErrors(pair, self._first, (self._moved[:count], self._moved[count:]))
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
         """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
@@ -166,22 +227,22 @@ class PairErrors:
             "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
             "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
             "fixture": self._fixture(Z),
-            **{name: s[:, None] * own for name, own in self._drift.items()},
+            **self._drift(at),
             "shape": np.hstack(
                 [np.zeros((Z.size, 0), np.complex128)]
                 + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
             ),
         }
         inverse = 1 / self.points(at).noise
-        for name in self._drift:
-            groups[name] = _beside(groups[name], at.slopes[:, list(at.inside)], inverse)
-        groups["shape"] = _beside(groups["shape"], at.slopes, inverse)
+        groups["shape"], _ = _beside(groups["shape"], at.slopes, inverse)
         where: dict[str, slice] = {}
         first = 1
         for name, block in groups.items():
             where[name] = slice(first, first + block.shape[1])
             first += block.shape[1]
         r = np.log(pair.after / at.predicted) + at.slopes @ at.x
+        each = s[:, None] * self._each if at.each is None else at.each
+        r = r + each @ self._moved
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
 
     def _fixture(self, Z: Impedances) -> Complexes:
@@ -227,18 +288,43 @@ class PairErrors:
         total = float(np.logaddexp.reduce(logs))
         usual = [v for v, rest in zip(logs, rests, strict=False) if rest <= USUAL_REST]
         part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
-        return self._finished(best[1], best[2] / best[1].noise ** 2, X, where, (total, part))
+        return self._finished(at, best[1], best[2] / best[1].noise ** 2, (X, where), (total, part))
 
     def _finished(
-        self, sizes: Sizes, G: Reals, X: Complexes, where: dict[str, slice], told: tuple[float, float]
+        self,
+        at: Linearised,
+        sizes: Sizes,
+        G: Reals,
+        columns: tuple[Complexes, dict[str, slice]],
+        told: tuple[float, float],
     ) -> Outcome:
+        X, where = columns
         scale = _scale(where, sizes, G.shape[0])
         inverse, a = _posterior(G, scale)
         own = where["x"]
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
+        share = self._shares(at)
+        parts = [where[name] for name in ("drift", "wander")]
+        drift = np.concatenate([a[part.start - 1 : part.stop - 1] for part in parts])
+        lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
+        usual = np.repeat(lacking, [part.stop - part.start for part in parts])
+        covariance = covariance + (share * usual**2) @ share.T
+        count = self.own.poles.size
+        moved = drift[drift.size - 2 * count :] * self._unit
+        moved[:count] += drift[0]
+        moved[count:] += drift[1] * self._unit[count:]
         cost = float(G[0, 0] - G[0, 1:] @ a)
-        return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a)
+        return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a, x + share @ drift, moved)
+
+    def _shares(self, at: Linearised) -> Reals:
+        """Return by how much each column of drift moves the coordinates of changes in the device, shape (P, M)."""
+        drift = np.asarray(np.hstack(list(self._drift(at).values())), np.complex128)
+        made = np.zeros((at.x.size, drift.shape[1]))
+        own = list(at.inside)
+        if own:
+            made[own] = _beside(drift, at.slopes[:, own], 1 / self.points(at).noise)[1]
+        return made
 
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
@@ -249,16 +335,19 @@ class PairErrors:
         return float(seen[0, 0] - seen[0, 1:] @ a)
 
 
-def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> Complexes:
-    """Return columns without what the coordinates could do in their place, so that sizes keep their meaning."""
+def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
+    """Return columns without what the coordinates could do in their place, and by how much these would, (P, K).
+
+    So sizes keep their meaning: that of a shift is all that moved.
+    """
     if not slopes.shape[1] or not columns.shape[1]:
-        return columns
+        return columns, np.zeros((slopes.shape[1], columns.shape[1]))
     weighted, aim = slopes * inverse[:, None], columns * inverse[:, None]
     length = np.linalg.norm(weighted, axis=0)
     unit = np.where(length > 0, length, 1.0)
     basis = np.vstack([weighted.real, weighted.imag]) / unit
     share = np.linalg.lstsq(basis, np.vstack([aim.real, aim.imag]), rcond=1e-8)[0]
-    return np.asarray(columns - (slopes / unit) @ share, np.complex128)
+    return np.asarray(columns - (slopes / unit) @ share, np.complex128), share / unit[:, None]
 
 
 def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:

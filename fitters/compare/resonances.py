@@ -48,7 +48,7 @@ def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) ->
 
 
 def changed(
-    poles: Complexes, residues: Complexes, shift: float, q: float, strength: float
+    poles: Complexes, residues: Complexes, shift: float | Reals, q: float | Reals, strength: float
 ) -> tuple[Complexes, Complexes]:
     """Return poles and residues of branches whose ln frequency, ln Q and ln capacitance are larger by these.
 
@@ -81,8 +81,10 @@ def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:
     return Resonances(poles[chosen][order], residues[chosen][order])
 
 
-def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Reals]:
-    """Return d ln Z / d ln f before, shape (N,), and how far it may be off where points are far apart.
+def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
+    """Return slope of ln Z over ln f before, what a shift of the remainder moves, and how far off that may be, (N,).
+
+    The remainder is taken as that of a capacitance, which stays what it is when all frequencies move.
 
     Poles have theirs exactly; that of the remainder is a spline's, and its error is told by every other point.
     """
@@ -94,4 +96,4 @@ def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Reals]:
     halves = [np.asarray(make_interp_spline(u[k::2], remainder[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
     error = np.min([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
     slope = np.asarray(-(rest + np.sum(exact, axis=1)) / Y, np.complex128)
-    return slope, np.sqrt(running(error**2))
+    return slope, np.asarray((remainder - rest) / -Y, np.complex128), np.sqrt(running(error**2))

@@ -52,7 +52,7 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
         best = ranked[0]
         if len(best.hypothesis.changes) < depth or (depth > 1 and not _short(best)):
             break
-        parents = [one for one in ranked if len(one.hypothesis.changes) == depth][:_PARENTS]
+        parents = _parents([one for one in ranked if len(one.hypothesis.changes) == depth], errors)
         for parent in parents:
             for hypothesis, x in _grown(parent, errors, changes):
                 if hypothesis.changes not in fits:
@@ -60,6 +60,16 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
         if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
             break
     return Searched(tuple(_ranked(fits.values())), nothing)
+
+
+def _parents(ranked: Sequence[Fitted], errors: PairErrors) -> list[Fitted]:
+    """Return what is grown: the most probable, and what leaves least where every point counts alike."""
+    plain = sorted(ranked, key=lambda one: plain_misfit(one.hypothesis, errors, one.x))
+    chosen: dict[int, Fitted] = {}
+    for one in (*ranked[: _PARENTS - 1], *plain):
+        if len(chosen) < _PARENTS and all(one.hypothesis.names != other.hypothesis.names for other in chosen.values()):
+            chosen[id(one)] = one
+    return list(chosen.values())
 
 
 def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
