@@ -75,6 +75,22 @@ def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
     return SampleRecord(name, build, tuple(_step(archive, measurement) for measurement in steps), withdrawn)
 
 
+def step_sweeps(archive: JournalReader, sample: str, step: str | None) -> list[Sweep]:
+    """Return every sweep of a sample's step, the oldest first; of the step last measured where none is named.
+
+    Raises UnknownSampleError.
+    """
+    found = archive.measurements("sample = ? AND state = 'measured'", sample)
+    if not found:
+        raise UnknownSampleError(_unknown(archive, sample))
+    steps = list(dict.fromkeys(one.sample.step for one in found))
+    wanted = step or found[-1].sample.step
+    if wanted not in steps:
+        raise UnknownSampleError(f"sample {sample!r}: step {wanted!r} was not measured; measured: {', '.join(steps)}")
+    of_step = [one for one in found if one.sample.step == wanted]
+    return [decode(frames).sweep() for one in of_step for frames in archive.sweeps(one.id)]
+
+
 def _withdrawn(archive: JournalReader, name: str) -> Iterator[str]:
     """Yield a sentence for each measurement of a sample that was withdrawn."""
     for one in archive.measurements("sample = ? AND state = ?", name, WITHDRAWN):

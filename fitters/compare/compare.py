@@ -15,15 +15,20 @@ from .device_changes import device_changes
 from .hypothesis import Change, Fitted, Hypothesis, fitted
 from .limits import limits, repeatability
 from .pair import Pair, pair_of
-from .pair_errors import USUAL_REST, PairErrors, Sizes
+from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
 from .resonances import fitted_poles, resonances_of
 from .search import Searched, search
+from .shifts import resonance_shifts
 from .two_ports import TwoPort, two_ports
 
 _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those that take no part in the fit that proves an explanation."""
 _EXPLAINED = 0.1
 """Part of the change, root mean square, up to which what is left leaves it explained: 99 % of its power is."""
+_FORMULA = 0.01
+"""Part of what the largest change moves, up to which a further one is an error of its formula."""
+_SURE = 0.9
+"""Probability from which recordings are said to differ by a change: below, nothing is."""
 _ALIKE = 9.0
 """chi2 by which the predictions of two hypotheses differ, up to which a pair does not tell them apart: three u."""
 
@@ -32,17 +37,18 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
     """Return what changed; several sweeps on a side are repeats. Raises TaskError where they cannot be compared."""
     began = time.monotonic()
     pair = pair_of(before, after)
-    own = resonances_of(fitted_poles(pair, pair.before, pair.noise_before), pair, pair.before)
+    poles = fitted_poles(pair, pair.before, pair.noise_before)
+    own = resonances_of(poles, pair, pair.before)
     errors = PairErrors(pair, own)
     searched = search(errors, (*two_ports(), *device_changes(pair, own)))
-    return concluded(errors, searched, began)
+    return replace(concluded(errors, searched, began), resonances=resonance_shifts(pair, poles))
 
 
 def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:
     """Return the answer."""
     pair, nothing = errors.pair, searched.nothing
     alike = _class(searched, errors)
-    best = _simplest(searched, alike)
+    best = _substantial(searched, _simplest(searched, alike), errors)
     verdict, probability = _verdict(searched, best, alike)
     named = best if verdict in ("explained", "partly-explained") else nothing
     held = _held_out(pair.frequency.size)
@@ -61,7 +67,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         limits(errors, named) if verdict in ("unchanged", "explained") else (),
         repeatability(pair),
         (),
-        Remaining(left, float(np.sqrt(np.mean(np.abs(named.at.predicted * 0 + 1) ** 2))) * 1e-3),
+        Remaining(left, INSTRUMENT * named.outcome.sizes.instrument),
         before,
         after,
         held_out_chi2(errors, nothing, held),
@@ -78,6 +84,22 @@ def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
     return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.best)
 
 
+def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
+    """Return an explanation without changes that do next to nothing beside the others: errors of their formulas."""
+    changes = best.hypothesis.changes
+    if len(changes) < 2:
+        return best
+    moves: list[float] = []
+    for k in range(len(changes)):
+        others = Hypothesis(tuple(one for j, one in enumerate(changes) if j != k))
+        x = np.delete(best.x, np.r_[best.hypothesis.slices[k]])
+        pair = best.errors.pair
+        seen = others.predict(pair.before, pair.frequency, x, best.errors.own)
+        moves.append(float(np.sqrt(np.mean(np.abs(np.log(best.at.predicted / seen)) ** 2))))
+    kept = tuple(one for one, size in zip(changes, moves, strict=True) if size > _FORMULA * max(moves))
+    return best if len(kept) == len(changes) else _without(errors, searched, kept)
+
+
 def _verdict(searched: Searched, best: Fitted, alike: Sequence[int]) -> tuple[Verdict, float]:
     """Return the verdict and how probable it is: the rest of the best hypothesis says whether it is all."""
     chances = searched.probabilities()
@@ -86,6 +108,9 @@ def _verdict(searched: Searched, best: Fitted, alike: Sequence[int]) -> tuple[Ve
         share = float(chances[searched.fits.index(best)])
         return ("unchanged", share * usual) if usual >= NAMED else ("unexplained", share * (1 - usual))
     share = float(sum(chances[k] for k in alike))
+    nothing = float(chances[searched.fits.index(searched.nothing)]) if searched.nothing.outcome.usual >= NAMED else 0.0
+    if nothing > 1 - _SURE:
+        return "unchanged", nothing
     if share < NAMED:
         return "unexplained", 1 - share
     left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))

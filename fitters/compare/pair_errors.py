@@ -35,6 +35,7 @@ INSTRUMENT = 1e-3
 _LEVEL = 1.5e-3
 """An error of gain or phase that is the same at all frequencies: cables, range and connectors of the day."""
 _SAME = 1e-9
+_RIDGES = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 _STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
 """Correlation lengths of gain and phase in ln f, and how much of them is fast."""
@@ -152,7 +153,7 @@ class PairErrors:
         slow = smooth(u, ends, _SLOW, 4)
         fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
-        drift = rest[:, None] * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
+        drift = self.slope[:, None] * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
         self._each = self._of_each(f)
         self._rest = rest[:, None], np.hstack([drift, 1j * _LOSSES * drift])
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
@@ -362,13 +363,12 @@ def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
 def _factor(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
     S = scale[:, None] * G[1:, 1:] * scale
     S[np.diag_indices_from(S)] += 1.0
-    c, failed = dpotrf(S, lower=1)
-    if failed:
-        S[np.diag_indices_from(S)] *= 1 + 1e-9
+    for ridge in _RIDGES:  # rounding may leave a matrix of large numbers without a factor
+        S[np.diag_indices_from(S)] *= 1 + ridge
         c, failed = dpotrf(S, lower=1)
-        if failed:
-            raise np.linalg.LinAlgError("errors of a pair")
-    return c, scale * G[1:, 0]
+        if not failed:
+            return c, scale * G[1:, 0]
+    raise np.linalg.LinAlgError("errors of a pair")
 
 
 def _posterior(G: Reals, scale: Reals) -> tuple[Reals, Reals]:

@@ -1,8 +1,7 @@
 """Pairs of recordings with known changes, from a world that shares no formula with `fitters/compare`.
 
-Two-ports are chain matrices with numbers for elements, multiplied as matrices; drift is an interpolation of the recording
-on a frequency axis that is warped; devices that are changed inside are circuits of resonators, or a plate with its own
-tangent. What is written here is only what a person at the bench would have done.
+Two-ports are chain matrices of numbers, multiplied as matrices; drift is an interpolation of the recording on a frequency
+axis that is warped; devices that are changed inside are circuits of resonators.
 """
 
 import os
@@ -186,9 +185,8 @@ def at_terminals(seed: int, per_recording: int = 4) -> Iterator[MadePair]:
             changed = as_measured(f, sign * seen_through(f, drifted, elements), rng)
             removed = bool(rng.uniform() < 0.3)
             yield MadePair(name, *((changed, bare) if removed else (bare, changed)), *truth, removed)
-        yield MadePair(
-            name, Sweep(f, sweep.impedance), as_measured(f, (-1 if inverted else 1) * warped(f, Z, rng), rng), ""
-        )
+        still = as_measured(f, (-1 if inverted else 1) * warped(f, Z, rng), rng)
+        yield MadePair(name, Sweep(f, sweep.impedance), still, "")
 
 
 def _resonators(rng: np.random.Generator) -> list[list[float]]:

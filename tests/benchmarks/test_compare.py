@@ -51,8 +51,11 @@ def run(pairs: Iterable[MadePair]) -> dict[str, list[tuple[bool, bool | None, bo
         results.setdefault(pair.effect or "unchanged", []).append(judgement)
         if not all(part in (True, None) for part in judgement):
             named = [
-                f"{one.effect}{' gone' if one.removed else ''} {one.probability:.2f} "
-                f"{ {k: f'{v.value:.4g}({v.u:.1g})' for k, v in one.parameters.items()} } = {[o.effect for o in one.same_as]}"
+                (
+                    f"{one.effect}{' gone' if one.removed else ''} {one.probability:.2f}",
+                    {name: f"{size.value:.4g}({size.u:.1g})" for name, size in one.parameters.items()},
+                    [other.effect for other in one.same_as],
+                )
                 for one in found.findings
             ]
             print(

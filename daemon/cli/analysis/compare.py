@@ -45,29 +45,79 @@ def compare(
         list[Path] | None, typer.Option(metavar="FILE...", help="Recordings of the same devices after, in that order.")
     ] = None,
     repeats: Annotated[bool, typer.Option("--repeats", help="All files of a side are repeats of one device.")] = False,
+    sample: Annotated[str | None, typer.Option(help="The last two recordings of this sample in the journal.")] = None,
+    step: Annotated[str | None, typer.Option(help="Of this gluing step; the last measured where none is said.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Say what changed between two recordings: at the terminals or in the device, by how much, how sure that is.
 
-    Needs no model of the device.
+    Needs no model of the device. Several files after --before and --after are as many devices, in the same order; with
+    --repeats they are repeats of one. One file before and several after: each is held against the one.
 
     Example: pzctl compare before.csv after.csv
     """
     from ....fitters.compare.compare import compare as find_out
-    from ...report.json_output.comparison_json import comparison_json
-    from ...report.tables.comparison_output import print_comparison
+    from ....fitters.compare.many import compare_many
+    from ...report.json_output.comparison_json import comparison_json, many_json
+    from ...report.pictures.comparison_picture import comparison_picture
+    from ...report.pictures.picture_file import check_picture
+    from ...report.tables.comparison_output import print_comparison, print_many
     from ...report.terminal import console
 
-    sides = _sides(recordings or [], before or [], after or [])
-    own, other = (tuple(_read(path) for path in side) for side in sides)
-    with console(stderr=True).status("comparing"):
+    files = [*(recordings or []), *(before or []), *(after or [])]
+    if sample is not None and files:
+        raise UsageError(f"--sample {sample}: give either a sample or files, not both")
+    if step is not None and sample is None:
+        raise UsageError(f"--step {step}: of which sample? Give --sample NAME as well")
+    if picture is not None:
+        check_picture(picture)
+    if sample is not None:
+        own, other = _from_journal(sample, step)
+    else:
+        sides = _sides(recordings or [], before or [], after or [])
+        own, other = (tuple(_read(path) for path in side) for side in sides)
+    with console(stderr=True).status("comparing") as status:
+        if len(other) > 1 and not repeats:
+            if picture is not None:
+                raise UsageError("--picture shows one pair; give two files, or --repeats")
+            together = many_json(compare_many(own, other, status.update), [str(path) for path in after or []])
+            if as_json:
+                print(json.dumps(together))
+            else:
+                print_many(console(), together)
+            return
+        if len(own) > 1 and not repeats:
+            raise UsageError(f"{len(own)} files before and {len(other)} after; repeats of one device need --repeats")
         comparison = find_out(own, other)
     found = comparison_json(comparison)
     if as_json:
         print(json.dumps(found))
     else:
         print_comparison(console(), found)
+    if picture is not None:
+        drawn = comparison_picture(found, comparison.curve, picture)
+        console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _from_journal(sample: str, step: str | None) -> "tuple[tuple[Sweep, ...], tuple[Sweep, ...]]":
+    """Return the last two recordings of a sample's step: of the last two measurements, or repeats of the last.
+
+    Raises UnknownSampleError.
+    """
+    from ....models.sweep import Sweep
+    from ...samples.sample_record import UnknownSampleError, step_sweeps
+    from ...samples.sample_selection import open_journal
+
+    journal = open_journal()
+    try:
+        found: list[Sweep] = step_sweeps(journal, sample, step)
+    finally:
+        journal.close()
+    if len(found) < 2:
+        of = f"step {step!r}" if step else "its last step"
+        raise UnknownSampleError(f"sample {sample!r}: {len(found)} recording(s) of {of}; two are needed to compare")
+    return (found[-2],), (found[-1],)
 
 
 def _sides(recordings: list[Path], before: list[Path], after: list[Path]) -> tuple[list[Path], list[Path]]:

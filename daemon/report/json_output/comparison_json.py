@@ -1,10 +1,12 @@
 """A comparison as the JSON object that `pzctl compare --json` prints: the form of a diagnosis."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
 from ....fitters.compare.comparison import ChangeFinding, Comparison
+from ....fitters.compare.many import ManyCompared
 from .fit_json import number
 
 _NUMBERS = (
@@ -40,6 +42,17 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         "held_out_Hz": msgspec.to_builtins(comparison.held_out_Hz),
         "says": list(comparison.says),
         "seconds": comparison.seconds,
+    }
+
+
+def many_json(found: ManyCompared, files: Sequence[str]) -> dict[str, Any]:
+    """Return several devices compared as one JSON object; `files` are those after, by device."""
+    return {
+        "devices": [{"file": file} | comparison_json(one) for file, one in zip(files, found.devices, strict=True)],
+        "common": [msgspec.to_builtins(one) for one in found.common],
+        "own": [[_finding(finding) for finding in findings] for findings in found.own],
+        "outliers": [files[k] for k in found.outliers],
+        "says": list(found.says),
     }
 
 

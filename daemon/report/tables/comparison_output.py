@@ -18,8 +18,37 @@ def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
         console.print(_findings_table(found["findings"]))
     if found["limits"]:
         console.print(f"Not seen, at 95 %: {'; '.join(_limit(one) for one in found['limits'])}.", highlight=False)
+    if found["resonances"]:
+        console.print(_resonance_table(found["resonances"]))
     console.print(_bands_table(found["repeatability"]))
     console.print(f"probability {found['probability']:.3f}; {found['seconds']:.1f} s", highlight=False)
+
+
+def print_many(console: Console, found: Mapping[str, Any]) -> None:
+    """Print several devices compared (the object of `many_json`): what they have in common, then each."""
+    for k, sentence in enumerate(found["says"]):
+        console.print(sentence if k == 0 else f"- {sentence}", style="bold" if k == 0 else "yellow", highlight=False)
+    for one in found["common"]:
+        sizes = [
+            f"{name} {_size(size)}, from device to device {one['scatter'][name]['value']:.2g}{_unit(size)}"
+            for name, size in one["parameters"].items()
+        ]
+        console.print(f"{one['effect']}: {'; '.join(sizes)}", highlight=False)
+    table = Table(header_style="bold")
+    for column in ("device", "verdict", "change (%)", "findings"):
+        table.add_column(column, overflow="fold")
+    for device in found["devices"]:
+        findings: list[str] = []
+        for one in device["findings"]:
+            name, size = next(iter(one["parameters"].items()), ("", None))
+            findings.append(f"{one['effect']}{' (gone)' if one['removed'] else ''}{_first(name, size)}")
+        mark = " !" if device["file"] in found["outliers"] else ""
+        table.add_row(device["file"] + mark, device["verdict"], f"{100 * device['change']:.3g}", "\n".join(findings))
+    console.print(table)
+
+
+def _first(name: str, size: Mapping[str, Any] | None) -> str:
+    return f", {name} {_size(size)}" if size else ""
 
 
 def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
@@ -38,6 +67,21 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
             "\n".join(sizes),
             " -> ".join("-" if value is None else f"{value:.3g}" for value in held),
             "\n".join(alike),
+        )
+    return table
+
+
+def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(title="Resonances in both, as the terminals see them", title_justify="left", header_style="bold")
+    for column in ("kHz", "Q", "frequency moved (ppm)", "Q after/before", "strength after/before"):
+        table.add_column(column, justify="right")
+    for one in resonances:
+        table.add_row(
+            f"{one['frequency_Hz'] / 1e3:.5g}",
+            f"{one['q']:.3g}",
+            with_uncertainty(1e6 * one["shift"], 1e6 * one["u_shift"]),
+            with_uncertainty(one["q_ratio"], one["u_q_ratio"]),
+            with_uncertainty(one["strength_ratio"], one["u_strength_ratio"]),
         )
     return table
 
