@@ -103,7 +103,7 @@ class Linearised:
     frequency: Reals
     """Hz, shape (N,)."""
     each: Complexes | None = None
-    """d ln Z predicted / d ln frequency and / d ln Q of each resonance before, shape (N, 2P), where the device changed."""
+    """Where the device changed: slope over ln frequency and over ln Q of each resonance before, shape (N, 2P)."""
 
 
 @dataclass(frozen=True, eq=False)

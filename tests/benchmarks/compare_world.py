@@ -1,7 +1,7 @@
 """Pairs of recordings with known changes, from a world that shares no formula with `fitters/compare`.
 
-Two-ports are chain matrices of numbers, multiplied as matrices; drift is an interpolation of the recording on a frequency
-axis that is warped; devices that are changed inside are circuits of resonators.
+Two-ports are chain matrices of numbers, multiplied as matrices; drift is an interpolation of the recording on a warped
+frequency axis; devices that change inside are circuits of resonators.
 """
 
 import os

@@ -57,13 +57,7 @@ def compare(
 
     Example: pzctl compare before.csv after.csv
     """
-    from ....fitters.compare.compare import compare as find_out
-    from ....fitters.compare.many import compare_many
-    from ...report.json_output.comparison_json import comparison_json, many_json
-    from ...report.pictures.comparison_picture import comparison_picture
     from ...report.pictures.picture_file import check_picture
-    from ...report.tables.comparison_output import print_comparison, print_many
-    from ...report.terminal import console
 
     files = [*(recordings or []), *(before or []), *(after or [])]
     if sample is not None and files:
@@ -73,22 +67,25 @@ def compare(
     if picture is not None:
         check_picture(picture)
     if sample is not None:
-        own, other = _from_journal(sample, step)
+        _one(*_from_journal(sample, step), picture, as_json)
+        return
+    sides = _sides(recordings or [], before or [], after or [])
+    own, other = (tuple(_read(path) for path in side) for side in sides)
+    if repeats or len(own) == len(other) == 1:
+        _one(own, other, picture, as_json)
     else:
-        sides = _sides(recordings or [], before or [], after or [])
-        own, other = (tuple(_read(path) for path in side) for side in sides)
-    with console(stderr=True).status("comparing") as status:
-        if len(other) > 1 and not repeats:
-            if picture is not None:
-                raise UsageError("--picture shows one pair; give two files, or --repeats")
-            together = many_json(compare_many(own, other, status.update), [str(path) for path in after or []])
-            if as_json:
-                print(json.dumps(together))
-            else:
-                print_many(console(), together)
-            return
-        if len(own) > 1 and not repeats:
-            raise UsageError(f"{len(own)} files before and {len(other)} after; repeats of one device need --repeats")
+        _many((own, other), sides[1], picture, as_json)
+
+
+def _one(own: "tuple[Sweep, ...]", other: "tuple[Sweep, ...]", picture: Path | None, as_json: bool) -> None:
+    """Compare two sides of one device, and say what was found."""
+    from ....fitters.compare.compare import compare as find_out
+    from ...report.json_output.comparison_json import comparison_json
+    from ...report.pictures.comparison_picture import comparison_picture
+    from ...report.tables.comparison_output import print_comparison
+    from ...report.terminal import console
+
+    with console(stderr=True).status("comparing"):
         comparison = find_out(own, other)
     found = comparison_json(comparison)
     if as_json:
@@ -98,6 +95,25 @@ def compare(
     if picture is not None:
         drawn = comparison_picture(found, comparison.curve, picture)
         console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _many(
+    sides: "tuple[tuple[Sweep, ...], tuple[Sweep, ...]]", files: list[Path], picture: Path | None, as_json: bool
+) -> None:
+    """Compare several devices, and say what they have in common; `files` are those after."""
+    from ....fitters.compare.many import compare_many
+    from ...report.json_output.comparison_json import many_json
+    from ...report.tables.comparison_output import print_many
+    from ...report.terminal import console
+
+    if picture is not None:
+        raise UsageError(f"--picture {picture}: a picture shows one device; give two files, or --repeats")
+    with console(stderr=True).status("comparing") as status:
+        together = many_json(compare_many(*sides, status.update), [str(path) for path in files])
+    if as_json:
+        print(json.dumps(together))
+    else:
+        print_many(console(), together)
 
 
 def _from_journal(sample: str, step: str | None) -> "tuple[tuple[Sweep, ...], tuple[Sweep, ...]]":
@@ -128,7 +144,7 @@ def _sides(recordings: list[Path], before: list[Path], after: list[Path]) -> tup
         raise UsageError("nothing to compare: give two files, or --before FILE... --after FILE...")
     if recordings and len(recordings) != 2:
         raise UsageError(
-            f"{len(recordings)} files given; two are compared, more of them as --before FILE... --after FILE..."
+            f"{len(recordings)} file(s) given; two are compared, more of them as --before FILE... --after FILE..."
         )
     return ([recordings[0]], [recordings[1]]) if recordings else (before, after)
 

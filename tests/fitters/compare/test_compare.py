@@ -13,11 +13,15 @@ F = np.linspace(0.8e6, 1.4e6, 201)
 JW = 2j * np.pi * F
 
 
-def device(f: np.ndarray = F) -> np.ndarray:
-    """A capacitance of 500 pF and three resonances, ohm."""
+def device(
+    f: np.ndarray = F, *, shift: float = 1.0, q: float = 1.0, strength: float = 1.0, other: float = 0.0
+) -> np.ndarray:
+    """A capacitance of 500 pF and three resonances, and one more of `other` farad, ohm."""
     Y = 2j * np.pi * f * 5e-10 * (1 - 0.01j)
-    for f0, q, c in ((0.98e6, 120, 6e-11), (1.13e6, 90, 9e-12), (1.27e6, 150, 3e-12)):
-        Y = Y + 2j * np.pi * f * c / (1 - (f / f0) ** 2 + 1j * f / f0 / q)
+    own = [(0.98e6, 120, 6e-11), (1.13e6, 90, 9e-12), (1.27e6, 150, 3e-12)]
+    branches = [(f0 * shift, Q * q, c * strength) for f0, Q, c in own] + [(1.2e6, 80.0, other)]
+    for f0, Q, c in branches:
+        Y = Y + 2j * np.pi * f * c / (1 - (f / f0) ** 2 + 1j * f / f0 / Q)
     return 1 / Y
 
 
@@ -43,8 +47,9 @@ CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] =
 }
 
 
-@pytest.mark.parametrize("name", CHANGES)
-@pytest.mark.parametrize("removed", [False, True])
+@pytest.mark.parametrize(
+    ("name", "removed"), [*((name, False) for name in CHANGES), ("a lead", True), ("a cable", True)]
+)
 def test_names_what_was_put_in_or_taken_out_with_its_size(name: str, removed: bool) -> None:
     change, effect, size, true = CHANGES[name]
     bare, changed = recorded(device(), 1), recorded(change(device(F / 1.0001)), 2)
@@ -65,6 +70,30 @@ def test_a_device_that_only_drifted_is_unchanged_and_the_limits_say_what_was_exc
     assert limits["lead-inductance"] < 2e-8
     assert limits["stray-capacitance"] < 2e-12
     assert max(band.magnitude for band in found.repeatability) == pytest.approx(1e-2, rel=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "effect", "size", "true"),
+    [
+        ({"shift": 0.997}, "frequencies-scaled", "shift", np.log(0.997)),
+        ({"q": 0.7}, "damping", "ln Q", np.log(0.7)),
+        ({"strength": 0.9}, "strength", "ln strength", np.log(0.9)),
+        ({"other": 2e-12}, "new-resonance", "frequency", 1.2e6),
+    ],
+)
+def test_names_what_changed_in_the_device(change: dict[str, float], effect: str, size: str, true: float) -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(**change), 2)])
+    assert found.verdict == "explained"
+    (finding,) = found.findings
+    assert finding.effect == effect
+    assert finding.where == "device"
+    assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
+
+
+def test_the_table_of_resonances_says_how_each_moved() -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(shift=0.997), 2)])
+    assert [one.frequency_Hz for one in found.resonances] == pytest.approx([0.98e6, 1.13e6, 1.27e6], rel=1e-3)
+    assert [one.shift for one in found.resonances] == pytest.approx([-3e-3] * 3, abs=1e-4)
 
 
 def test_another_grid_is_interpolated() -> None:
