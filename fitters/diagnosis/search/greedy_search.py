@@ -225,7 +225,7 @@ class GreedySearch:
 
 
 def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    """Return the first start and, of an effect that resonates, those at other frequencies: each is a valley of its own."""
+    """Return the first start and, if the effect resonates, those at other frequencies: each is a valley of its own."""
     kept: list[ScreenedCandidate] = []
     for promise in promises:
         at = [promise.start[name] for name in promise.candidate.resonance_parameters]
