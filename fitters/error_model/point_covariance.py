@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg.lapack import dpttrf, dtbtrs
+from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
@@ -66,7 +66,9 @@ class WhitenedColumns:
     plain: Sequence[Reals]
     """Of each recording, shape (P, 2N), in units of the coloured noise."""
     rough: Sequence[Reals]
-    """Of each recording that has a rough error, shape (P, 2N): what it takes."""
+    """Of each recording that has a rough error, V of it, shape (P, 2N)."""
+    solved: Sequence[Reals]
+    """Of the same, M^-1 V: M its precision beside noise."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -74,13 +76,14 @@ class WhitenedColumns:
 
     def lengths(self) -> Reals:
         """Return the diagonal of X^T K^-1 X, shape (P,)."""
-        more, less = (sum(np.einsum("pn,pn->p", own, own) for own in parts) for parts in (self.plain, self.rough))
+        more = sum(np.einsum("pn,pn->p", own, own) for own in self.plain)
+        less = sum(np.einsum("pn,pn->p", V, own) for V, own in zip(self.rough, self.solved, strict=True))
         return np.asarray(more - less, np.float64)
 
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
         more = sum(own @ its.T for own, its in zip(self.plain, other.plain, strict=True))
-        less = sum(own @ its.T for own, its in zip(self.rough, other.rough, strict=True))
+        less = sum(own @ its.T for own, its in zip(self.rough, other.solved, strict=True))
         return np.asarray(more - less, np.float64)
 
 
@@ -100,7 +103,9 @@ class Kernel:
         """Return columns that are already in units of white noise in units of K."""
         plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
         rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
-        return WhitenedColumns([Y.reshape(len(Y), 2 * Y.shape[2]) for Y in plain], rough)
+        return WhitenedColumns(
+            [_flat(Y) for Y in plain], [_flat(V) for V, _ in rough], [_flat(solved) for _, solved in rough]
+        )
 
 
 class _One:
@@ -131,20 +136,23 @@ class _One:
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
-        self._lower = np.ones((2, n))
-        self._lower[1, :-1] = e
-        self._root = 1 / np.sqrt(d)
+        self._factor = d, e
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def plain(self, X: Reals) -> Reals:
         """Return columns (P, 2, N) in units of the coloured noise."""
         return _whitened(X if self._under == 1 else self._under * X, self._colour)
 
-    def rough(self, Y: Reals) -> Reals:
-        """Return D^-1/2 L^-1 V, (P, 2N): V the rough error's share of the columns, L D L^T its precision with noise."""
-        V = (self._amplitude * _back(Y, self._colour)).reshape(2 * len(Y), Y.shape[2])
-        solved, _ = dtbtrs(self._lower, V.T, uplo="L", diag="U", overwrite_b=True)
-        return np.asarray(solved.T * self._root, np.float64).reshape(len(Y), 2 * Y.shape[2])
+    def rough(self, Y: Reals) -> tuple[Reals, Reals]:
+        """Return V, the rough error's share of columns, and M^-1 V, each (P, 2, N): M its precision beside noise."""
+        V = self._amplitude * _back(Y, self._colour)
+        solved, _ = dpttrs(*self._factor, V.reshape(-1, V.shape[-1]).T if V.size else np.zeros((V.shape[-1], 0)))
+        return V, np.asarray(solved.T, np.float64).reshape(V.shape)
+
+
+def _flat(Y: Reals) -> Reals:
+    """Return (P, 2, N) as (P, 2N)."""
+    return Y.reshape(len(Y), 2 * Y.shape[2])
 
 
 def _whitened(X: Reals, colour: float) -> Reals:
