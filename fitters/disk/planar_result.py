@@ -32,8 +32,8 @@ PLANAR_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "
 _DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
 _ALPHA, _U_ALPHA = 0.75, 0.09
 _D33F, _U_D33F = 1.3e-10, 0.2e-10
-# c13E/c33E is 0.64 to 0.75 and e33/c33E 1.05e-10 to 1.43e-10 C/N for the ceramics of the library. Thickness and radial
-# mode of a thin disk do not tell them, so that a library value is known no better than these.
+# c13E/c33E is 0.66 to 0.83 and e33/c33E 1.05e-10 to 1.45e-10 C/N for the ceramics of the library. Two sets of one and
+# the same ceramic differ by as much, so that a library value is no better known.
 _MISFIT = 1.5
 _STEP = 1e-6
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import log
 from typing import Self
 
@@ -12,7 +13,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 from ...models.base.arrays import Complexes, Reals
 from . import prior_scales as scales
 from .error_columns import ErrorColumns
-from .point_covariance import Kernel, Rough, WhitenedColumns, gram
+from .point_covariance import Kernel, RealColumns, Rough, WhitenedColumns, in_noise
 
 GRIDS: Mapping[str, tuple[float, ...]] = {
     "tau": scales.TAUS,
@@ -141,12 +142,17 @@ class Gram:
 
     def _gram(self, colour: float, rough: Rough) -> tuple[Reals, float]:
         if (colour, rough) not in self._known:
-            blocks = [
-                np.concatenate([c, j, r[:, None]], axis=1)
-                for c, j, r in zip(self.columns.blocks, self.J, self.r, strict=True)
-            ]
-            self._known[colour, rough] = gram(self.columns.points, blocks, colour, rough)
+            kernel = Kernel(self.columns.points, colour, rough)
+            self._known[colour, rough] = kernel.whitened(self._in_noise).squared(), kernel.log_det
         return self._known[colour, rough]
+
+    @cached_property
+    def _in_noise(self) -> RealColumns:
+        blocks = [
+            np.concatenate([c, j, r[:, None]], axis=1)
+            for c, j, r in zip(self.columns.blocks, self.J, self.r, strict=True)
+        ]
+        return in_noise(self.columns.points, blocks)
 
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
@@ -237,15 +243,35 @@ def rough_guess(made: Gram) -> ErrorSizes:
 
 
 def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tuple[ErrorSizes, Value]:
-    """Return the sizes of largest marginal likelihood: along one part after the other, from the best of the starts."""
-    found = [_around(made, start, made.value(start), order, again=False) for start in dict.fromkeys(starts)]
-    now, value = max(found, key=lambda pair: pair[1].log_evidence)
+    """Return the sizes of largest marginal likelihood: along one part after the other, from the best of the starts.
+
+    Sizes whose covariance rounding has spoilt are passed over. Raises LinAlgError where it has spoilt every start.
+    """
+    begun = _evaluated(made, starts)
+    if not begun:
+        raise np.linalg.LinAlgError("no covariance")
+    now, value = _largest([_around(made, sizes, value, order, again=False) for sizes, value in begun])
     for _ in range(_ROUNDS):
         before = now
         now, value = _around(made, now, value, order, again=True)
         if now == before:
             break
     return now, value
+
+
+def _evaluated(made: Gram, trials: Sequence[ErrorSizes]) -> list[tuple[ErrorSizes, Value]]:
+    """Return the marginal likelihood of each of these sizes, where it can be computed."""
+    values: list[tuple[ErrorSizes, Value]] = []
+    for sizes in dict.fromkeys(trials):
+        try:
+            values.append((sizes, made.value(sizes)))
+        except np.linalg.LinAlgError:
+            continue
+    return values
+
+
+def _largest(values: Sequence[tuple[ErrorSizes, Value]]) -> tuple[ErrorSizes, Value]:
+    return max(values, key=lambda pair: pair[1].log_evidence)
 
 
 def _around(
@@ -263,5 +289,4 @@ def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool)
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again
     trials = [now.at(name, size) for k, size in enumerate(grid) if k != at and (not near or abs(k - at) == 1)]
-    found = [(now, value), *((trial, made.value(trial)) for trial in trials)]
-    return max(found, key=lambda pair: pair[1].log_evidence)
+    return _largest([(now, value), *_evaluated(made, trials)])

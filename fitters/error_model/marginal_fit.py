@@ -210,8 +210,8 @@ def fit(
             columns = marginal.columns(x, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
-            begun = (*starts, rough_guess(made)) if k == 0 else (sizes, sizes.at("slow", 1.0).at("tau", 0.0))
-            sizes, _ = chosen(made, begun, order)
+            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
+            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
         if steps <= 1 and k > 0:
@@ -236,7 +236,10 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
             damping = 0.0 if damping < 1e-2 else damping * _RELAXED
             if fall < close:
                 break
-            value = marginal.value(x, held)
+            try:
+                value = marginal.value(x, held)
+            except np.linalg.LinAlgError:
+                break
         else:
             damping = 1e-2 if damping == 0 else damping * _DAMPED
             if damping > 1e6:

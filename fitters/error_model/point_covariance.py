@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg.lapack import dpttrf, dpttrs
+from scipy.linalg.lapack import dpttrf, dtbtrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
@@ -41,28 +41,32 @@ def under_colour(colour: float) -> float:
     return float(np.sqrt(signs @ colour**lags @ signs / comb(2 * _ORDER, _ORDER)))
 
 
-def gram(
-    points: Sequence[PointErrors], blocks: Sequence[Complexes], colour: float, rough: Rough
-) -> tuple[Reals, float]:
-    """Return X^T K^-1 X over Re and Im, shape (P, P), and ln |K| of both.
+RealColumns = list[Reals]
+"""Columns in units of white noise, of each recording, shape (P, 2, N): Re and Im of the points that take part."""
 
-    `blocks`: X of each recording, complex, shape (N, P). K is the covariance of noise of this `colour` plus rough
-    errors of these sizes.
-    """
-    kernel = Kernel(points, colour, rough)
-    seen = kernel.white(blocks)
-    return seen.squared(), kernel.log_det
+
+def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> RealColumns:
+    """Return columns, of each recording complex of shape (N, P), in units of its noise."""
+    made: RealColumns = []
+    for own, X in zip(points, blocks, strict=True):
+        kept = np.isfinite(own.noise)
+        Y = X if np.all(kept) else X[kept]
+        weight = 1 / own.noise[kept]
+        both = np.empty((Y.shape[1], 2, Y.shape[0]))
+        np.multiply(Y.real.T, weight, out=both[:, 0])
+        np.multiply(Y.imag.T, weight, out=both[:, 1])
+        made.append(both)
+    return made
 
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """Columns in units of noise, Re and Im in turn: X^T K^-1 Y is `plain^T plain` less what the rough error takes."""
+    """Columns in units of the whole covariance K: X^T K^-1 Y is `plain plain^T` less what the rough error takes."""
 
-    plain: Reals
-    rough: Reals | None
-    """V of the rough error."""
-    solved: Reals | None
-    """M^-1 V, M its precision beside noise."""
+    plain: Sequence[Reals]
+    """Of each recording, shape (P, 2N), in units of the coloured noise."""
+    rough: Sequence[Reals]
+    """Of each recording that has a rough error, shape (P, 2N): what it takes."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -70,46 +74,48 @@ class WhitenedColumns:
 
     def lengths(self) -> Reals:
         """Return the diagonal of X^T K^-1 X, shape (P,)."""
-        whole = np.einsum("np,np->p", self.plain, self.plain)
-        return whole if self.rough is None or self.solved is None else whole - np.sum(self.rough * self.solved, axis=0)
+        more, less = (sum(np.einsum("pn,pn->p", own, own) for own in parts) for parts in (self.plain, self.rough))
+        return np.asarray(more - less, np.float64)
 
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
-        whole = self.plain.T @ other.plain
-        return whole if self.rough is None or other.solved is None else whole - self.rough.T @ other.solved
+        more = sum(own @ its.T for own, its in zip(self.plain, other.plain, strict=True))
+        less = sum(own @ its.T for own, its in zip(self.rough, other.rough, strict=True))
+        return np.asarray(more - less, np.float64)
 
 
 class Kernel:
     """K of all recordings, ready to be applied."""
 
     def __init__(self, points: Sequence[PointErrors], colour: float, rough: Rough) -> None:
+        self._points = points
         self._ones = [_One(own, colour, rough) for own in points]
         self.log_det = 2 * sum(one.log_det for one in self._ones)
 
     def white(self, blocks: Sequence[Complexes]) -> WhitenedColumns:
-        """Return columns in units of noise; `blocks` are those of each recording, complex, shape (N, P)."""
-        parts = [one.white(X) for one, X in zip(self._ones, blocks, strict=True)]
-        rough = [part.rough for part in parts if part.rough is not None]
-        solved = [part.solved for part in parts if part.solved is not None]
-        return WhitenedColumns(
-            np.concatenate([part.plain for part in parts]),
-            np.concatenate(rough) if rough else None,
-            np.concatenate(solved) if solved else None,
-        )
+        """Return columns in units of K; `blocks` are those of each recording, complex, shape (N, P)."""
+        return self.whitened(in_noise(self._points, blocks))
+
+    def whitened(self, columns: RealColumns) -> WhitenedColumns:
+        """Return columns that are already in units of white noise in units of K."""
+        plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
+        rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
+        return WhitenedColumns([Y.reshape(len(Y), 2 * Y.shape[2]) for Y in plain], rough)
 
 
 class _One:
     """K of one recording."""
 
     def __init__(self, own: PointErrors, colour: float, rough: Rough) -> None:
-        self._kept = np.isfinite(own.noise)
-        size = np.hypot(rough[0] * own.felt, rough[1] * own.bent)[self._kept]
-        log_f, noise = own.log_f[self._kept], own.noise[self._kept]
+        kept = np.isfinite(own.noise)
+        size = np.hypot(rough[0] * own.felt, rough[1] * own.bent)[kept]
+        log_f, noise = own.log_f[kept], own.noise[kept]
         n = noise.size
-        self._weight, self._colour = under_colour(colour) / noise, colour
-        self.log_det = -2 * float(np.sum(np.log(self._weight))) + (n - 1) * float(np.log(1 - colour**2))
-        self._factor: tuple[Reals, Reals] | None = None
-        if not np.any(size):
+        self._under, self._colour = under_colour(colour), colour
+        weight = self._under / noise
+        self.log_det = -2 * float(np.sum(np.log(weight))) + (n - 1) * float(np.log(1 - colour**2))
+        self.is_rough = bool(np.any(size))
+        if not self.is_rough:
             return
         scale = 1 / (1 - colour**2)
         middle = np.full(n, (1 + colour**2) * scale)
@@ -119,50 +125,44 @@ class _One:
         T = np.ones(n)
         T[:-1] += step**2 / between
         T[1:] += step**2 / between
-        self._amplitude = size * self._weight
+        self._amplitude = size * weight
         diagonal = T + self._amplitude**2 * middle
         beside = -step / between - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
-        self._factor = d, e
+        self._lower = np.ones((2, n))
+        self._lower[1, :-1] = e
+        self._root = 1 / np.sqrt(d)
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
-    def white(self, X: Complexes) -> WhitenedColumns:
-        kept = X if np.all(self._kept) else X[self._kept]
-        n, p = kept.shape
-        both = np.empty((n, 2 * p))
-        np.multiply(kept.real, self._weight[:, None], out=both[:, :p])
-        np.multiply(kept.imag, self._weight[:, None], out=both[:, p:])
-        white = _whitened(both, self._colour)
-        if self._factor is None:
-            return WhitenedColumns(_stacked(white, p), None, None)
-        V = self._amplitude[:, None] * _back(white, self._colour)
-        solved, _ = dpttrs(*self._factor, V)
-        return WhitenedColumns(_stacked(white, p), _stacked(V, p), _stacked(solved, p))
+    def plain(self, X: Reals) -> Reals:
+        """Return columns (P, 2, N) in units of the coloured noise."""
+        return _whitened(X if self._under == 1 else self._under * X, self._colour)
+
+    def rough(self, Y: Reals) -> Reals:
+        """Return D^-1/2 L^-1 V, (P, 2N): V the rough error's share of the columns, L D L^T its precision with noise."""
+        V = (self._amplitude * _back(Y, self._colour)).reshape(2 * len(Y), Y.shape[2])
+        solved, _ = dtbtrs(self._lower, V.T, uplo="L", diag="U", overwrite_b=True)
+        return np.asarray(solved.T * self._root, np.float64).reshape(len(Y), 2 * Y.shape[2])
 
 
 def _whitened(X: Reals, colour: float) -> Reals:
-    """Return L^-1 X, L L^T = R, R_ij = colour^|i-j|."""
+    """Return L^-1 X along the last axis, L L^T = R, R_ij = colour^|i-j|."""
     if colour == 0:
         return X
     Y = X.copy()
-    Y[1:] -= colour * X[:-1]
-    Y[1:] /= np.sqrt(1 - colour**2)
+    Y[..., 1:] -= colour * X[..., :-1]
+    Y[..., 1:] /= np.sqrt(1 - colour**2)
     return Y
 
 
 def _back(Y: Reals, colour: float) -> Reals:
-    """Return L^-T Y."""
+    """Return L^-T Y along the last axis."""
     if colour == 0:
         return Y
     inner = 1 / np.sqrt(1 - colour**2)
     X = Y.copy()
-    X[1:] *= inner
-    X[:-1] -= colour * inner * Y[1:]
+    X[..., 1:] *= inner
+    X[..., :-1] -= colour * inner * Y[..., 1:]
     return X
-
-
-def _stacked(A: Reals, p: int) -> Reals:
-    """Return an array with Re in its first p columns and Im in the others, one below the other."""
-    return np.concatenate([A[:, :p], A[:, p:]])

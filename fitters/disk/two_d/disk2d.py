@@ -66,7 +66,7 @@ class Disk2DFitter:
 
 def finite_disk(
     task: FitTask,
-    budget_seconds: float = math.inf,
+    rounds: int = _ROUNDS,
     progress: Callable[[str], None] = lambda _: None,
     enough: float = 0.0,
 ) -> FitResult:
@@ -74,10 +74,9 @@ def finite_disk(
 
     `chi2_per_dof` refers to the same noise of every point as that of the one-dimensional fitters, but only to points
     up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
-    known of the ceramic but that it is one. `budget_seconds`: when it is over, descents stop where they are and the
-    answer says `converged=False`; what must be done before (reduced model where it is not in the cache, 1 s at
-    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case. `enough`: what may be left of ln Z,
-    root mean square, for a valley to be taken without a look at others.
+    known of the ceramic but that it is one. `rounds`: how many descents of at most twelve steps follow the search;
+    where the last of them has not settled, the answer says `converged=False`. `enough`: what may be left of ln Z, root
+    mean square, for a valley to be taken without a look at others.
     Raises FitError as the fitter does.
     """
     began = time.perf_counter()
@@ -86,7 +85,7 @@ def finite_disk(
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
-    descent, error = _descend(disk, full, model, task.free, began + budget_seconds, enough)
+    descent, error = _descend(disk, full, model, task.free, rounds, enough)
     layer = disk.layer.name
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
@@ -196,14 +195,14 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
 
 
 def _descend(
-    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float, enough: float
+    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, rounds: int, enough: float
 ) -> tuple[Descent, float]:
-    """Return the deepest minimum found until then, and the estimated error of the reduced model there."""
+    """Return the deepest minimum found, and the estimated error of the reduced model there."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
     x, evaluations = searched(disk, model, recordings, coordinates, priors, enough)
     error, before, settled = math.inf, math.inf, False
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
         recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
         last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
@@ -211,7 +210,7 @@ def _descend(
         left = _left(recordings, coordinates, x)
         settled = last.converged or (recordings[0].misfit > 0 and left > (1 - _STILL) * before)
         before = left
-        if settled or time.perf_counter() > until:
+        if settled:
             break
     judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
     objective = Objective(judged, coordinates, priors)

@@ -31,7 +31,7 @@ _WIDTHS: Mapping[str, float] = {
     "eps33S": 0.20,
 }
 # Relative standard uncertainty of what is not known: how far the complete sets of the library lie from each other.
-# PIC255 and PIC184, both of one laboratory, differ by 19 % in c11E and 34 % in e31.
+# Two published sets of one and the same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
 _AXIAL = dict.fromkeys(("c11E", "c12E", "c13E", "c44E"), "c33E") | {
     "e31": "e33",
     "e15": "e33",

@@ -57,7 +57,7 @@ def test_show_gives_the_constants_and_the_picture(measured: Path, tmp_path: Path
         (["show", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
         (["show", "thesis", "--fitter", "masson"], "there is no fit by 'masson'; fitted by "),
         (["export", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
-        (["export", "thesis", "--format", "xls"], "there are csv, touchstone, netcdf, hdf5"),
+        (["export", "thesis", "--format", "xls"], "allowed are csv, touchstone, netcdf, hdf5"),
     ],
 )
 def test_what_is_not_there_is_one_sentence(measured: Path, words: list[str], sentence: str) -> None:

@@ -89,11 +89,11 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
             ),
             (
                 lambda: raised(["screenshot", str(tmp_path / "s.tif"), "--resource", str(where.resource)]),
-                f"the daemon that runs owns {where.resource}; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: raised(["measure", "--step", "disk", "--resource", "127.0.0.1:5025"]),
-                f"the daemon that runs owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: [diagnosed(lab, one.id, k) for k in range(MOST_ERRANDS + 1)],
@@ -135,11 +135,11 @@ def test_a_daemon_that_hangs_and_one_that_is_not_there(
         events = lab.listen(10.0)
         os.kill(where.pid, signal.SIGSTOP)
         try:
-            says = f"daemon at {where.events}: not a sound for 0.3 s; it has ended or hangs"
+            says = f"daemon at {where.events}: silent for 0.3 s; it has ended or hangs"
             assert sentence(lambda: next(events)) == says
         finally:
             os.kill(where.pid, signal.SIGCONT)
     try:
-        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: not a sound for 0.3 s")
+        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: silent for 0.3 s")
     finally:
         os.kill(where.pid, signal.SIGCONT)

@@ -173,7 +173,7 @@ def test_a_client_that_is_turned_away_is_told(start_daemon, key_of, tmp_path: Pa
 
     for error in asyncio.run(both()):
         assert isinstance(error, DaemonError)
-        assert "it does not let this client in" in str(error)
+        assert "it refuses this client" in str(error)
         assert error.code == "not-allowed"
 
 
@@ -191,11 +191,11 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "is there already" in keys("server")
     assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all")
     assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key")
-    assert "ana may measure; give them ana.key" in keys("client", "ana", "--right", "measure")
+    assert "ana has the right to measure; pass ana.key on" in keys("client", "ana", "--right", "measure")
     assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in tmp_path.rglob("*") if path.is_file())
     assert keys("list").split("\t")[:2] == ["ana", "measure"]
     assert "'bob' is not known; there are ana" in keys("revoke", "bob")
-    assert keys("revoke", "ana") == "ana no longer comes in\n"
+    assert keys("revoke", "ana") == "ana no longer has access\n"
     assert keys("list") == ""
     assert json.loads(keys("client", "eve", "--json")) == {"name": "eve", "right": "watch", "file": "eve.key"}
     assert json.loads(keys("revoke", "eve", "--json")) == {"name": "eve", "revoked": True}

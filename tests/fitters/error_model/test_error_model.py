@@ -9,7 +9,7 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import factored
 from pzctl.fitters.error_model.marginal_fit import Marginal, MarginalFit, fit
-from pzctl.fitters.error_model.point_covariance import PointErrors, gram, under_colour
+from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
 from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH
 from pzctl.fitters.error_model.smooth_basis import smooth
 from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
@@ -44,7 +44,8 @@ def test_products_in_units_of_coloured_noise_and_rough_error_are_those_of_the_de
     log_f = np.sort(rng.uniform(14, 16, N))
     points = PointErrors(log_f, rng.uniform(1e-4, 1e-3, N), rng.uniform(0.5, 20, N), rng.uniform(0, 0.1, N))
     X = rng.normal(size=(N, 3)) + 1j * rng.normal(size=(N, 3))
-    G, log_det = gram([points], [X], colour, rough)
+    kernel = Kernel([points], colour, rough)
+    G, log_det = kernel.white([X]).squared(), kernel.log_det
     K = dense(points, colour, rough)
     expected = X.real.T @ np.linalg.solve(K, X.real) + X.imag.T @ np.linalg.solve(K, X.imag)
     np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-6 * float(np.max(np.abs(expected))))
