@@ -24,7 +24,7 @@ from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
 from ...models.circuits.terminals import skin
-from ..error_model.point_covariance import PointErrors, gram
+from ..error_model.point_covariance import Kernel, PointErrors, in_noise
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
 from .pair import Pair
@@ -271,14 +271,16 @@ class PairErrors:
         """Return what the pair says of a hypothesis that was linearised here; sizes of errors chosen in `rounds`."""
         X, where = self.columns(at)
         points = self.points(at)
+        white = in_noise([points], [X])
         kept = np.isfinite(points.noise)
         logs: list[float] = []
         best: tuple[float, Sizes, Reals] | None = None
         sizes = start or Sizes()
         for rest in rests:
-            G, log_det = gram([points], [X], 0.0, (rest, 0.0))
+            kernel = Kernel([points], 0.0, (rest, 0.0))
+            G = kernel.whitened(white).squared()
             sizes = replace(sizes, rest=rest)
-            value, sizes = _climbed(G, log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
+            value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
             logs.append(value)
             if best is None or value > best[0]:
                 best = value, sizes, G
@@ -330,7 +332,7 @@ class PairErrors:
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
         X, where = self.columns(at)
-        G, _ = gram([self.points(at)], [X], 0.0, (sizes.rest, 0.0))
+        G = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0)).white([X]).squared()
         seen = G / sizes.noise**2
         _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)
