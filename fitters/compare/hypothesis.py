@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.base.arrays import Complexes, Impedances, Reals
 from .change import TERMINALS
-from .device_changes import DeviceChange
+from .device_changes import DeviceChange, NewResonance
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort
@@ -134,7 +134,7 @@ class Fitted:
         """Whether each change is what it is called at the sizes that were found, and its first size is seen at all."""
         f = self.at.frequency
         return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
-            not isinstance(change, TwoPort)
+            not isinstance(change, TwoPort | NewResonance)
             or change.possible is None
             or change.possible(f, self.hypothesis.values(self.x, k))
             for k, change in enumerate(self.hypothesis.changes)
