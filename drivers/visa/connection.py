@@ -135,6 +135,15 @@ class Connection:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
 
+    def status_byte_patiently(self, seconds: float, tick: Callable[[float], None]) -> int:
+        """Return the status byte of an instrument that may be busy for `seconds` before it answers `*STB?`.
+
+        A serial poll is answered at once. `tick`: see `ask_patiently`. Raises InstrumentError.
+        """
+        if self._is_gpib:
+            return self.status_byte()
+        return replies.integer(self.ask_patiently("*STB?", seconds, tick), f"{self.name}: *STB?")
+
     @property
     def hears_requests(self) -> bool:
         """Whether this path tells of a service request."""
