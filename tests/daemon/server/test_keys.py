@@ -54,7 +54,7 @@ def test_without_keys_it_does_not_start(start_daemon, tmp_path: Path) -> None:
     with pytest.raises(DaemonError, match=r"can be reached from other machines.*`pzctl keys server`"):
         open_to_all(start_daemon)
     make_server(keys_folder(tmp_path))
-    with pytest.raises(DaemonError, match="nobody may come in yet; make a key with `pzctl keys client NAME`"):
+    with pytest.raises(DaemonError, match="no client has access yet; make a key with `pzctl keys client NAME`"):
         open_to_all(start_daemon)
 
 
