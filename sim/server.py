@@ -14,7 +14,8 @@ from .bench.bench import Bench
 from .bench.bench_port import BenchPort
 from .bench.hidden_effects import hide
 from .bench.jig import JIGS
-from .instrument.instrument import Instrument
+from .instrument.instrument import SERIAL, Instrument
+from .model import MODELS
 from .transport.faults import Faults
 from .transport.ftp import FtpServer
 from .transport.gpib import GpibDevice
@@ -27,6 +28,8 @@ from .transport.session import Exchange, InFlight, serve_socket
 class SimOptions:
     """How to start the simulator."""
 
+    model: str = "4294A"
+    """One of sim.model.MODELS."""
     port: int = 5025
     """Instrument's raw socket; 0 takes any free port."""
     bench_port: int = 5026
@@ -68,6 +71,8 @@ class SimOptions:
             raise SimError(f"simulator: seed is {self.seed}; 0 or more is allowed")
         if self.jig not in JIGS:
             raise SimError(f"simulator: no jig {self.jig!r}; there are {', '.join(JIGS)}")
+        if self.model not in MODELS:
+            raise SimError(f"simulator: no model {self.model!r}; there are {', '.join(MODELS)}")
 
 
 @dataclass
@@ -97,11 +102,14 @@ class Simulator:
         o = self.options
         bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
         hide(bench, o.hidden)
-        self.instrument = Instrument(bench, o.time_scale)
+        model = MODELS[o.model]
+        self.instrument = Instrument(
+            bench, o.time_scale, identity=model.identity.format(serial=SERIAL), set_initial=model.set_initial
+        )
         faults = Faults()
-        in_flight = InFlight(self.instrument, self._power_cycle)
-        exchange = Exchange(self.instrument, faults, in_flight)
-        bench_port = BenchPort(self.instrument, faults, in_flight, self._power_cycle)
+        in_flight = InFlight(self.instrument, model, self._power_cycle)
+        exchange = Exchange(self.instrument, model, faults, in_flight)
+        bench_port = BenchPort(self.instrument, model, faults, in_flight, self._power_cycle)
         self.port = self._listen(o.port, lambda r, w: self._powered(serve_socket(exchange, r, w)))
         self.bench_port = self._listen(o.bench_port, bench_port.serve)
         if o.prologix_port is not None:
@@ -158,7 +166,7 @@ def run(options: SimOptions) -> None:
 
     def ready(simulator: Simulator) -> None:
         bench = f"{options.host}:{simulator.bench_port}"
-        print(f"simulated 4294A at {simulator.resource}, its bench at {bench}", file=sys.stderr, flush=True)
+        print(f"simulated {options.model} at {simulator.resource}, its bench at {bench}", file=sys.stderr, flush=True)
         addresses = {"instrument": simulator.resource, "bench": bench}
         if simulator.prologix_port is not None:
             addresses["prologix"] = f"PRLGX-TCPIP0::{options.host}::{simulator.prologix_port}::INTFC"

@@ -11,7 +11,7 @@ import typer
 
 from ...models.base.errors import PzctlError
 from ...models.base.names import shown
-from .analysis import diagnose, effects, fit, fitters, materials, prove
+from .analysis import compare, diagnose, effects, fit, fitters, materials, prove
 from .bench import measure, status, watch
 from .bench import new_build as new
 from .bench import page_command as page
@@ -38,6 +38,7 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     "Fit and diagnose": {
         "fit": fit.fit,
         "diagnose": diagnose.diagnose,
+        "compare": compare.compare,
         "fitters": fitters.fitters,
         "effects": effects.effects,
         "materials": materials.materials,
@@ -59,12 +60,13 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "keys": keys.app,
     },
 }
+_CLASSES = {"compare": compare.ListOptions}
 for _panel, _commands in _PANELS.items():
     for _command, _work in _commands.items():
         if isinstance(_work, typer.Typer):
             app.add_typer(_work, name=_command, rich_help_panel=_panel)
         else:
-            app.command(_command, rich_help_panel=_panel)(_work)
+            app.command(_command, rich_help_panel=_panel, cls=_CLASSES.get(_command))(_work)
 
 
 def _say_version(requested: bool) -> None:

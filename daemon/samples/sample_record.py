@@ -75,6 +75,22 @@ def sample_record(journal: JournalReader, name_or_id: str) -> SampleRecord:
     return SampleRecord(name, build, tuple(_step(journal, measurement) for measurement in steps), withdrawn)
 
 
+def step_sweeps(journal: JournalReader, sample: str, step: str | None) -> list[Sweep]:
+    """Return every sweep of a sample's step, the oldest first; of the step last measured where none is named.
+
+    Raises UnknownSampleError.
+    """
+    measured = journal.measurements("sample = ? AND state = 'measured'", sample)
+    if not measured:
+        raise UnknownSampleError(_unknown(journal, sample))
+    steps = list(dict.fromkeys(measurement.sample.step for measurement in measured))
+    wanted = step or measured[-1].sample.step
+    if wanted not in steps:
+        raise UnknownSampleError(f"sample {sample!r}: step {wanted!r} was not measured; measured: {', '.join(steps)}")
+    of_step = [measurement for measurement in measured if measurement.sample.step == wanted]
+    return [decode(frames).sweep() for measurement in of_step for frames in journal.sweeps(measurement.id)]
+
+
 def _withdrawn(journal: JournalReader, name: str) -> Iterator[str]:
     """Yield one sentence for each withdrawn measurement of a sample."""
     for measurement in journal.measurements("sample = ? AND state = ?", name, WITHDRAWN):

@@ -210,8 +210,8 @@ def fit(
             columns = marginal.columns(x, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
-            begun = (*starts, rough_guess(made)) if k == 0 else (sizes, sizes.at("slow", 1.0).at("tau", 0.0))
-            sizes, _ = chosen(made, begun, order)
+            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
+            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
         if steps <= 1 and k > 0:

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from ...models.base.errors import PzctlError
 from ..instrument.instrument import Instrument
-from ..language.dialect import panel
+from ..model import Model
 from ..transport.faults import LASTING, Faults
 from ..transport.session import InFlight
 from .bench_errors import BenchError
@@ -21,7 +21,12 @@ class BenchPort:
     """Answers the bench's commands."""
 
     def __init__(
-        self, instrument: Instrument, faults: Faults, in_flight: InFlight, power_cycle: Callable[[float], None]
+        self,
+        instrument: Instrument,
+        model: Model,
+        faults: Faults,
+        in_flight: InFlight,
+        power_cycle: Callable[[float], None],
     ) -> None:
         self._instrument, self._bench, self._faults = instrument, instrument.bench, faults
         self._in_flight, self._power_cycle = in_flight, power_cycle
@@ -37,7 +42,9 @@ class BenchPort:
             "hidden": self._hidden,
             "fault": self._fault,
             "trigger": lambda _: self._done(self._trigger()),
-            "panel": lambda c: self._done(panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))),
+            "panel": lambda c: self._done(
+                model.panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))
+            ),
             "power-cycle": lambda c: self._done(self._power_cycle(float(c.get("seconds", 0.2)))),
         }
 

@@ -3,6 +3,7 @@
 Frequencies lie on the instrument's grid of 1 mHz; the first and the last point are exactly START and STOP.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,15 @@ from .settings import Number, number
 MILLIHERTZ = 1e-3
 
 
+RANGES: Mapping[str, tuple[float, float, float, float, str, float]] = {
+    "OLEV": (5e-3, 1.0, 5e-3, 1.0, "V", 1e-3),
+    "OLEV:A": (200e-6, 20e-3, 200e-6, 20e-3, "A", 1e-6),
+    "DCB": (-40.0, 40.0, 0.0, 0.0, "V", 1e-3),
+    "DCB:A": (-0.1, 0.1, 0.0, 0.0, "A", 10e-6),
+}
+"""Lowest and highest value, initial start and stop, unit and resolution of level and bias sweeps."""
+
+
 @dataclass(frozen=True)
 class ListSegment:
     """One line of the list-sweep table."""
@@ -23,8 +33,15 @@ class ListSegment:
     points: int
     bandwidth: int
     level: float
+    """V, or A where the `mode` is CURR."""
     bias: float
+    """V."""
     point_average: int
+    mode: str = "VOLT"
+    """POWMOD of the segment."""
+    bias_mode: str = "VOLT"
+    bias_current: float = 0.0
+    """A."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +61,13 @@ class Axis:
 
 
 def limits(edge: str, parameter: str, kind: str) -> Number:
-    """Return range and default of START or STOP for a sweep parameter and type (reference 2.3, 2.4)."""
-    if parameter == "OLEV":
-        return Number(5e-3, 1.0, 5e-3 if edge == "STAR" else 1.0, "V", 1e-3)
-    if parameter == "DCB":
-        return Number(-40.0, 40.0, 0.0, "V", 1e-3)
+    """Return range and default of START or STOP for a sweep parameter and type (PM p.444, 446).
+
+    `parameter`: SWPP, with `:A` where level or bias are swept in ampere.
+    """
+    if parameter in RANGES:
+        low, high, start, stop, unit, step = RANGES[parameter]
+        return Number(low, high, start if edge == "STAR" else stop, unit, step)
     low, high = (60.0, 110e6) if edge == "STOP" else (40.0, 109.9998e6)
     if kind != "LOG":
         low, high = 40.0, 110e6
@@ -76,16 +95,16 @@ def plain_axis(
     return Axis(
         values,
         values if frequency_swept else fixed_frequency * same,
-        values if parameter == "OLEV" else level * same,
+        values if parameter.startswith("OLEV") else level * same,
         bandwidth * same,
         point_average * same,
     )
 
 
-def list_axis(table: tuple[ListSegment, ...]) -> Axis:
-    """Return the axis of a list sweep of frequency. Raises CommandError where the table is empty."""
+def list_axis(table: tuple[ListSegment, ...], parameter: str, fixed_frequency: float) -> Axis:
+    """Return the axis of a list sweep. Raises CommandError where the table is empty."""
     if not table:
-        raise CommandError(-221, "SETTINGS CONFLICT; LIST TABLE IS EMPTY")
+        raise CommandError(124)
 
     def column(values: list[float]) -> Reals:
         return np.repeat(np.asarray(values, dtype=np.float64), [s.points for s in table])
@@ -93,8 +112,8 @@ def list_axis(table: tuple[ListSegment, ...]) -> Axis:
     values = np.concatenate([grid(s.start, s.stop, s.points, "LIN") for s in table])
     return Axis(
         values,
-        values,
-        column([s.level for s in table]),
+        values if parameter == "FREQ" else np.full(values.size, fixed_frequency),
+        values if parameter.startswith("OLEV") else column([s.level for s in table]),
         column([float(s.bandwidth) for s in table]),
         column([float(s.point_average) for s in table]),
     )
@@ -103,7 +122,7 @@ def list_axis(table: tuple[ListSegment, ...]) -> Axis:
 def moved_edges(edge: str, argument: bytes, start: float, stop: float, kind: Number) -> tuple[float, float]:
     """Return START and STOP after STAR, STOP, CENT or SPAN was set; the range is kept within the limits.
 
-    START above STOP takes the other edge along [our reading: the manual's rule was not reachable].
+    START above STOP takes the other edge along [our reading: the programming manual does not say].
     """
     if edge in ("STAR", "STOP"):
         value = kind.parse(argument)

@@ -14,14 +14,24 @@ from .axis import grid
 from .state import State
 from .traces import HUGE
 
-FIXED_POINTS: Frequencies = grid(40.0, 110e6, 201, "LOG")
-"""The frequencies of CALP FIXED [the instrument's own were not reachable]; between them it is interpolated."""
+FIXED_POINTS: Frequencies = grid(40.0, 110e6, 100, "LOG")
+"""The frequencies of CALP FIXED, between which it is interpolated: 100 (PM p.320) [the manual does not print them]."""
+
+FEMTO = 1e-15
+"""DCOMOPENC and DCALOPENC are in fF (PM p.288, 293)."""
 
 SHORTED = 1e-9
 """Impedance that stands for 0 where its inverse is kept, ohm."""
 
 STANDARDS = ("A", "B", "C")
 """Open (kept as admittance G, B), short and load (kept as impedance R, X), by the last letter of the mnemonic."""
+
+
+def as_kept(standard: str, z: Impedances) -> Complexes:
+    """Return a standard's impedance as its array holds it: the open as admittance."""
+    if standard != "A":
+        return z
+    return np.asarray(1 / np.where(np.abs(z) < SHORTED, SHORTED, z), dtype=np.complex128)
 
 
 @dataclass
@@ -31,11 +41,20 @@ class Correction:
     frequency: dict[str, Frequencies] = field(default_factory=dict[str, Frequencies])
     measured: dict[str, Complexes] = field(default_factory=dict[str, Complexes])
     on: set[str] = field(default_factory=set[str])
+    prefix: str = "DCOM"
+    """Of the mnemonics that define the standards."""
 
     def store(self, standard: str, frequency: Frequencies, z: Impedances) -> None:
         """Keep the impedance that was seen with a standard connected, and switch its correction on."""
-        inverse: Complexes = 1 / np.where(np.abs(z) < SHORTED, SHORTED, z).astype(np.complex128)
-        self.put(standard, frequency, inverse if standard == "A" else z)
+        self.put(standard, frequency, as_kept(standard, z))
+
+    def drop(self) -> bool:
+        """Lose every coefficient; return whether there was one."""
+        lost = bool(self.measured)
+        self.frequency.clear()
+        self.measured.clear()
+        self.on.clear()
+        return lost
 
     def put(self, standard: str, frequency: Frequencies, values: Complexes) -> None:
         """Keep a standard's array as the instrument does (open in S, the others in ohm), and switch it on."""
@@ -45,7 +64,7 @@ class Correction:
     def switch(self, standard: str, on: bool) -> None:
         """Switch a correction. Raises CommandError where the standard was never measured."""
         if on and standard not in self.measured:
-            raise CommandError(-221, "SETTINGS CONFLICT; NO COEFFICIENTS")
+            raise CommandError(11)
         (self.on.add if on else self.on.discard)(standard)
 
     def apply(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
@@ -60,8 +79,8 @@ class Correction:
 
     def _solved(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
         w = 2 * np.pi * frequency
-        short = self._at("B", frequency) - (state.real("DCOMSHORR") + 1j * w * state.real("DCOMSHORL"))
-        opened = self._at("A", frequency) - (state.real("DCOMOPENG") + 1j * w * state.real("DCOMOPENC"))
+        short = self._at("B", frequency) - (self._real(state, "SHORR") + 1j * w * self._real(state, "SHORL"))
+        opened = self._at("A", frequency) - (self._real(state, "OPENG") + 1j * w * FEMTO * self._real(state, "OPENC"))
         series = short if "B" in self.on else np.zeros_like(z)
         # seen from the analyzer, the open shows the shunt behind the series part
         shunt = opened / (1 - opened * series) if "A" in self.on else np.zeros_like(z)
@@ -72,9 +91,12 @@ class Correction:
 
         corrected = taken_out(z)
         if "C" in self.on:
-            load = state.real("DCOMLOADR") + 1j * w * state.real("DCOMLOADL")
+            load = self._real(state, "LOADR") + 1j * w * self._real(state, "LOADL")
             corrected = corrected * load / taken_out(self._at("C", frequency))
         return corrected
+
+    def _real(self, state: State, name: str) -> float:
+        return state.real(self.prefix + name)
 
     def _at(self, standard: str, frequency: Frequencies) -> Complexes:
         """Return a stored standard at the sweep's frequencies: linear between points, as L and C are."""

@@ -1,24 +1,27 @@
-"""The list-sweep table and its editor; changes take effect at EDITDONE.
+"""The list-sweep table and its editor; changes take effect at EDITDONE (PM p.44-45, 415-436).
 
-A segment has at most 201 points and all together 801 (reference 2.3); the most segments there may be, and that they may
-not overlap, is our assumption.
+A segment has at most 201 points, the table 18 segments and 801 points. A new segment starts from the present settings,
+later ones from the segment before. What is no command of the table scratches a segment that is open.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from ..language.messages import CommandError
 from .axis import ListSegment, limits, moved_edges
-from .settings import TABLE, Number, number
+from .settings import TABLE, Number, whole
 
 EDGES = ("STAR", "STOP", "CENT", "SPAN")
 FIELDS: Mapping[str, str] = {
     **dict.fromkeys(EDGES, ""),
     "POIN": "points",
     "BWFACT": "bandwidth",
+    "POWMOD": "mode",
     "POWE": "level",
+    "DCMOD": "bias_mode",
     "DCV": "bias",
+    "DCI": "bias_current",
     "PAVERFACT": "point_average",
 }
 """Settings that each segment has of its own."""
@@ -42,82 +45,142 @@ class ListTable:
     _written: list[ListSegment] | None = None
     """The edited table; None while nobody edits it."""
     _draft: ListSegment | None = None
-    """The segment that is being edited."""
+    """The segment that is open."""
     _draft_at: int = 0
+    _is_new: bool = False
+    """Whether the open segment is not in the table yet."""
+    _target: int = 0
+    """The segment that SADD, SEDI and SDEL take where they are given none, from 1."""
 
-    def edit(self) -> None:
-        """EDITLIST: open the table."""
-        self._written, self._draft = self.segments.copy(), None
+    @property
+    def is_open(self) -> bool:
+        """Whether a segment is open."""
+        return self._draft is not None
 
-    def done(self, in_use: bool) -> None:
-        """EDITDONE: apply the edited table without a segment that is still open.
+    @property
+    def target(self) -> int:
+        """`SEGM?`: 0 while nobody edits the table."""
+        return 0 if self._written is None else self._target
 
-        Raises CommandError if a table that is `in_use` would become empty; it then stays as it was.
+    def start(self) -> None:
+        """EDITLIST: begin anew with the table that is in force. Raises CommandError where a segment is open."""
+        self.edit()
+        self._written, self._target = self.segments.copy(), len(self.segments)
+
+    def edit(self) -> list[ListSegment]:
+        """Begin to edit where nobody does. Raises CommandError where a segment is open."""
+        if self._draft is not None:
+            raise CommandError(75)
+        if self._written is None:
+            self._written, self._target = self.segments.copy(), len(self.segments)
+        return self._written
+
+    def choose(self, at: int) -> None:
+        """SEGM: choose the target. Raises CommandError."""
+        self._target = min(max(at, 1), max(len(self.edit()), 1))
+
+    def add(self, first: ListSegment, at: int | None = None) -> None:
+        """SADD: open a new segment below this one (from 1), or below the target; `first` is that of an empty table.
+
+        Raises CommandError: 77 where the table is full, the target being opened instead.
         """
-        written, self._written, self._draft = self._written, None, None
-        if in_use and not written:
-            raise CommandError(-221, "SETTINGS CONFLICT; LIST SWEEP IS ON")
-        self.segments = self.segments if written is None else written
+        written = self.edit()
+        below = self._within(at)
+        left = LIST_POINTS - sum(s.points for s in written)
+        if left < 2 or len(written) >= SEGMENTS:
+            self.open(at)
+            raise CommandError(77)
+        self._draft, self._draft_at, self._is_new = first, below, True
+        if written:
+            before = written[max(below, 1) - 1]
+            self._draft = replace(before, start=before.stop, points=min(SEGMENT_POINTS, left))
 
-    def begin(self, fresh: ListSegment, at: int | None = None) -> None:
-        """Open the segment with this number (from 1) for editing, or a `fresh` one. Raises CommandError."""
-        written = self._open()
-        if at is None:
-            if len(written) >= SEGMENTS:
-                raise CommandError(-223, "TOO MUCH DATA")
-            self._draft_at, self._draft = len(written), fresh
-        elif 1 <= at <= len(written):
-            self._draft_at, self._draft = at - 1, written[at - 1]
-        else:
-            raise CommandError(-222, "DATA OUT OF RANGE")
+    def open(self, at: int | None = None) -> None:
+        """SEDI: open a segment that exists. Raises CommandError where there is none."""
+        written = self.edit()
+        if not written:
+            raise CommandError(124)
+        self._draft_at, self._is_new = max(self._within(at), 1) - 1, False
+        self._draft = written[self._draft_at]
+
+    def delete(self, at: int | None = None) -> None:
+        """SDEL: the target is then the segment that has its number now. Raises CommandError."""
+        written = self.edit()
+        if not written:
+            raise CommandError(124)
+        del written[max(self._within(at), 1) - 1]
+        self._target = min(self._target, len(written))
 
     def clear(self) -> None:
-        """Drop every segment. Raises CommandError where the table is not being edited."""
-        self._open().clear()
+        """CLEL: drop every segment. Raises CommandError where one is open."""
+        self.edit().clear()
+        self._target = 0
+
+    def finish(self) -> None:
+        """SDON: put the open segment into the table. Raises CommandError where none is open."""
+        if self._draft is None or self._written is None:
+            raise CommandError(-221)
+        self._written[self._draft_at : self._draft_at + (not self._is_new)] = [self._draft]
+        self._draft, self._target = None, self._draft_at + 1
+
+    def scratch(self) -> None:
+        """Drop the open segment. Raises CommandError, which says so, where one was open."""
+        if self._draft is not None:
+            self._draft = None
+            raise CommandError(74)
+
+    def done(self, in_use: bool) -> None:
+        """EDITDONE: put the edited table in force.
+
+        Raises CommandError where a segment was open (it is lost), and where a table that is `in_use` would become
+        empty: the old one then stays.
+        """
+        written, self._written = self._written, None
+        if in_use and not written:
+            self._draft = None
+            raise CommandError(124)
+        self.segments = self.segments if written is None else written
+        self.scratch()
 
     def edits(self, mnemonic: str) -> bool:
-        """Return whether this setting now belongs to the edited segment."""
+        """Return whether this setting now belongs to the open segment."""
         return self._draft is not None and mnemonic in FIELDS
 
-    def set(self, mnemonic: str, argument: bytes, level: Number) -> None:
-        """Set a value of the edited segment; `level` is the range of the oscillator level. Raises CommandError."""
+    def set(self, mnemonic: str, argument: bytes, parameter: str) -> None:
+        """Set a value of the open segment; `parameter` is what is swept. Raises CommandError."""
         draft = self._edited()
-        fields = vars(draft).copy()
         if mnemonic in EDGES:
-            kind = limits("STAR", "FREQ", "LIN")
-            fields["start"], fields["stop"] = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
+            kind = limits("STAR", parameter, "LIN")
+            start, stop = moved_edges(mnemonic, argument, draft.start, draft.stop, kind)
+            self._draft = replace(draft, start=start, stop=stop)
         elif mnemonic == "POIN":
-            fields["points"] = round(min(max(number(argument), 2), SEGMENT_POINTS))
+            others = sum(s.points for k, s in enumerate(self._written or ()) if self._is_new or k != self._draft_at)
+            self._draft = replace(draft, points=whole(argument, 2, min(SEGMENT_POINTS, LIST_POINTS - others)))
         else:
-            kind = level if mnemonic == "POWE" else TABLE[mnemonic]
-            fields[FIELDS[mnemonic]] = kind.parse(argument)
-        self._draft = ListSegment(**fields)
+            kind = level_kind(draft.mode) if mnemonic == "POWE" else TABLE[mnemonic]
+            fields: dict[str, Any] = {**vars(draft), FIELDS[mnemonic]: kind.parse(argument)}
+            self._draft = ListSegment(**fields)
 
-    def query(self, mnemonic: str, level: Number) -> str:
-        """Return the reply to a query of the segment that is edited. Raises CommandError."""
+    def query(self, mnemonic: str) -> str:
+        """Return the reply to a query of the open segment. Raises CommandError."""
         draft = self._edited()
         if mnemonic in EDGES:
             return limits("STAR", "FREQ", "LIN").answer(edge(mnemonic, draft.start, draft.stop))
-        kind = level if mnemonic == "POWE" else TABLE[mnemonic]
+        kind = level_kind(draft.mode) if mnemonic == "POWE" else TABLE[mnemonic]
         return kind.answer(vars(draft)[FIELDS[mnemonic]])
 
-    def finish(self) -> None:
-        """Put the edited segment into the table. Raises CommandError if the table would not be a valid sweep."""
-        segments = self._open().copy()
-        segments[self._draft_at : self._draft_at + 1] = [self._edited()]
-        self._draft = None
-        if sum(s.points for s in segments) > LIST_POINTS:
-            raise CommandError(-223, "TOO MUCH DATA")
-        if any(b.start < a.stop for a, b in pairwise(segments)):
-            raise CommandError(-221, "SETTINGS CONFLICT; SEGMENTS OVERLAP")
-        self._written = segments
-
-    def _open(self) -> list[ListSegment]:
-        if self._written is None:
-            raise CommandError(-221, "SETTINGS CONFLICT; EDITLIST FIRST")
-        return self._written
+    def _within(self, at: int | None) -> int:
+        """Return the number of a segment that is there, or 0 in an empty table."""
+        return min(max(self._target if at is None else at, 0), len(self._written or ()))
 
     def _edited(self) -> ListSegment:
         if self._draft is None:
-            raise CommandError(-221, "SETTINGS CONFLICT; NO SEGMENT IS BEING EDITED")
+            raise CommandError(-221)
         return self._draft
+
+
+def level_kind(mode: str) -> Number:
+    """Return range and default of the oscillator level, by POWMOD."""
+    if mode == "VOLT":
+        return Number(5e-3, 1.0, 0.5, "V", 1e-3)
+    return Number(200e-6, 20e-3, 200e-6, "A", 10e-6)

@@ -1,4 +1,4 @@
-"""The instrument's settings: a table of mnemonics with range, default and format of the answer (reference 2.1-2.5).
+"""The instrument's settings: range, default and format of the answer of each, from the table of the command reference.
 
 Numbers out of range are clamped silently, as in the instrument; unknown tokens are refused.
 """
@@ -9,32 +9,46 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from ..language.command_table import ROWS, Row
+from ..language.formats import printed
 from ..language.messages import CommandError, unquote
 
 Value: TypeAlias = float | int | bool | str
 
 _NUMBER = re.compile(rb"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)\s*\Z")
+_TWO_WORDS = re.compile(rb"\s*[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[A-Za-z]*\s+[A-Za-z]")
+"""A number and the next mnemonic, the `;` between them forgotten."""
+
+_FREQUENCY = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6}  # MHZ is megahertz here, not millihertz
+_OF_TRACES: Mapping[str, float] = {"OHM": 1.0, "DEG": 1.0, "RAD": 1.0, "SIE": 1.0, "H": 1.0, "F": 1.0, "PCT": 1.0}
 _SCALE: Mapping[str, Mapping[str, float]] = {
-    "HZ": {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6},  # MHZ is megahertz here, not millihertz
-    "V": {"": 1.0, "V": 1.0},
-    "A": {"": 1.0, "A": 1.0},
-    "S": {"": 1.0, "S": 1.0},
-    "": {"": 1.0},
+    "HZ": _FREQUENCY,
+    **{unit: {unit: 1.0} for unit in ("V", "A", "S", "M", "PCT")},
+    **dict.fromkeys(("OHM", "SIE", "H", "F"), _OF_TRACES),
+    "ANY": {**_FREQUENCY, **_OF_TRACES, "V": 1.0, "A": 1.0},
+    "": {},
 }
+"""Suffixes by the unit of a setting, and the factor of each; no suffix is always allowed. `ANY`: that of a trace."""
 
 
 def number(argument: bytes, unit: str = "") -> float:
     """Return a numeric parameter in SI. Raises CommandError where it is no number or has another unit's suffix."""
     match = _NUMBER.match(argument)
     if match is None:
-        raise CommandError(-104, "DATA TYPE ERROR")
-    scale = _SCALE[unit].get(match[2].decode("ascii").upper())
+        raise CommandError(-103 if _TWO_WORDS.match(argument) else -104)
+    suffix = match[2].decode("ascii").upper()
+    scale = _SCALE[unit].get(suffix) if suffix else 1.0
     if scale is None:
-        raise CommandError(-131, "INVALID SUFFIX")
+        raise CommandError(-131)
     value = float(match[1]) * scale
     if not math.isfinite(value):
-        raise CommandError(-123, "EXPONENT TOO LARGE")
+        raise CommandError(-123)
     return value
+
+
+def whole(argument: bytes, low: int, high: int) -> int:
+    """Return a whole number, clamped to `low ... high`. Raises CommandError."""
+    return round(min(max(number(argument), low), high))
 
 
 @dataclass(frozen=True)
@@ -57,8 +71,8 @@ class Number:
         return round(value * round(1 / self.step)) / round(1 / self.step) if self.step else value
 
     def answer(self, value: Value) -> str:
-        """Return the reply to the query: twelve digits for frequencies, seven for the rest."""
-        return f"{value:+.11E}" if self.unit == "HZ" else f"{value:+.6E}"
+        """Return the reply to the query."""
+        return printed(float(value))
 
 
 @dataclass(frozen=True)
@@ -87,10 +101,12 @@ class Choice:
 
     def parse(self, argument: bytes) -> str:
         """Return the token. Raises CommandError for one that is not of the list."""
-        token = argument.decode("latin-1").upper()
-        if token not in self.tokens:
-            raise CommandError(-224, "ILLEGAL PARAMETER VALUE")
-        return token
+        word = argument.decode("latin-1").upper()
+        if word == "FIXED" and "FIX" in self.tokens:  # the only one that the manual prints with a long form
+            word = "FIX"
+        if word not in self.tokens:
+            raise CommandError(-141)
+        return word
 
     def answer(self, value: Value) -> str:
         """Return the token."""
@@ -105,9 +121,9 @@ class Switch:
 
     def parse(self, argument: bytes) -> bool:
         """Return whether it is on. Raises CommandError."""
-        token = argument.upper()
+        token = argument.strip().upper()
         if token not in (b"ON", b"OFF", b"1", b"0"):
-            raise CommandError(-224, "ILLEGAL PARAMETER VALUE")
+            raise CommandError(-141)
         return token in (b"ON", b"1")
 
     def answer(self, value: Value) -> str:
@@ -120,7 +136,7 @@ class Text:
     """A string in quotes."""
 
     default: str
-    limit: int = 53
+    limit: int
 
     def parse(self, argument: bytes) -> str:
         """Return the text, cut to what the screen holds. Raises CommandError where the quotes are missing."""
@@ -131,69 +147,71 @@ class Text:
         return f'"{value}"'
 
 
-Setting: TypeAlias = Number | Integer | Choice | Switch | Text
+@dataclass(frozen=True)
+class Integers:
+    """Several whole numbers, each clamped, as an address has them."""
 
-MEASUREMENTS = (
-    *("IMPH", "IRIM", "LSR", "LSQ", "CSR", "CSQ", "CSD", "AMPH", "ARIM", "LPG", "LPQ", "CPG", "CPQ", "CPD"),
-    *("COMP", "IMLS", "IMCS", "IMLP", "IMCP", "IMRS", "IMQ", "IMD", "LPR", "CPR"),
-)
-"""The 24 measurement parameters of `MEAS`."""
+    count: int
+    low: int
+    high: int
+    default: str
+
+    def parse(self, argument: bytes) -> str:
+        """Return the numbers with commas between them. Raises CommandError."""
+        parts = argument.split(b",")
+        if len(parts) != self.count:
+            raise CommandError(-109 if len(parts) < self.count else -108)
+        return ",".join(str(whole(part, self.low, self.high)) for part in parts)
+
+    def answer(self, value: Value) -> str:
+        """Return the numbers."""
+        return str(value)
+
+
+Setting: TypeAlias = Number | Integer | Integers | Choice | Switch | Text
+
+
+def _setting(row: Row) -> Setting:
+    words = row.rest.split()
+    match row.kind:
+        case "switch":
+            return Switch(row.initial == "ON")
+        case "token":
+            return Choice(tuple(row.rest.split("|")), row.initial)
+        case "int":
+            return Integer(int(words[0]), int(words[1]), int(row.initial or words[0]))
+        case "ints":
+            return Integers(int(words[0]), int(words[1]), int(words[2]), row.initial)
+        case "text":
+            return Text(row.initial, int(words[0]))
+        case _:
+            low, high, unit, step = words
+            return Number(float(low), float(high), float(row.initial), unit.strip("-"), float(step))
+
 
 TABLE: Mapping[str, Setting] = {
-    # what is measured and swept
-    "MEAS": Choice(MEASUREMENTS, "IMPH"),
-    "SWPP": Choice(("FREQ", "OLEV", "DCB"), "FREQ"),
-    "SWPT": Choice(("LIN", "LOG", "LIST"), "LIN"),
-    "SWED": Choice(("UP", "DOWN"), "UP"),
-    "POIN": Integer(2, 801, 201),
-    "CWFREQ": Number(40.0, 110e6, 1e3, "HZ", 1e-3),
-    "SDELT": Number(0.0, 30.0, 0.0, "S", 1e-3),
-    "PDELT": Number(0.0, 30.0, 0.0, "S", 1e-3),
-    # signal, bias, bandwidth, averaging
-    "POWMOD": Choice(("VOLT", "CURR"), "VOLT"),
-    "DCO": Switch(False),
-    "DCMOD": Choice(("VOLT", "CURR", "CVOLT", "CCURR"), "VOLT"),
-    "DCRNG": Choice(("M1", "M10", "M100"), "M1"),
-    "DCV": Number(-40.0, 40.0, 0.0, "V", 1e-3),
-    "DCI": Number(-0.1, 0.1, 0.0, "A", 20e-6),
-    "BWFACT": Integer(1, 5, 1),
-    "PAVER": Switch(False),
-    "PAVERFACT": Integer(1, 256, 4),
-    "AVER": Switch(False),
-    "AVERFACT": Integer(1, 256, 16),
-    "TRGS": Choice(("INT", "EXT", "BUS", "MAN"), "INT"),
-    # adapter, calibration, compensation
-    "E4TP": Choice(("OFF", "M1", "M2", "APC7", "PROBE"), "OFF"),
-    "CALP": Choice(("FIXED", "USER"), "FIXED"),
-    "DCOMOPENG": Number(-1e6, 1e6, 0.0),
-    "DCOMOPENC": Number(-1e6, 1e6, 0.0),
-    "DCOMSHORR": Number(-1e6, 1e6, 0.0),
-    "DCOMSHORL": Number(-1e6, 1e6, 0.0),
-    "DCOMLOADR": Number(-1e6, 1e6, 50.0),
-    "DCOMLOADL": Number(-1e6, 1e6, 0.0),
-    # equivalent circuit: the fourth letter of the answer names it
-    "EQUC": Choice(("CIRA", "CIRB", "CIRC", "CIRD", "CIRE"), "CIRE"),
-    # display and files
-    "TRAC": Choice(("A", "B"), "A"),
-    "TITL": Text(""),
-    "FMT": Choice(("LINY", "LOGY"), "LINY"),
-    "TOPV": Number(-1e12, 1e12, 1e3),
-    "BOTV": Number(-1e12, 1e12, 0.0),
-    "SPLD": Switch(False),
-    "HIDI": Switch(False),
-    "MEASTAT": Switch(False),
-    "BEEPWARN": Switch(True),
-    "BEEPDONE": Switch(True),
-    "STOD": Choice(("MEMO", "FLASH", "DISK"), "MEMO"),
-    "PRIC": Choice(("VARI", "FIXE"), "VARI"),
+    row.mnemonic: _setting(row)
+    for row in ROWS.values()
+    if row.kind in ("switch", "token", "int", "ints", "text", "real")
 }
 """Settings whose range does not depend on the state; `state` has the others."""
 
-PER_TRACE = frozenset({"TITL", "FMT", "TOPV", "BOTV"})
+MEASUREMENTS = ROWS["MEAS"].rest.split("|")
+"""The 24 measurement parameters of `MEAS`."""
+
+PER_TRACE = frozenset(name for name in TABLE if ROWS[name].scope == "trace")
 """Settings that each trace has of its own; commands set those of the active trace."""
+
+PER_ITEM = frozenset(name for name in TABLE if ROWS[name].scope == "item")
+"""Settings of a colour; commands set those of the item that COLO chose."""
+
+SCREEN_ITEMS = ROWS["COLO"].rest.split("|")
+
+KEPT = frozenset(name for name in TABLE if ROWS[name].scope == "kept")
+"""Settings that a preset leaves alone."""
 
 RESTARTS_SWEEP = frozenset(
     {"SWPP", "SWPT", "SWED", "POIN", "CWFREQ", "SDELT", "PDELT", "POWMOD", "DCMOD", "DCV", "DCI", "BWFACT", "PAVER"}
-    | {"PAVERFACT", "AVER", "AVERFACT", "TRGS", "E4TP", "STAR", "STOP", "CENT", "SPAN", "POWE"}
+    | {"PAVERFACT", "AVER", "AVERFACT", "TRGS", "TRGEVE", "MANS", "E4TP", "STAR", "STOP", "CENT", "SPAN", "POWE"}
 )
 """A running sweep begins anew when one of these is changed."""

@@ -13,6 +13,9 @@ OPC, REQUEST_CONTROL, QUERY_ERROR, DEVICE_ERROR, EXECUTION_ERROR, COMMAND_ERROR,
 """Bits of the Standard Event Status Register."""
 
 SWEEP_DONE, TRIGGER_WAITING, ENTRY_DONE, CORRECTION_DONE = 1, 2, 4, 256
+LIMIT_FAIL = {"A": 16, "B": 8}
+SEARCH_FAIL = {"A": 64, "B": 32}
+POINT_DONE = 128
 """Bits of the Instrument Event Status Register."""
 
 INSTRUMENT_SUMMARY, MESSAGE_AVAILABLE, STANDARD_SUMMARY, MASTER_SUMMARY = 4, 16, 32, 64
@@ -48,12 +51,12 @@ class Status:
         if len(self.errors) < QUEUE_DEPTH:
             self.errors.append(error)
         else:
-            self.errors[-1] = CommandError(-350, "QUEUE OVERFLOW")
+            self.errors[-1] = CommandError(-350)
         self.raise_standard(event_bit(error.number))
 
     def next_error(self) -> str:
         """Remove and return the oldest error as `number,"text"`; number 0 where there is none."""
-        return str(self.errors.popleft()) if self.errors else '0,"NO ERROR"'
+        return str(self.errors.popleft()) if self.errors else '0,"No error"'
 
     def raise_standard(self, bits: int) -> None:
         """Set bits of the Standard ESR."""

@@ -25,8 +25,8 @@ class Entry:
     def __call__(self, instrument: Instrument, unit: Unit) -> bytes | None:
         """Carry it out; return the answer of a query. Raises CommandError."""
         if len(unit.arguments) < self.minimum:
-            raise CommandError(-109, "MISSING PARAMETER")
+            raise CommandError(-109)
         if len(unit.arguments) > self.maximum:
-            raise CommandError(-108, "PARAMETER NOT ALLOWED")
+            raise CommandError(-108)
         answer = self.run(instrument, unit)
         return answer.encode("latin-1") if isinstance(answer, str) else answer

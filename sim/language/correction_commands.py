@@ -1,4 +1,4 @@
-"""Calibration and compensation: measuring the standards, switching them, their arrays (reference 2.8; PM p.63, 83)."""
+"""Calibration and compensation: measuring the standards, switching them, their arrays (PM p.54-70, 83)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -6,15 +6,24 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...models.base.arrays import Impedances
+from ...models.base.arrays import Complexes, Frequencies, Impedances
 from ..instrument.axis import Axis
-from ..instrument.correction import FIXED_POINTS, STANDARDS, Correction
+from ..instrument.correction import FIXED_POINTS, STANDARDS, Correction, as_kept
 from ..instrument.instrument import Instrument
 from ..instrument.settings import Switch
 from .command_entry import Act, Ask, Entry
 from .data_commands import ARRAY_PARAMETERS, as_complex, as_pairs
 from .formats import decode, encode
 from .messages import CommandError, Unit
+
+CALIBRATED_ADAPTERS = ("APC7", "PROBE")
+"""Those whose user calibration the instrument has (PM p.274)."""
+
+ADAPTER_STEPS: Mapping[str, frozenset[str]] = {
+    **dict.fromkeys(("M1", "M2"), frozenset("PC")),
+    **dict.fromkeys(CALIBRATED_ADAPTERS, frozenset("PABC")),
+}
+"""Steps of an adapter's set-up, by the last letter of their mnemonics (PM p.309)."""
 
 Bank: TypeAlias = Callable[[Instrument], Correction]
 
@@ -37,29 +46,79 @@ def _standard_axis(instrument: Instrument) -> Axis:
     return replace(axis, values=FIXED_POINTS, frequency=FIXED_POINTS, **first)
 
 
-def _measure(bank: Bank, standard: str) -> Act:
+def _measure(standard: str) -> Act:
+    """COMA, COMB, COMC: measure, compute and switch on."""
+
     def act(instrument: Instrument, _: Unit) -> None:
         axis = _standard_axis(instrument)
 
         def done(_: Axis, z: Impedances) -> None:
-            if bank is _compensation:
-                z = instrument.calibration.apply(axis.frequency, z, instrument.state)
-            bank(instrument).store(standard, axis.frequency, z)
+            z = instrument.calibration.apply(axis.frequency, z, instrument.state)
+            instrument.compensation.store(standard, axis.frequency, z)
 
         instrument.sweeper.start(1, done, axis)
 
     return act
 
 
-def _set_up_adapter(instrument: Instrument, _: Unit) -> None:
+def _calibrate(standard: str) -> Act:
+    """CALA, CALB, CALC: measure; CALDON computes."""
+
+    def act(instrument: Instrument, _: Unit) -> None:
+        if instrument.state["E4TP"] not in CALIBRATED_ADAPTERS:
+            raise CommandError(12)
+        axis = _standard_axis(instrument)
+
+        def done(_: Axis, z: Impedances) -> None:
+            instrument.calibrating[standard] = (axis.frequency, as_kept(standard, z))
+
+        instrument.sweeper.start(1, done, axis)
+
+    return act
+
+
+def _finish_calibration(instrument: Instrument, _: Unit) -> None:
+    if set(instrument.calibrating) != set(STANDARDS):
+        raise CommandError(10)
+    for standard, (frequency, values) in instrument.calibrating.items():
+        instrument.calibration.put(standard, frequency, values)
+    instrument.calibrating.clear()
+
+
+def _quit_calibration(instrument: Instrument, _: Unit) -> None:
+    """CALQUI: earlier coefficients stay."""
+    if instrument.calibrating:
+        instrument.calibrating.clear()
+        raise CommandError(13)
+
+
+def _set_up_adapter(step: str) -> Act:
     """ECALP, ECALA ...: measure for the adapter's set-up. The bench has no cable, so nothing needs correction."""
-    _need_adapter(instrument, _)
-    instrument.sweeper.start(1, lambda axis, z: None, _standard_axis(instrument))
+
+    def act(instrument: Instrument, _: Unit) -> None:
+        if step not in _steps(instrument):
+            raise CommandError(12)
+        instrument.sweeper.start(1, lambda axis, z: instrument.adapter_steps.add(step), _standard_axis(instrument))
+
+    return act
 
 
-def _need_adapter(instrument: Instrument, _: Unit) -> None:
-    if instrument.state["E4TP"] == "OFF":
-        raise CommandError(-221, "SETTINGS CONFLICT; NO ADAPTER IS SELECTED")
+def _steps(instrument: Instrument) -> frozenset[str]:
+    return ADAPTER_STEPS.get(str(instrument.state["E4TP"]), frozenset())
+
+
+def _finish_adapter(instrument: Instrument, _: Unit) -> None:
+    if not _steps(instrument):
+        raise CommandError(12)
+    if instrument.adapter_steps and not _steps(instrument) <= instrument.adapter_steps:
+        raise CommandError(10)
+    instrument.adapter_steps.clear()
+
+
+def _quit_adapter(instrument: Instrument, _: Unit) -> None:
+    if instrument.adapter_steps:
+        instrument.adapter_steps.clear()
+        raise CommandError(13)
 
 
 def _switch(bank: Bank, standard: str) -> Act:
@@ -71,18 +130,33 @@ def _switch(bank: Bank, standard: str) -> Act:
 
 def _switch_calibration(instrument: Instrument, unit: Unit) -> None:
     on = Switch(False).parse(unit.arguments[0])
-    measured = sorted(instrument.calibration.measured)
-    if on and not measured:
-        raise CommandError(-221, "SETTINGS CONFLICT; NO COEFFICIENTS")
-    for standard in measured:
+    if on and set(instrument.calibration.measured) != set(STANDARDS):
+        raise CommandError(11)
+    for standard in sorted(instrument.calibration.measured):
         instrument.calibration.switch(standard, on)
 
 
-def _put(bank: Bank, standard: str) -> Act:
+def _written(instrument: Instrument, unit: Unit) -> tuple[Frequencies, Complexes]:
+    frequency = _standard_axis(instrument).frequency
+    return frequency, as_complex(decode(unit.arguments, instrument.state.form, 2 * frequency.size))
+
+
+def _put(standard: str) -> Act:
+    """INPUCOMC1 ...: in force at once."""
+
     def act(instrument: Instrument, unit: Unit) -> None:
-        frequency = _standard_axis(instrument).frequency
-        values = as_complex(decode(unit.arguments, instrument.state.form, 2 * frequency.size))
-        bank(instrument).put(standard, frequency, values)
+        instrument.compensation.put(standard, *_written(instrument, unit))
+
+    return act
+
+
+def _put_calibration(standard: str) -> Act:
+    """INPUCALC1 ...: in force when the third has come."""
+
+    def act(instrument: Instrument, unit: Unit) -> None:
+        instrument.calibrating[standard] = _written(instrument, unit)
+        if set(instrument.calibrating) == set(STANDARDS):
+            _finish_calibration(instrument, unit)
 
     return act
 
@@ -91,7 +165,7 @@ def _array(bank: Bank, standard: str) -> Ask:
     def ask(instrument: Instrument, _: Unit) -> bytes:
         measured = bank(instrument).measured.get(standard)
         if measured is None:
-            raise CommandError(-230, "DATA CORRUPT OR STALE")
+            raise CommandError(-230)
         return encode(as_pairs(measured), instrument.state.form)
 
     return ask
@@ -101,15 +175,21 @@ def _is_on(standard: str) -> Ask:
     return lambda instrument, _: "1" if standard in instrument.compensation.on else "0"
 
 
+BLOCKING = frozenset(f"{kind}{s}" for kind in ("COM", "CAL", "ECAL") for s in (*STANDARDS, "P")) - {"CALP", "COMP"}
+"""Commands that measure a standard. They are not overlapped: what comes after one waits until it is measured."""
+
 CORRECTION_COMMANDS: Mapping[str, Entry] = {
-    **{f"COM{s}": Entry(_measure(_compensation, s)) for s in STANDARDS},
-    **{f"CAL{s}": Entry(_measure(_calibration, s)) for s in STANDARDS},
+    **{f"COM{s}": Entry(_measure(s)) for s in STANDARDS},
+    **{f"CAL{s}": Entry(_calibrate(s)) for s in STANDARDS},
     **{f"COMST{s}": Entry(_switch(_compensation, s), 1, 1) for s in STANDARDS},
     "CALST": Entry(_switch_calibration, 1, 1),
-    **{f"ECAL{step}": Entry(_set_up_adapter) for step in ("P", *STANDARDS)},
-    "ECALDON": Entry(_need_adapter),
-    **{f"INPUCOMC{k}": Entry(_put(_compensation, s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
-    **{f"INPUCALC{k}": Entry(_put(_calibration, s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
+    "CALDON": Entry(_finish_calibration),
+    "CALQUI": Entry(_quit_calibration),
+    **{f"ECAL{step}": Entry(_set_up_adapter(step)) for step in ("P", *STANDARDS)},
+    "ECALDON": Entry(_finish_adapter),
+    "ECALQUI": Entry(_quit_adapter),
+    **{f"INPUCOMC{k}": Entry(_put(s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
+    **{f"INPUCALC{k}": Entry(_put_calibration(s), 1, ARRAY_PARAMETERS) for k, s in enumerate(STANDARDS, 1)},
 }
 """Commands by mnemonic."""
 

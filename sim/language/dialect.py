@@ -1,29 +1,52 @@
 """Execution of program messages.
 
-Commands that take time are overlapped: `execute` never waits. `perform` waits for `*OPC?` and `*WAI`, so they hold up
-only the client that sent them.
+`execute` never waits. `perform` waits for `*OPC?` and `*WAI`, and for a standard to be measured, which is no overlapped
+command (PM p.262); so they hold up the client that sent them, and no other.
 """
 
 from collections.abc import AsyncIterator, Callable
 
 from ..instrument.instrument import Instrument
-from ..instrument.status import USER_REQUEST
+from ..instrument.list_table import FIELDS
 from .command_entry import Entry
+from .command_table import ROWS
 from .commands import COMMANDS, LIST_EDITOR, QUERIES
+from .conditions import check
+from .correction_commands import BLOCKING
+from .kept_commands import short_tree
 from .messages import CommandError, Unit, parse
 
+OF_THE_TABLE = frozenset({*LIST_EDITOR, *FIELDS, "SCOL", "MKRSTAR", "MKRSTOP", "MKRCENT", "MEAS", "OUTPERRO"})
+"""What leaves an open segment of the list-sweep table alone; MEAS is sent inside one by the manual's own example."""
+
+
+def _write(instrument: Instrument, unit: Unit) -> None:
+    argument = b",".join(unit.arguments)
+    check(instrument, unit.mnemonic, argument)
+    instrument.set(unit.mnemonic, argument)
+
+
 _READ_SETTING = Entry(lambda i, u: i.state.query(u.mnemonic))
-_WRITE_SETTING = Entry(lambda i, u: i.set(u.mnemonic, u.arguments[0]), 1, 1)
+_WRITE_SETTING = Entry(_write, 1, 1)
+_WRITE_ADDRESS = Entry(_write, 4, 4)
 
 
 def entry(instrument: Instrument, unit: Unit) -> Entry:
     """Return the table entry of a unit. Raises CommandError for an unknown mnemonic."""
-    table_entry = (QUERIES if unit.query else COMMANDS).get(unit.mnemonic)
-    if table_entry is None and instrument.state.knows(unit.mnemonic):
-        table_entry = _READ_SETTING if unit.query else _WRITE_SETTING
-    if table_entry is None or (instrument.no_list and unit.mnemonic in LIST_EDITOR):
-        raise CommandError(-113, "UNDEFINED HEADER")
+    name = short_tree(unit.mnemonic) if ":" in unit.mnemonic else unit.mnemonic
+    table_entry = (QUERIES if unit.query else COMMANDS).get(name)
+    if table_entry is None and instrument.state.knows(name):
+        table_entry = _setting(name, unit.query)
+    if table_entry is None or (instrument.no_list and name in LIST_EDITOR):
+        raise CommandError(-113)
     return table_entry
+
+
+def _setting(name: str, query: bool) -> Entry | None:
+    row = ROWS[name]
+    if not query:
+        return _WRITE_ADDRESS if row.kind == "ints" else _WRITE_SETTING
+    return None if row.query == "none" else _READ_SETTING
 
 
 def execute(instrument: Instrument, unit: Unit, message_available: bool = False) -> bytes | None:
@@ -32,13 +55,24 @@ def execute(instrument: Instrument, unit: Unit, message_available: bool = False)
     try:
         if unit.header == "*STB?":  # the only query whose answer depends on the client: has it an unread answer?
             return str(instrument.status.byte(message_available)).encode("ascii")
-        return entry(instrument, unit)(instrument, unit)
+        found = entry(instrument, unit)
+        if not (unit.query or unit.mnemonic in OF_THE_TABLE or unit.mnemonic.startswith("*")):
+            _scratch(instrument)
+        return found(instrument, unit)
     except CommandError as error:
         instrument.status.error(error)
         return None
     finally:
         instrument.advance()
         instrument.wake()
+
+
+def _scratch(instrument: Instrument) -> None:
+    """Drop an open segment of the list-sweep table, and say so in the error queue; the command goes on."""
+    try:
+        instrument.state.table.scratch()
+    except CommandError as error:
+        instrument.status.error(error)
 
 
 async def perform(
@@ -50,17 +84,9 @@ async def perform(
             if unit.header in ("*OPC?", "*WAI"):
                 await instrument.until_idle()
             answer = execute(instrument, unit, message_available())
+            if unit.mnemonic in BLOCKING:
+                await instrument.until_standard_measured()
             if answer is not None:
                 yield answer
-    except CommandError as error:
-        instrument.status.error(error)
-
-
-def panel(instrument: Instrument, message: bytes) -> None:
-    """Carry out the commands of a message as a person at the front panel does, and set the user-request bit."""
-    instrument.status.raise_standard(USER_REQUEST)
-    try:
-        for unit in parse(message):
-            execute(instrument, unit)
     except CommandError as error:
         instrument.status.error(error)

@@ -1,7 +1,6 @@
 """Files as the instrument writes them: ASCII export, Touchstone, binary arrays (reference 6.1, 6.2, 6.4)."""
 
 import struct
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -61,7 +60,7 @@ def _header(instrument: Instrument) -> list[str]:
 
 def _date(instrument: Instrument) -> str:
     """Return the date, or what two real exports show where the clock's battery is dead."""
-    return "    52 -100" if instrument.date_lost else datetime.now(UTC).strftime("%b %d %Y")
+    return "    52 -100" if instrument.date_lost else instrument.date().strftime("%b %d %Y")
 
 
 def _trace_block(instrument: Instrument, which: str) -> list[str]:
@@ -71,7 +70,7 @@ def _trace_block(instrument: Instrument, which: str) -> list[str]:
     if instrument.memory is not None:
         columns += ['"Memory Trace Real"', '"Memory Trace Imag"']
         values += trace(axis.frequency, instrument.memory.data, str(state["MEAS"]), which)
-    form = "LOG" if state.values[f"FMT:{which}"] == "LOGY" else "LINEAR"
+    form = "LOG" if instrument.formats[which] == "LOGY" else "LINEAR"
     rows = [
         "\t".join([f"{x:.11e}", *(f"{v:.6e}" for v in row)])
         for x, row in zip(axis.values, np.column_stack(values), strict=True)
@@ -82,7 +81,7 @@ def _trace_block(instrument: Instrument, which: str) -> list[str]:
 def touchstone(axis: Axis, z: Impedances) -> bytes:
     """Return what SAVDS1P writes: kHz, magnitude and angle of S11 in 50 ohm. Raises CommandError for no frequency."""
     if np.any(np.diff(axis.frequency) <= 0):
-        raise CommandError(-221, "SETTINGS CONFLICT")
+        raise CommandError(-221)
     s11 = (z - 50) / (z + 50)
     rows = zip(axis.frequency / 1e3, np.abs(s11), np.angle(s11, deg=True), strict=True)
     lines = ["#\tKHZ\tS\tMA\tR\t50", *(f"{f:.11e}\t{m:.11e}\t{a:.11e}" for f, m, a in rows)]

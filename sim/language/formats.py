@@ -11,17 +11,23 @@ DTYPES = {2: ">f4", 3: ">f8", 5: "<f4"}
 """Binary formats: 32 bit, 64 bit, both big-endian; FORM5 is FORM2 with its bytes reversed."""
 
 
+def printed(value: float) -> str:
+    """Return a number as the instrument prints it: 14 decimals and an exponent of three digits (PM p.175)."""
+    mantissa, _, exponent = f"{value:+.14E}".partition("E")
+    return f"{mantissa}E{exponent[0]}{int(exponent[1:]):03d}"
+
+
 def block(data: bytes) -> bytes:
     """Return `#6`, six digits of byte count, and the data (the reply's newline comes after it)."""
     return b"#6%06d" % len(data) + data
 
 
-def encode(values: Reals, form: int, digits: int = 6) -> bytes:
-    """Return an array as the reply to an array query; `digits` after the point where the format is ASCII."""
+def encode(values: Reals, form: int) -> bytes:
+    """Return an array as the reply to an array query."""
     if form in DTYPES:
         with np.errstate(over="ignore", under="ignore"):
             return block(np.asarray(values).astype(DTYPES[form]).tobytes())
-    return ",".join(f"{v:+.{digits}E}" for v in values).encode("ascii")
+    return ",".join(map(printed, values.tolist())).encode("ascii")
 
 
 def pairs(first: Reals, second: Reals) -> Reals:
@@ -34,21 +40,24 @@ def decode(arguments: tuple[bytes, ...], form: int, count: int) -> Reals:
     if len(arguments) == 1 and arguments[0][:1] == b"#":
         data = block_bytes(arguments[0])
         dtype = np.dtype(DTYPES.get(form, ">f8"))
-        if len(data) != count * dtype.itemsize:
-            raise CommandError(-161, "INVALID BLOCK DATA")
+        _check_count(len(data), count * dtype.itemsize)
         return np.frombuffer(data, dtype).astype(np.float64)
-    if len(arguments) != count:
-        raise CommandError(-109, "MISSING PARAMETER" if len(arguments) < count else "PARAMETER NOT ALLOWED")
+    _check_count(len(arguments), count)
     return _floats(arguments)
+
+
+def _check_count(found: int, wanted: int) -> None:
+    if found != wanted:
+        raise CommandError(54 if found > wanted else 55)
 
 
 def _floats(arguments: Iterable[bytes]) -> Reals:
     try:
         values = np.array([float(a) for a in arguments])
     except ValueError as error:
-        raise CommandError(-104, "DATA TYPE ERROR") from error
+        raise CommandError(-104) from error
     if not np.all(np.isfinite(values)):
-        raise CommandError(-104, "DATA TYPE ERROR")
+        raise CommandError(-104)
     return values
 
 

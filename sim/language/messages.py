@@ -5,8 +5,11 @@ parameters by commas. Strings stand in double or single quotes; a block is `#`, 
 byte count, and the bytes.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+from .error_texts import TEXTS
 
 MESSAGE_LIMIT = 1 << 20
 """Bytes a message may have; the longest honest one (801 complex doubles as ASCII) has some 40 000."""
@@ -15,12 +18,11 @@ BLANK = b" \t\r\n\0"
 
 
 class CommandError(Exception):
-    """What the instrument puts into its error queue: a number and a text."""
+    """What the instrument puts into its error queue: a number, and the text that it has for it."""
 
-    def __init__(self, number: int, text: str) -> None:
-        super().__init__(f'{number},"{text}"')
+    def __init__(self, number: int) -> None:
+        super().__init__(f'{number},"{TEXTS[number]}"')
         self.number = number
-        self.text = text
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Framer:
             yield message.removesuffix(b"\r")
         if len(self._pending) > MESSAGE_LIMIT:
             self._pending.clear()
-            raise CommandError(-223, "TOO MUCH DATA")
+            raise CommandError(-223)
 
 
 def _end_of_message(data: bytearray) -> int | None:
@@ -104,8 +106,7 @@ def _unit(text: bytes) -> Unit:
     head = head.rstrip(BLANK)
     query = head.endswith(b"?")
     mnemonic = head[:-1] if query else head
-    if not mnemonic.isascii() or not _looks_like_mnemonic(mnemonic):
-        raise CommandError(-113, "UNDEFINED HEADER")
+    _check_mnemonic(mnemonic)
     arguments = tuple(_trimmed(a) for a in _split(b" " + rest, b",")) if rest.strip(BLANK) else ()
     return Unit(mnemonic.decode("ascii").upper(), query, arguments)
 
@@ -119,8 +120,21 @@ def _trimmed(argument: bytes) -> bytes:
     return argument.rstrip(BLANK)
 
 
-def _looks_like_mnemonic(word: bytes) -> bool:
-    return bool(word) and word.lstrip(b"*:").replace(b":", b"").replace(b"_", b"").isalnum()
+MNEMONIC_LIMIT = 12
+"""Characters of a mnemonic; those of a tree (`:PROG:DEF`) have as many at each level."""
+
+_STARRED = re.compile(rb"\*[A-Za-z]{3}[0-9]+")
+_MNEMONIC = re.compile(rb"\*?[A-Za-z][A-Za-z0-9_]*|:?[A-Za-z0-9]+(:[A-Za-z0-9]+)*")
+
+
+def _check_mnemonic(word: bytes) -> None:
+    """Raise CommandError where this can be no mnemonic (examples of Appendix D: `*SRE4`, `MEAS&IRIM`)."""
+    if _STARRED.fullmatch(word):
+        raise CommandError(-111)
+    if _MNEMONIC.fullmatch(word) is None:
+        raise CommandError(-101)
+    if max(map(len, word.split(b":"))) > MNEMONIC_LIMIT:
+        raise CommandError(-112)
 
 
 def _split(text: bytes, separator: bytes) -> Iterator[bytes]:
@@ -131,7 +145,7 @@ def _split(text: bytes, separator: bytes) -> Iterator[bytes]:
         if byte in (b'"', b"'"):
             end = text.find(byte, at + 1)
             if end < 0:
-                raise CommandError(-151, "INVALID STRING DATA")
+                raise CommandError(-151)
             at = end + 1
         elif byte == b"#" and _parameter_starts(text, at):
             at += _block_length(text, at) or 1
@@ -145,8 +159,10 @@ def _split(text: bytes, separator: bytes) -> Iterator[bytes]:
 
 def unquote(argument: bytes) -> str:
     """Return the text of a string parameter. Raises CommandError where it is not quoted."""
-    if len(argument) < 2 or argument[:1] not in (b'"', b"'") or argument[-1:] != argument[:1]:
-        raise CommandError(-151, "INVALID STRING DATA")
+    if argument[:1] not in (b'"', b"'"):
+        raise CommandError(-148)
+    if len(argument) < 2 or argument[-1:] != argument[:1]:
+        raise CommandError(-151)
     return argument[1:-1].decode("latin-1")
 
 
@@ -154,5 +170,5 @@ def block_bytes(argument: bytes) -> bytes:
     """Return the bytes of a block parameter. Raises CommandError where it is none, or not whole."""
     length = _block_length(argument, 0) if argument[:1] == b"#" else None
     if length is None or length != len(argument):
-        raise CommandError(-161, "INVALID BLOCK DATA")
+        raise CommandError(-161)
     return argument[2 + int(argument[1:2]) :]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ..instrument.settings import PER_TRACE, TABLE
+from ..instrument.settings import KEPT, PER_ITEM, PER_TRACE, TABLE
 from ..instrument.state import State
 from .messages import CommandError, parse
 
@@ -25,7 +25,10 @@ def _lines(state: State) -> Iterator[str]:
             )
         yield "EDITDONE"
     for parameter, (start, stop) in state.edges.items():
-        yield f"SWPP {parameter};STAR {start};STOP {stop}"
+        swept, _, ampere = parameter.partition(":")
+        mode = {"OLEV": "POWMOD", "DCB": "DCMOD"}.get(swept)
+        unit = f"{mode} {'CURR' if ampere else 'VOLT'};" if mode else ""
+        yield f"{unit}SWPP {swept};STAR {start};STOP {stop}"
     yield f"SWPP {state['SWPP']};SWPT {state['SWPT']}"
     for mode, level in state.levels.items():
         yield f"POWMOD {mode};POWE {level}"
@@ -36,7 +39,7 @@ def _lines(state: State) -> Iterator[str]:
         )
     yield f"TRAC {state['TRAC']}"
     for name, setting in TABLE.items():
-        if name not in PER_TRACE and name not in _ORDERED:
+        if name not in PER_TRACE | PER_ITEM | KEPT and name not in _ORDERED:
             yield f"{name} {setting.answer(state[name])}"
 
 
@@ -51,9 +54,9 @@ def recall(state: State, content: bytes) -> None:
 
 def _apply(state: State, mnemonic: str, arguments: tuple[bytes, ...]) -> None:
     if mnemonic == "EDITLIST":
-        state.table.edit()
+        state.table.start()
     elif mnemonic == "SADD":
-        state.begin_segment()
+        state.table.add(state.first_segment())
     elif mnemonic == "SDON":
         state.table.finish()
     elif mnemonic == "EDITDONE":
@@ -61,4 +64,4 @@ def _apply(state: State, mnemonic: str, arguments: tuple[bytes, ...]) -> None:
     elif len(arguments) == 1 and state.knows(mnemonic) and mnemonic != "DCO":
         state.set(mnemonic, arguments[0])
     else:
-        raise CommandError(-250, "MASS STORAGE ERROR; NO STATE FILE")
+        raise CommandError(111)

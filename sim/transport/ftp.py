@@ -1,7 +1,7 @@
-"""The instrument's FTP server: anonymous, with files that are generated when they are fetched (reference 1).
+"""The instrument's FTP server: for anybody, with files that are generated when they are fetched (PM p.167).
 
-`/data/screen.tif` is the screen, `/data/data_dt.dat` the data trace as binary arrays; `/memo` and `/flash` hold what
-was saved. Which other folders a real one has is not known. Nothing can be written here.
+`/data` holds what is made when it is fetched: the screen, the state, the data traces; `/int`, `/ram` and `/nvram` what
+was saved on the floppy, the RAM disk and the flash disk (PM p.167-171). Nothing can be written here.
 
 The protocol is aioftp's, an asyncio server as this simulator is.
 """
@@ -16,6 +16,12 @@ from ..language.file_commands import WRITERS
 from ..language.messages import CommandError
 from .listener import SimError
 
+FOLDERS = {"int": "DISK", "ram": "MEMO", "nvram": "FLASH"}
+"""Storage devices by the folder that a client sees."""
+
+GENERATED = {"state.sta": ".STA", "screen.tif": ".TIF", "data_dt.dat": ".DAT", "data_dt.txt": ".TXT"}
+"""What is made when it is fetched from `/data`; a real instrument has calibration, data and memory arrays as well."""
+
 Content = Callable[[], bytes]
 
 
@@ -28,8 +34,11 @@ def tree(instrument: Instrument) -> Mapping[str, Mapping[str, Content]]:
     def stored(device: str, name: str) -> Content:
         return lambda: instrument.disk.content(device, name)
 
-    saved = {d.lower(): {name: stored(d, name) for name in instrument.disk.names(d)} for d in ("MEMO", "FLASH")}
-    return {"data": {"screen.tif": generated(".TIF"), "data_dt.dat": generated(".DAT")}} | saved
+    saved = {
+        folder: {name: stored(device, name) for name in instrument.disk.names(device) if not name.endswith("\\")}
+        for folder, device in FOLDERS.items()
+    }
+    return {"data": {name: generated(kind) for name, kind in GENERATED.items()}} | saved
 
 
 class FtpServer:

@@ -37,7 +37,7 @@ class GpibDevice:
         """Take a program message. An answer that nobody read is lost: query interrupted."""
         if self._output:
             self._output.clear()
-            self._exchange.instrument.status.error(CommandError(-410, "QUERY INTERRUPTED"))
+            self._exchange.instrument.status.error(CommandError(-410))
         self._busy = True
         await self._input.put(message)
 
@@ -47,7 +47,7 @@ class GpibDevice:
         A read without a query is an error of the controller: query unterminated.
         """
         if not self._output and not self._busy:
-            self._exchange.instrument.status.error(CommandError(-420, "QUERY UNTERMINATED"))
+            self._exchange.instrument.status.error(CommandError(-420))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 while not self._output and not gone():

@@ -5,8 +5,8 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 from ..instrument.instrument import Instrument
-from ..language.dialect import panel, perform
 from ..language.messages import CommandError, Framer
+from ..model import Model
 from .faults import Fault, Faults
 
 CHUNK = 65_536
@@ -19,8 +19,8 @@ class ConnectionDropped(Exception):
 class InFlight:
     """Faults that strike in the middle of a running sweep, or at once if no sweep runs."""
 
-    def __init__(self, instrument: Instrument, power_cycle: Callable[[float], None]) -> None:
-        self._instrument, self._power_cycle = instrument, power_cycle
+    def __init__(self, instrument: Instrument, model: Model, power_cycle: Callable[[float], None]) -> None:
+        self._instrument, self._model, self._power_cycle = instrument, model, power_cycle
         self._tasks: set[asyncio.Task[None]] = set()
 
     def strike(self, fault: Fault) -> None:
@@ -36,14 +36,14 @@ class InFlight:
         if fault.kind == "power-cycle":
             self._power_cycle(fault.seconds)
         else:
-            panel(self._instrument, fault.message.encode("latin-1", "replace"))
+            self._model.panel(self._instrument, fault.message.encode("latin-1", "replace"))
 
 
 class Exchange:
     """Carries program messages to the instrument and applies the faults that strike them."""
 
-    def __init__(self, instrument: Instrument, faults: Faults, in_flight: InFlight) -> None:
-        self.instrument, self.faults, self._in_flight = instrument, faults, in_flight
+    def __init__(self, instrument: Instrument, model: Model, faults: Faults, in_flight: InFlight) -> None:
+        self.instrument, self._model, self.faults, self._in_flight = instrument, model, faults, in_flight
 
     async def message(
         self, text: bytes, answer: Callable[[bytes], Awaitable[None]], available: Callable[[], bool] = lambda: False
@@ -69,7 +69,7 @@ class Exchange:
             if fault.kind in ("power-cycle", "meddle"):
                 self._in_flight.strike(fault)
         dropped = any(fault.kind == "drop" for fault in due)
-        async for reply in perform(self.instrument, text, available):
+        async for reply in self._model.perform(self.instrument, text, available):
             if dropped:
                 break
             out, cut = self.faults.spoiled(reply + b"\n")

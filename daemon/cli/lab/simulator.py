@@ -1,4 +1,4 @@
-"""`pzctl sim`: a simulated 4294A on a raw socket."""
+"""`pzctl sim`: a simulated analyzer on its raw socket."""
 
 from typing import Annotated
 
@@ -6,6 +6,7 @@ import typer
 
 
 def sim(
+    model: Annotated[str, typer.Option(help="Which analyzer: 4294A, or E4990A.")] = "4294A",
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Raw socket of the instrument; 0 takes any free port.")
     ] = 5025,
@@ -29,7 +30,7 @@ def sim(
         typer.Option(metavar="NAME=VALUE", help="Hidden effect, in SI units; may be repeated. See below."),
     ] = None,
 ) -> None:
-    """Run a simulated Agilent 4294A with a virtual bench behind it, until Ctrl-C.
+    """Run a simulated Agilent 4294A (or Keysight E4990A) with a virtual bench behind it, until Ctrl-C.
 
     Effects for --hidden: lead-inductance (H), series-resistance (ohm), stray-capacitance (F) and leakage (S) at the
     terminals; drive-nonlinearity (loss of stiffness per strain, 1e3 is much), sweep-lag (s), temperature-drift (K/s).
@@ -41,6 +42,7 @@ def sim(
 
     run(
         SimOptions(
+            model=model,
             port=port,
             bench_port=bench_port,
             prologix_port=prologix_port,

@@ -74,9 +74,9 @@ def finite_disk(
 
     `chi2_per_dof` refers to the same noise of every point as that of the one-dimensional fitters, but only to points
     up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
-    known of the ceramic but that it is one. `rounds`: how many descents of at most twelve steps follow the search; where
-    the last of them has not settled, the answer says `converged=False`. `enough`: what may be left of ln Z, root mean
-    square, for a valley to be taken without a look at others.
+    known of the ceramic but that it is one. `rounds`: how many descents of at most twelve steps follow the search;
+    where the last of them has not settled, the answer says `converged=False`. `enough`: what may be left of ln Z, root
+    mean square, for a valley to be taken without a look at others.
     Raises FitError as the fitter does.
     """
     began = time.perf_counter()

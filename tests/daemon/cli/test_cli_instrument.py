@@ -116,7 +116,7 @@ def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(
     given_back = told(start(tmp_path, *words, "--apply", "--json"))
     assert (given_back["standards"], given_back["measured"]) == (["open", "short"], False)
     assert (given_back["fixture"], given_back["taken"]) == ("clips-2", record["taken"])
-    assert error_of(sim) == pytest.approx(compensated, rel=1e-3)
+    assert error_of(sim) == pytest.approx(compensated, abs=1e-6), "to the seven digits of the arrays"
 
 
 def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path, start: Start) -> None:

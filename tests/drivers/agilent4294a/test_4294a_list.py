@@ -100,7 +100,7 @@ def test_an_axis_that_is_not_the_plans_is_found_out_and_swept_anew(sim, monkeypa
     real = pzctl.sim.instrument.state.list_axis
     monkeypatch.setattr(
         "pzctl.sim.instrument.state.list_axis",
-        lambda table: real(tuple(replace(one, start=one.start + 0.01) for one in table)),
+        lambda table, *more: real(tuple(replace(one, start=one.start + 0.01) for one in table), *more),
     )
     analyzer = open_analyzer(sim.resource)
     for _ in range(2):  # the second time it is known

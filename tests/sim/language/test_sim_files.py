@@ -81,7 +81,7 @@ def test_names_are_listed_and_an_existing_one_is_not_overwritten(swept):
     swept.say('SAVDASC "b";SAVDASC "a";SAVDASC "a"')
     assert swept.errors()[0].startswith("-257")
     assert swept.ask("FNUM?") == "2"
-    assert [swept.ask(f"FNAME? {k}") for k in (1, 2)] == ['"a.TXT"', '"b.TXT"']
+    assert [swept.ask(f"FNAME? {k}") for k in (1, 2)] == ["a.TXT", "b.TXT"]
     swept.say('RESAVD "a.TXT";PURG "b.TXT";PURG "c.TXT"')
     assert swept.errors()[0].startswith("-256")
     assert swept.ask("FNUM?") == "1"
@@ -103,5 +103,19 @@ def test_a_file_is_written_by_the_computer_and_is_no_state(wire):
     wire.say(b"WRITE #16DCO 1\n\n")
     wire.say('CLOSE;RECD "up.STA"')
     assert read(wire, "up.STA") == b"DCO 1\n"
-    assert wire.errors()[0].startswith("-250")
+    assert wire.errors()[0].startswith("111,")
     assert wire.ask("DCO?") == "0"
+
+
+def test_directories_and_names_as_the_manual_has_them(wire):
+    assert (wire.ask("STOD?"), wire.ask("CWD?")) == ("DISK", "\\")
+    wire.say('STOD MEMO;CRED "TEST";SAVDSTA "LONGNAME12";SAVDTIF "\\TEST\\agt4294a.tiff"')
+    assert [wire.ask(f"FNAME? {k}") for k in (1, 2)] == ["LONGNAME.STA", "TEST\\"]
+    assert [int(wire.ask(f'FSIZE? "{n}"')) for n in ("TEST\\", "none.txt")] == [-1, -1]
+    assert wire.ask('CHAD "TEST";CWD?') == "\\TEST"
+    assert [wire.ask(f"FNAME? {k}") for k in (1, 2)] == ["..\\", "agt4294a.tif"]
+    wire.say('CHAD "..";RECD "LONGNAME";PURG "nothing.txt";ROPEN "LONGNAME.STA";CLOSE')
+    assert [int(e.split(",")[0]) for e in wire.errors()] == [112, -256, -250]
+    wire.say('FILC "LONGNAME.STA","MEMO","COPY.STA","FLASH";STOD FLASH')
+    assert wire.ask("FNAME? 1") == "COPY.STA"
+    assert wire.errors() == []

@@ -74,7 +74,7 @@ def test_a_plain_nc_script(lab_with):
         lab.sim.port, "*RST\r\nSTAR 1 MHZ;STOP 6 MHZ\r\nPOIN 5\r\nSING\r\n*OPC?\r\nOUTPSWPRM?\r\nOUTPERRO?\r\n"
     )
     opc, axis, error = answers.decode().splitlines()
-    assert (opc, error) == ("1", '0,"NO ERROR"')
+    assert (opc, error) == ("1", '0,"No error"')
     assert [float(x) for x in axis.split(",")] == [1e6, 2.25e6, 3.5e6, 4.75e6, 6e6]
 
 

@@ -40,16 +40,16 @@ def test_screen_data_and_saved_files_are_fetched(lab, ftp, tmp_path):
     trace = read_data_trace(tmp_path / "data_dt.dat", np.linspace(1e6, 6e6, 51), "COMP")
     np.testing.assert_allclose(trace.impedance, wire.impedance(), rtol=1e-6)
     listed = []
-    ftp.dir("/memo", listed.append)
+    ftp.dir("/int", listed.append)
     assert [line.split()[-1] for line in listed] == ["disk.TXT"]
-    ftp.cwd("/memo")
+    ftp.cwd("/int")
     assert len(fetched(ftp, "disk.TXT")) == size
-    assert sorted(name for name, _ in ftp.mlsd("/")) == ["data", "flash", "memo"]
+    assert sorted(name for name, _ in ftp.mlsd("/")) == ["data", "int", "nvram", "ram"]
 
 
 def test_what_is_not_there_or_cannot_be_written(ftp):
     with pytest.raises(ftplib.error_perm, match="550"):
         fetched(ftp, "/data/absent.dat")
     with pytest.raises(ftplib.error_perm, match="550"):
-        ftp.storbinary("STOR /memo/x.txt", io.BytesIO(b"x"))
+        ftp.storbinary("STOR /int/x.txt", io.BytesIO(b"x"))
     assert fetched(ftp, "/data/screen.tif"), "it goes on"

@@ -1,0 +1,55 @@
+"""Parts of a sweep: what markers search (PM p.98), and what waveform analysis looks at (PM p.106)."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .instrument import Instrument
+
+Indices: TypeAlias = NDArray[np.intp]
+
+
+@dataclass
+class SearchBorders:
+    """The borders of one trace's search, and of waveform analysis; None where none was set: the whole sweep."""
+
+    search: dict[str, float | None] = field(default_factory=lambda: {"SEARMIN": None, "SEARMAX": None})
+    """Hz, V or A."""
+    analysis: tuple[float, float] | None = None
+    segment: int = 1
+    """SEGMNUM."""
+    analysis_segment: int | None = None
+    """ANASEGM; None where the range is not a segment."""
+
+
+def searched(instrument: "Instrument", trace: str) -> Indices:
+    """Return the points that a search of this trace looks at: all, those between its borders, or a segment's."""
+    borders, state = instrument.borders[trace], instrument.state
+    if state["SWPT"] == "LIST" and state.of_trace("SEARNG", trace) == "SEGMENT":
+        return _segment(instrument, borders.segment)
+    if not state.of_trace("PARS", trace):
+        return np.arange(instrument.sweeper.axis.values.size, dtype=np.intp)
+    return _between(instrument, borders.search["SEARMIN"], borders.search["SEARMAX"])
+
+
+def analysed(instrument: "Instrument") -> Indices:
+    """Return the points that waveform analysis of the active trace looks at."""
+    borders = instrument.borders["A"]
+    if instrument.state["SWPT"] == "LIST" and borders.analysis_segment is not None:
+        return _segment(instrument, borders.analysis_segment)
+    return _between(instrument, *(borders.analysis or (None, None)))
+
+
+def _between(instrument: "Instrument", low: float | None, high: float | None) -> Indices:
+    values = instrument.sweeper.axis.values
+    inside = (values >= (-np.inf if low is None else low)) & (values <= (np.inf if high is None else high))
+    return np.flatnonzero(inside)
+
+
+def _segment(instrument: "Instrument", number: int) -> Indices:
+    counts = [s.points for s in instrument.state.table.segments]
+    first = sum(counts[: number - 1])
+    return np.arange(first, first + counts[number - 1], dtype=np.intp)

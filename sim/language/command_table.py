@@ -1,0 +1,53 @@
+"""The facts of the programming manual's command reference: every mnemonic, its range, initial value and page.
+
+`commands.csv` has one line for each. `value` says what a setting takes: `switch`, `token A|B`, `int low high`,
+`real low high unit step`, `ints count low high`, `text length`, `radio A|B` (setting one clears the other); `action` is
+a command without effect on measured data, `reads 0` a query that always answers this. Where `scope` is `code`, or the
+dictionaries of commands name the mnemonic, it has code of its own. Otherwise `scope` says what a setting belongs to:
+`trace` (each trace has one), `item` (each colour has one), `kept` (a preset leaves it alone). `needs` are conditions,
+by their names in `conditions`.
+"""
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the command reference."""
+
+    mnemonic: str
+    query: str
+    """`none`: command alone; `only`: query alone; `also`: both."""
+    value: str
+    initial: str
+    scope: str
+    needs: tuple[str, ...]
+    page: int
+    """Of the programming manual 04294-90061, eighth edition."""
+
+    @property
+    def kind(self) -> str:
+        """The first word of `value`."""
+        return self.value.partition(" ")[0]
+
+    @property
+    def rest(self) -> str:
+        """What follows the first word of `value`."""
+        return self.value.partition(" ")[2]
+
+
+def _rows() -> Mapping[str, Row]:
+    text = files(__name__.rpartition(".")[0]).joinpath("commands.csv").read_text(encoding="utf-8")
+    return {
+        r["mnemonic"]: Row(
+            r["mnemonic"], r["query"], r["value"], r["initial"], r["scope"], tuple(r["needs"].split()), int(r["page"])
+        )
+        for r in csv.DictReader(text.splitlines())
+    }
+
+
+ROWS: Mapping[str, Row] = _rows()
+"""By mnemonic."""

@@ -1,0 +1,1 @@
+"""Another analyzer's language on the same bench: the SCPI of the Keysight E4990A."""
