@@ -216,7 +216,7 @@ def simulator_that_does_not_start() -> object:
             "disk.csv: this is a file; a journal is copied to a new folder",
         ),
         (lambda: write_secret(Path("disk.csv/ana.key"), b""), "disk.csv: this folder cannot be made: "),
-        (bad_key, "ana.key is no key: message: "),
+        (bad_key, "ana.key is not a key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
         (

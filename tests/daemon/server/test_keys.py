@@ -188,7 +188,7 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     assert "there is no key" in keys("client", "ana")
     assert "the daemon's public key" in keys("server")
-    assert "is there already" in keys("server")
+    assert "exists already" in keys("server")
     assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all")
     assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key")
     assert "ana has the right to measure; pass ana.key on" in keys("client", "ana", "--right", "measure")
