@@ -29,7 +29,7 @@ from pzctl.daemon.samples.sample_selection import journal_samples
 from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.publishing.spool import Spool
 from pzctl.daemon.server.simulated_analyzer import simulated_instrument
-from pzctl.daemon.server.sockets import _bind, gate_for
+from pzctl.daemon.server.sockets import _bind, access_control_for
 from pzctl.daemon.wire.curve_keys import read_client_key, write_secret
 from pzctl.daemon.wire.events import BeatEvent, ReceivedEvent, decode
 from pzctl.daemon.wire.result_messages import curves_of
@@ -216,7 +216,7 @@ def simulator_that_does_not_start() -> object:
             "disk.csv: this is a file; a journal is copied to a new folder",
         ),
         (lambda: write_secret(Path("disk.csv/ana.key"), b""), "disk.csv: this folder cannot be made: "),
-        (bad_key, "ana.key is no key: message: "),
+        (bad_key, "ana.key is not a key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
         (
@@ -224,8 +224,8 @@ def simulator_that_does_not_start() -> object:
             "the journal in journal holds no complete measurement",
         ),
         (lambda: journal_without_measurements().build("m-17"), "journal: no measurement 'm-17'"),
-        (damaged_in_waiting, "unsaved/000000000.event: an event that was kept here cannot be read: "),
-        (nowhere_to_wait, "disk.csv/000000000.event: what the journal's server did not take cannot be kept: "),
+        (damaged_in_waiting, "unsaved/000000000.event: an event for the journal's server cannot be read: "),
+        (nowhere_to_wait, "disk.csv/000000000.event: an event for the journal's server cannot be kept: "),
         (
             lambda: curves_of(("disk",), {"0.frequency": np.ones(3)}),
             "message: curve 0 (disk) has no column 'measured'",
@@ -250,11 +250,11 @@ def simulator_that_does_not_start() -> object:
             "fitter 'no_such_module:Fitter' does not load: ModuleNotFoundError: No module named 'no_such_module'",
         ),
         (
-            lambda: gate_for(["foo"], Path()),
-            "endpoint 'foo': tcp://HOST:PORT is needed, with * for a port that is free",
+            lambda: access_control_for(["foo"], Path()),
+            "endpoint 'foo': tcp://HOST:PORT is needed, with * for any free port",
         ),
         (
-            lambda: gate_for(["tcp://0.0.0.0:*"], keys_folder(home())),
+            lambda: access_control_for(["tcp://0.0.0.0:*"], keys_folder(home())),
             "endpoint 'tcp://0.0.0.0:*' can be reached from other machines; that needs keys",
         ),
         (simulator_that_does_not_start, "simulated 4294A: it did not start: "),

@@ -57,8 +57,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
         for work, says in (
             (
                 lambda: lab.begin(replace(build, plan=None), "disk"),
-                "neither the request nor build 'S4.a' says what to sweep; give a plan, or a [sweep] table in "
-                "build.toml",
+                "neither the request nor build 'S4.a' has a sweep plan; give a plan, or a [sweep] table in build.toml",
             ),
             (lab.cancel, "nothing is being measured"),
             (lambda: lab.fit(cancelled, "bvd"), f"measurement {cancelled!r} is cancelled; it has no complete sweeps"),
@@ -80,7 +79,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
             ),
             (
                 lambda: [lab.hello(f"fitter{k}", "1") for k in range(MOST_FITTERS + 1)],
-                f"{MOST_FITTERS} fitters said hello already",
+                f"{MOST_FITTERS} fitters are connected already",
             ),
             (
                 lambda: start(DaemonOptions(resource="127.0.0.1:5025")),

@@ -54,7 +54,7 @@ def test_without_keys_it_does_not_start(start_daemon, tmp_path: Path) -> None:
     with pytest.raises(DaemonError, match=r"can be reached from other machines.*`pzctl keys server`"):
         open_to_all(start_daemon)
     make_server(keys_folder(tmp_path))
-    with pytest.raises(DaemonError, match="nobody may come in yet; make a key with `pzctl keys client NAME`"):
+    with pytest.raises(DaemonError, match="no client has access yet; make a key with `pzctl keys client NAME`"):
         open_to_all(start_daemon)
 
 
@@ -188,7 +188,7 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     assert "there is no key" in keys("client", "ana")
     assert "the daemon's public key" in keys("server")
-    assert "is there already" in keys("server")
+    assert "exists already" in keys("server")
     assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all")
     assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key")
     assert "ana has the right to measure; pass ana.key on" in keys("client", "ana", "--right", "measure")
