@@ -46,7 +46,7 @@ def trained(
     """
     if not SMALLEST <= diameter_to_thickness <= LARGEST:
         raise DiskError(
-            f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model serves for "
+            f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model covers "
             f"{SMALLEST:g} to {LARGEST:g}"
         )
     full, rng = FullDisk.of(diameter_to_thickness, electrode=electrode), np.random.default_rng(0)
