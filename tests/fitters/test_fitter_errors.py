@@ -247,7 +247,7 @@ def test_critical_frequencies_that_say_nothing() -> None:
 
 
 def test_a_bootstrap_whose_fits_hardly_converge() -> None:
-    says = "bootstrap: 4 of 5 repeated fits did not converge; nothing follows from it"
+    says = "bootstrap: 4 of 5 repeated fits did not converge; no interval can be given"
     with pytest.raises(FitError, match=says):
         with_draws({}, {}, (), Draws(({"disk.c33D.re": 1e11},), 4))
 
