@@ -1,7 +1,7 @@
-"""The covariance of what is different at every point: noise with its colour, and the rough part of the model's error.
+"""Covariance of errors that vary from point to point: coloured noise, and the rough part of the model error.
 
-Both are exponential in the distance of two points, so their precisions are tridiagonal and everything costs as much as
-the columns it is applied to (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 1060).
+Both are exponential in the distance of two points, so their precision matrices are tridiagonal and all operations are
+linear in the number of points (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 1060).
 """
 
 from collections.abc import Sequence
@@ -15,38 +15,38 @@ from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
 
 Rough = tuple[float, float]
-"""Sizes of the rough error of the model, and of the effects' formulas."""
+"""Sizes of the rough errors of the model and of the effects' formulas."""
 
 _ORDER = 5
-"""Order of the differences from which the noise of a recording was found."""
+"""Order of the differences from which the noise was estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointErrors:
-    """One recording's points: where they are, how noisy, and how much the rough error is felt there."""
+    """Points of one recording: frequency, noise, and sensitivity to the rough error."""
 
     log_f: Reals
     noise: Reals
-    """Standard deviation of Re and Im of ln Z as white noise would have it, shape (N,); infinite: takes no part."""
+    """Standard deviation of Re and Im of ln Z if the noise were white, shape (N,); infinite for excluded points."""
     felt: Reals
-    """Rough error of the model of unit size, shape (N,)."""
+    """Rough model error of unit size, shape (N,)."""
     bent: Reals
     """Rough error of the effects' formulas of unit size, shape (N,)."""
 
 
 def under_colour(colour: float) -> float:
-    """Return by how much differences underrate noise of this correlation, 0 to 1."""
+    """Return the factor, 0 to 1, by which differences underestimate noise of this correlation."""
     signs = np.array([(-1) ** k * comb(_ORDER, k) for k in range(_ORDER + 1)], dtype=np.float64)
     lags = np.abs(np.subtract.outer(np.arange(_ORDER + 1), np.arange(_ORDER + 1)))
     return float(np.sqrt(signs @ colour**lags @ signs / comb(2 * _ORDER, _ORDER)))
 
 
 RealColumns = list[Reals]
-"""Columns in units of white noise, of each recording, shape (P, 2, N): Re and Im of the points that take part."""
+"""Columns in units of white noise, for each recording, shape (P, 2, N): Re and Im of the points that count."""
 
 
 def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> RealColumns:
-    """Return columns, of each recording complex of shape (N, P), in units of its noise."""
+    """Return columns, complex of shape (N, P) for each recording, in units of its noise."""
     made: RealColumns = []
     for own, X in zip(points, blocks, strict=True):
         kept = np.isfinite(own.noise)
@@ -61,10 +61,10 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """Columns in units of the whole covariance K: X^T K^-1 Y is `plain plain^T` less what the rough error takes."""
+    """Columns whitened by the whole covariance K: X^T K^-1 Y is `plain plain^T` minus `rough solved^T`."""
 
     plain: Sequence[Reals]
-    """Of each recording, shape (P, 2N), in units of the coloured noise."""
+    """For each recording, shape (P, 2N), in units of the coloured noise."""
     rough: Sequence[Reals]
     """Of each recording that has a rough error, V of it, shape (P, 2N)."""
     solved: Sequence[Reals]
@@ -88,7 +88,7 @@ class WhitenedColumns:
 
 
 class Kernel:
-    """K of all recordings, ready to be applied."""
+    """The covariance K of all recordings, factorised."""
 
     def __init__(self, points: Sequence[PointErrors], colour: float, rough: Rough) -> None:
         self._points = points
@@ -100,7 +100,7 @@ class Kernel:
         return self.whitened(in_noise(self._points, blocks))
 
     def whitened(self, columns: RealColumns) -> WhitenedColumns:
-        """Return columns that are already in units of white noise in units of K."""
+        """Return columns in units of K from columns in units of white noise."""
         plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
         rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
         return WhitenedColumns(
@@ -109,7 +109,7 @@ class Kernel:
 
 
 class _One:
-    """K of one recording."""
+    """The covariance K of one recording."""
 
     def __init__(self, own: PointErrors, colour: float, rough: Rough) -> None:
         kept = np.isfinite(own.noise)
