@@ -11,13 +11,14 @@ import typer
 
 from ...models.base.errors import PzctlError
 from ...models.base.names import shown
-from .analysis import compare, diagnose, effects, fit, fitters, materials, prove
+from .analysis import compare, diagnose, effects, fit, fitters, materials
 from .bench import measure, status, watch
 from .bench import new_build as new
 from .bench import page_command as page
 from .lab import compensate, doctor, screenshot, simulator
 from .lab import daemon as service
 from .lab import keys_commands as keys
+from .proof import prove
 from .records import export, samples, show
 from .records import journal_commands as journal
 from .records import report_command as report

@@ -6,17 +6,17 @@ from math import ceil
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from built_disk import BuiltDisk, RingMass
+from cross_section import Ring
 
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.two_d import disk2d
 from pzctl.fitters.interface import FitTask
 from pzctl.models.constants.tensor import Tensor6mm
-from pzctl.models.disk2d.built import BuiltDisk, RingMass
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.line_elements import LineElements
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.disk2d.reduced import ReducedDisk
-from pzctl.models.disk2d.section import Ring
 from pzctl.models.materials import find
 
 from .test_disk2d_figures import build

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 from disk_skfem import SkfemDisk
+from passive_coordinates import is_passive
 
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter
@@ -16,7 +17,6 @@ from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.constants.causal import continued
-from pzctl.models.constants.passivity import is_passive
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.capacitance import capacitance, slopes
 from pzctl.models.disk2d.disk_model import Disk2D

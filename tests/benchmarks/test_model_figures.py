@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from fixture_path import Fixture
 from scipy.optimize import least_squares
 
-from pzctl.models.circuits.fixture import Fixture
 from pzctl.models.circuits.lumped import Branch, Lumped
 from pzctl.models.constants import sherrit
 from pzctl.models.constants.piezo_constants import Radial, Thickness

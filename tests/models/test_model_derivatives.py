@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixture_path import Fixture
 
-from pzctl.models.circuits.fixture import Fixture
 from pzctl.models.circuits.lumped import Branch, Lumped
 from pzctl.models.circuits.terminals import Scale, Series, Shunt, TransmissionLine
 from pzctl.models.disk.round_disk import BothModes, RadialDisk

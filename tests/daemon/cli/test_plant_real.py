@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pzctl.daemon.cli.analysis.plant_real import NothingToPlantError, plant_all, sources
+from pzctl.daemon.cli.proof.plant_real import NothingToPlantError, plant_all, sources
 from pzctl.drivers.recordings import read_recording
 from pzctl.sim.blind_cases.planted_parts import PARTS, alike, moves, own_noise, sized
 

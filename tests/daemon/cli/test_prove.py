@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from pzctl.daemon.cli.analysis.oracle_run import tell_all
-from pzctl.daemon.cli.analysis.run_case import diagnose_case
+from pzctl.daemon.cli.proof.oracle_run import tell_all
+from pzctl.daemon.cli.proof.run_case import diagnose_case
 from pzctl.fitters.proof.judge import Judged, ProofError, is_right, read_judged
 from pzctl.fitters.proof.proof_metrics import bins, figures, rates, said
 from pzctl.fitters.proof.proof_page import write_page

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 import skrf
+from fixture_path import Fixture, open_short_correction, open_short_load_correction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pzctl.models.circuits.fixture import Fixture, open_short_correction, open_short_load_correction
 from pzctl.models.circuits.lumped import Branch, Lumped
 from pzctl.models.circuits.terminals import Scale, Series, Shunt, TransmissionLine
 

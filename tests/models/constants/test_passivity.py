@@ -4,18 +4,16 @@ from complex_ceramic import TENSOR
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
-from pzctl.models.constants.passivity import (
-    PassivityError,
+from passive_coordinates import (
     is_passive,
-    passivity_margin,
     radial_coordinates,
     radial_from_coordinates,
-    tensor_coordinates,
     tensor_from_coordinates,
     thickness_coordinates,
     thickness_from_coordinates,
 )
+
+from pzctl.models.constants.passivity import PassivityError, passivity_margin, tensor_coordinates
 from pzctl.models.constants.piezo_constants import Radial, Thickness
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.materials import MATERIALS, SHERRIT_RADIAL

@@ -7,9 +7,9 @@ from complex_ceramic import MATERIAL
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
+from passive_coordinates import radial_from_coordinates
 from scipy.optimize import brentq
 
-from pzctl.models.constants.passivity import radial_from_coordinates
 from pzctl.models.constants.piezo_constants import Radial
 from pzctl.models.disk.bessel import RadialResonance
 from pzctl.models.disk.radial import RadialError

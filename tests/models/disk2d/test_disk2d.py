@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from built_disk import BuiltDisk
 from complex_ceramic import MATERIAL, TENSOR
 from disk_skfem import SkfemDisk
 from hypothesis import given, settings
@@ -13,7 +14,6 @@ from scipy.special import j0, j1
 
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.basis import krylov, split
-from pzctl.models.disk2d.built import BuiltDisk
 from pzctl.models.disk2d.capacitance import capacitance, slopes
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.error_estimate import estimate

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from built_disk import Bonded, BuiltDisk, RingMass
 from complex_ceramic import TENSOR
+from cross_section import Ring
 
 from pzctl.models.constants.tensor import Tensor6mm
-from pzctl.models.disk2d.built import Bonded, BuiltDisk, RingMass
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.disk2d.section import Ring
 from pzctl.models.stack import VACUUM, CausalConstantQ, Elastic, Mass, Piezo, Stack
 from pzctl.models.stack.laws import StackError
 

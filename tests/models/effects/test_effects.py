@@ -169,6 +169,10 @@ def test_a_new_effect_is_one_new_file(tmp_path: Path) -> None:
     (copy / "__init__.py").touch()
     new = (copy / "models" / "effects" / "leakage.py").read_text().replace('"leakage"', '"moonlight"')
     (copy / "models" / "effects" / "moonlight.py").write_text(new)
-    code = "from pzctl.models.effects import find_effect as f; print(f('moonlight').name, f('leakage').name)"
-    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+        "from pzctl.models.effects import find_effect as f; print(f('moonlight').name, f('leakage').name)"
+    )
+    # -I: neither PYTHONPATH nor PYTHONSAFEPATH of this run may lead the child to another copy of the package.
+    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=False)
     assert run.stdout.split() == ["moonlight", "leakage"], run.stderr

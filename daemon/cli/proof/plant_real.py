@@ -1,6 +1,6 @@
 """Blind cases made from real recordings by adding circuit parts with an exact model.
 
-`python -m pzctl.daemon.cli.analysis.plant_real FOLDER OUT SEED` writes them and prints the hash of their truth.
+`python -m pzctl.daemon.cli.proof.plant_real FOLDER OUT SEED` writes them and prints the hash of their truth.
 Every readable recording in the folder that has a build gives one unchanged case, for comparison, and one case with each
 part. The build is the `build.toml` beside the recording, or else the file in `real_builds` named after its folder.
 """
@@ -88,7 +88,7 @@ def _build_of(path: Path) -> str | None:
     beside = path.parent / "build.toml"
     if beside.exists():
         return beside.read_text()
-    ours = files("pzctl.daemon.cli.analysis") / "real_builds"
+    ours = files("pzctl.daemon.cli.proof") / "real_builds"
     for name in (f"{path.parent.name}.{path.stem}.toml", f"{path.parent.name}.toml"):
         if (ours / name).is_file():
             return (ours / name).read_text()

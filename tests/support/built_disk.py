@@ -7,15 +7,15 @@ from math import ceil
 from typing import Self
 
 import numpy as np
+from cross_section import LAYER_POWERS, CrossSection, Ring, assemble_section
 
-from ..base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ..constants.causal import continued
-from ..constants.tensor import Tensor6mm
-from ..stack.laws import CONSTANT, LossLaw, StackError, require_positive
-from .full import FullDisk, Shape
-from .line_elements import LineElements, Numbers
-from .matrices import CONSTANTS, OF_TERM, POWERS
-from .section import LAYER_POWERS, CrossSection, Ring, assemble_section
+from pzctl.models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from pzctl.models.constants.causal import continued
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.full import FullDisk, Shape
+from pzctl.models.disk2d.line_elements import LineElements, Numbers
+from pzctl.models.disk2d.matrices import CONSTANTS, OF_TERM, POWERS
+from pzctl.models.stack.laws import CONSTANT, LossLaw, StackError, require_positive
 
 _ORDER_R, _ORDER_Z = 7, 8
 

@@ -12,10 +12,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..base.arrays import Complexes, Frequencies, Impedances
-from ..base.model import Model
-from ..base.names import require
-from .terminals import Scale, Seen, Series, Shunt, TransmissionLine
+from pzctl.models.base.arrays import Complexes, Frequencies, Impedances
+from pzctl.models.base.model import Model
+from pzctl.models.base.names import require
+from pzctl.models.circuits.terminals import Scale, Seen, Series, Shunt, TransmissionLine
 
 PATH = ("lead", "stray", "cable", "open", "short", "load")
 """Names of the elements, from the device to the analyzer."""

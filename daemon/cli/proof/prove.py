@@ -63,7 +63,7 @@ def prove(
     screen = console(stderr=as_json)
     # One process makes the cases and another one scores them, so the process that diagnoses never sees the truth.
     if real is not None:
-        published = _child("pzctl.daemon.cli.analysis.plant_real", real, out, seed).strip()
+        published = _child("pzctl.daemon.cli.proof.plant_real", real, out, seed).strip()
     else:
         published = _child("pzctl.sim.blind_cases", out, seed, count, jobs, world).strip()
     screen.print(f"SHA-256 of the truth: {published}", highlight=False, soft_wrap=True)

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from ..base.arrays import Reals
-from .line_elements import LineElements, Matrix
-from .matrices import Matrices, blocks_of, gathered, kron, unit_columns
+from pzctl.models.base.arrays import Reals
+from pzctl.models.disk2d.line_elements import LineElements, Matrix
+from pzctl.models.disk2d.matrices import Matrices, blocks_of, gathered, kron, unit_columns
 
 LAYER_POWERS = np.array([0, 1, 2, 0, 1, 2])
 """Exponent of the radius in the terms of a layer: three of its first Lame constant, then three of its second."""

@@ -1,0 +1,1 @@
+"""`pzctl prove`: diagnoses sealed cases, scores the answers, plants effects in real recordings, runs the oracle."""
