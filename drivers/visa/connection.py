@@ -62,15 +62,31 @@ class Connection:
     def ask(self, message: str) -> str:
         """Send `message`, which ends with one query; return the answer's line without newline. Raises InstrumentError.
 
-        Messages without a query cannot be sent, because only an answer shows that a message arrived.
+        Send commands together with a query if possible, because only an answer shows that they arrived.
         """
         with self._exchange():
             return self._line(message)
 
-    def _line(self, message: str) -> str:
+    def tell(self, message: str) -> None:
+        """Send `message`, which has no answer: only the next answer tells that it arrived. Raises InstrumentError."""
+        with self._exchange():
+            self._send(message)
+
+    def ask_patiently(self, message: str, seconds: float, tick: Callable[[float], None]) -> str:
+        """As `ask`, where the instrument may be busy for `seconds` before it answers. Raises InstrumentError.
+
+        `tick` is told the seconds that have passed, several times a second over a network, and may raise to give up:
+        the next exchange then begins on a new line.
+        """
+        with self._exchange():
+            return self._line(message, seconds, tick)
+
+    def _line(self, message: str, patience: float = 0.0, tick: Callable[[float], None] = lambda _: None) -> str:
         self._send(message)
-        until = time.monotonic() + self.timeout_seconds
+        begun = time.monotonic()
+        until = begun + self.timeout_seconds + patience
         while b"\n" not in self._buffer:
+            tick(time.monotonic() - begun)
             if len(self._buffer) > LONGEST_LINE_BYTES:
                 raise InstrumentError(
                     f"{self.name}: the answer to {_short(message)} does not end; garbage on the line?"
@@ -118,6 +134,15 @@ class Connection:
         if not 0 <= status <= 255:
             raise InstrumentError(f"{self.name}: the status byte is {status}; 0 to 255 is allowed")
         return status
+
+    def status_byte_patiently(self, seconds: float, tick: Callable[[float], None]) -> int:
+        """Return the status byte of an instrument that may be busy for `seconds` before it answers `*STB?`.
+
+        A serial poll is answered at once. `tick`: see `ask_patiently`. Raises InstrumentError.
+        """
+        if self._is_gpib:
+            return self.status_byte()
+        return replies.integer(self.ask_patiently("*STB?", seconds, tick), f"{self.name}: *STB?")
 
     @property
     def hears_requests(self) -> bool:

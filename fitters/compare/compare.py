@@ -25,6 +25,8 @@ _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those that take no part in the fit that proves an explanation."""
 _EXPLAINED = 0.1
 """Part of the change, root mean square, up to which what is left leaves it explained: 99 % of its power is."""
+_DRIFT, _FEW = 3e-4, 0.01
+"""Drift that two recordings of one device may have; part of the points that may differ by more than is usual."""
 _FORMULA = 0.01
 """Part of what the largest change moves, up to which a further one is an error of its formula."""
 _SURE = 0.9
@@ -53,6 +55,9 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     named = best if verdict in ("explained", "partly-explained") else nothing
     held = _held_out(pair.frequency.size)
     findings = _findings(errors, searched, named, (alike, held)) if named.hypothesis.changes else ()
+    remarks: tuple[ChangeFinding, ...] = ()
+    if findings and verdict == "explained" and _usual(errors, named, nothing):
+        verdict, named, findings, remarks = "unchanged", nothing, (), findings
     findings = (*_turned(pair), *findings)
     if verdict == "unchanged" and findings:
         verdict = "explained"
@@ -76,7 +81,16 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         _says(verdict, findings, change, left),
         ComparedCurve(pair.frequency, pair.before, pair.after, named.at.predicted),
         time.monotonic() - began,
+        remarks,
     )
+
+
+def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
+    """Return whether all that was found moves no point by more than two recordings of one device may differ by."""
+    pair = errors.pair
+    moved = np.abs(np.log(named.at.predicted / nothing.at.predicted))
+    usual = np.sqrt((2 * INSTRUMENT) ** 2 + (_DRIFT * np.abs(errors.slope)) ** 2 + 9 * pair.noise_before**2)
+    return bool(np.mean(moved > usual) < _FEW)
 
 
 def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:

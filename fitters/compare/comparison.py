@@ -90,3 +90,5 @@ class Comparison:
     says: tuple[str, ...]
     curve: ComparedCurve
     seconds: float
+    remarks: tuple[ChangeFinding, ...] = ()
+    """What fits, and moves no point by more than two recordings of one device may differ by."""

@@ -104,7 +104,14 @@ class NewResonance:
     effect: str = "new-resonance"
     where: str = DEVICE
     odds: float = _USUAL
+    least_q: float = 8.0
+    """Below, it would be a relaxation, or what bends the curve as a capacitance does."""
     says: str = "A resonance is there that was not: a void, a crack, a layer, something that hangs on the device."
+
+    def possible(self, frequency: Frequencies, values: Values) -> bool:
+        """Return whether it is a resonance, and in the band."""
+        inside = frequency[0] / 1.02 < values["frequency"] < frequency[-1] * 1.02
+        return bool(inside and values["Q"] > self.least_q)
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
         """Return Z beside a resonant branch whose peak is `strength` Q times the usual admittance."""

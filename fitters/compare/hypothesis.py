@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.base.arrays import Complexes, Impedances, Reals
 from .change import TERMINALS
-from .device_changes import DeviceChange
+from .device_changes import DeviceChange, NewResonance
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort
@@ -24,9 +24,10 @@ _DRIFTED = 2
 """How often all is linearised anew about the drift that was found."""
 _CLOSE = 1e-3
 """Of a standard uncertainty: a step that is shorter ends a fit."""
-_IMPOSSIBLE = 20.0
-"""Ln odds against a change that at its sizes is not what it is called."""
-_UNSEEN = 0.7
+_IMPOSSIBLE = 1e6
+"""Ln odds against a change that at its sizes is not what it is called, or of which no size is seen."""
+_SIGMAS = 2.5
+_UNSEEN = 0.35
 """Relative uncertainty of the size that a change is known by, from which it is another change, if any."""
 _BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are not believed."""
@@ -133,7 +134,7 @@ class Fitted:
         """Whether each change is what it is called at the sizes that were found, and its first size is seen at all."""
         f = self.at.frequency
         return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
-            not isinstance(change, TwoPort)
+            not isinstance(change, TwoPort | NewResonance)
             or change.possible is None
             or change.possible(f, self.hypothesis.values(self.x, k))
             for k, change in enumerate(self.hypothesis.changes)
@@ -141,8 +142,11 @@ class Fitted:
 
     def _seen(self, k: int) -> bool:
         change, own = self.hypothesis.changes[k], self.hypothesis.slices[k]
-        if not change.sizes or change.sizes[0].signed:
+        if not change.sizes:
             return True
+        if change.sizes[0].signed:
+            sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
+            return bool(np.any(np.abs(self.outcome.total[own]) > _SIGMAS * sd))
         return change.sizes[0].spread * float(np.sqrt(self.outcome.covariance[own.start, own.start])) < _UNSEEN
 
     def sizes(self, k: int) -> Mapping[str, tuple[float, float, str]]:

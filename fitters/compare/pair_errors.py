@@ -24,7 +24,7 @@ from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
 from ...models.circuits.terminals import skin
-from ..error_model.point_covariance import PointErrors, gram
+from ..error_model.point_covariance import Kernel, PointErrors, in_noise
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
 from .pair import Pair
@@ -53,10 +53,10 @@ Grid = dict[float, float]
 """Sizes with their prior probabilities."""
 GRIDS: dict[str, Grid] = {
     "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
-    "instrument": {0.3: 0.4, 1.0: 0.5, 3.0: 0.1},
+    "instrument": {0.3: 0.4, 1.0: 0.47, 3.0: 0.1, 10.0: 0.03},
     "fixture": {0.0: 0.5, 1.0: 0.5},
     "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
-    "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
+    "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.08, 1e-3: 0.02},
     "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
 RESTS: Grid = {
@@ -271,14 +271,16 @@ class PairErrors:
         """Return what the pair says of a hypothesis that was linearised here; sizes of errors chosen in `rounds`."""
         X, where = self.columns(at)
         points = self.points(at)
+        white = in_noise([points], [X])
         kept = np.isfinite(points.noise)
         logs: list[float] = []
         best: tuple[float, Sizes, Reals] | None = None
         sizes = start or Sizes()
         for rest in rests:
-            G, log_det = gram([points], [X], 0.0, (rest, 0.0))
+            kernel = Kernel([points], 0.0, (rest, 0.0))
+            G = kernel.whitened(white).squared()
             sizes = replace(sizes, rest=rest)
-            value, sizes = _climbed(G, log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
+            value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
             logs.append(value)
             if best is None or value > best[0]:
                 best = value, sizes, G
@@ -330,7 +332,7 @@ class PairErrors:
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
         X, where = self.columns(at)
-        G, _ = gram([self.points(at)], [X], 0.0, (sizes.rest, 0.0))
+        G = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0)).white([X]).squared()
         seen = G / sizes.noise**2
         _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)

@@ -18,7 +18,7 @@ _ERROR = 3e-4
 _LEAST_Q = 3.0
 _BEYOND = 1.05
 """How far outside the band a resonance may lie to count as one, as a factor."""
-_SLOPE = 4.0
+_SLOPE = 3.0
 """By how much, at least, the error of a slope falls where points are twice as dense and resonances hardly resolved."""
 
 
@@ -94,6 +94,6 @@ def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
     exact = -s * (own.residues / (s - own.poles) ** 2 + np.conj(own.residues) / (s - np.conj(own.poles)) ** 2)
     rest = np.asarray(make_interp_spline(u, remainder, 5)(u, 1), np.complex128)
     halves = [np.asarray(make_interp_spline(u[k::2], remainder[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
-    error = np.min([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
+    error = np.max([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
     slope = np.asarray(-(rest + np.sum(exact, axis=1)) / Y, np.complex128)
     return slope, np.asarray((remainder - rest) / -Y, np.complex128), np.sqrt(running(error**2))

@@ -17,6 +17,8 @@ _PARENTS, _SCREENED, _GROWN = 2, 8, 4
 """How many of the best are grown; of what grew of each, how many are screened and how many fitted. Budgets."""
 _MOST = 3
 """Changes at once. A budget."""
+_NOISE_ALONE = 1.2
+"""chi2 per number up to which there is nothing but noise."""
 _PAYS = 5.0
 """Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
 
@@ -50,7 +52,7 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
     for depth in range(1, _MOST):
         ranked = _ranked(fits.values())
         best = ranked[0]
-        if len(best.hypothesis.changes) < depth or (depth > 1 and not _short(best)):
+        if len(best.hypothesis.changes) < depth or _whole(best) or (depth > 1 and not _short(best)):
             break
         parents = _parents([one for one in ranked if len(one.hypothesis.changes) == depth], errors)
         for parent in parents:
@@ -74,6 +76,15 @@ def _parents(ranked: Sequence[Fitted], errors: PairErrors) -> list[Fitted]:
 
 def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
     return sorted(fits, key=lambda one: -one.log_posterior)
+
+
+def _whole(best: Fitted) -> bool:
+    """Return whether an explanation leaves noise and small errors alone: nothing more is looked for then."""
+    sizes, numbers = best.outcome.sizes, 2 * best.errors.pair.frequency.size
+    small = (
+        sizes.rest == 0 and sizes.noise <= 1 and sizes.instrument <= 1 and sizes.drift <= 1e-4 and sizes.wander <= 1e-4
+    )
+    return small and best.outcome.cost < _NOISE_ALONE * numbers
 
 
 def _short(best: Fitted) -> bool:

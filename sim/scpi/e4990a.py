@@ -6,6 +6,7 @@ CALCulate, INITiate and TRIGger, and a MATLAB class. What none of them sends is 
 """
 
 from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..instrument.axis import Axis, ListSegment
 from ..instrument.correction import STANDARDS, as_kept
 from ..instrument.instrument import Instrument
 from ..instrument.settings import Choice, Integer, Number, Setting, Switch, number
+from ..instrument.status import OPC
 from ..instrument.sweep_run import FOREVER
 from ..instrument.traces import QUANTITIES, Parts
 from ..language.command_entry import Act, Ask
@@ -51,10 +53,10 @@ def set_initial(instrument: Instrument) -> None:
     """Give the settings what `*RST` gives them here, which differs from the other analyzer."""
     state = instrument.state
     state.edges["FREQ"] = (LOWEST_HZ, 10e6)
-    state.values |= {"BWFACT": 1, "PAVERFACT": 1, "CALP": "FIXED"}
+    state.values |= {"BWFACT": 1, "PAVERFACT": 1}
     instrument.scpi = {
         "cont": False, "init": False, "source": "INT", "form": "ASC", "order": "NORM", "trace": 1, "avertrig": False,
-        "type": "LIN", "fixture": "NONE", "PAR1": "Z", "PAR2": "TZ", "PAR3": "CP", "PAR4": "D",
+        "type": "LIN", "fixture": "NONE", "points": "FIX", "PAR1": "Z", "PAR2": "TZ", "PAR3": "CP", "PAR4": "D",
     }  # fmt: skip
     instrument.new_axis()
 
@@ -71,12 +73,15 @@ def _answer(setting: Setting, value: object) -> str:
 def _restart(instrument: Instrument, axis: bool) -> None:
     """Let a setting have its effect; segments have speed, level and averaging from the sweep."""
     state = instrument.state
-    common = {
-        "bandwidth": state.count("BWFACT"),
-        "level": state.levels[str(state["POWMOD"])],
-        "point_average": state.count("PAVERFACT") if state.on("PAVER") else 1,
-    }
-    state.table.segments = [ListSegment(**{**vars(s), **common}) for s in state.table.segments]
+    state.table.segments = [
+        replace(
+            segment,
+            bandwidth=state.count("BWFACT"),
+            level=state.levels[str(state["POWMOD"])],
+            point_average=state.count("PAVERFACT") if state.on("PAVER") else 1,
+        )
+        for segment in state.table.segments
+    ]
     if axis:
         instrument.new_axis()
     instrument.sweeper.averaged = 0
@@ -279,7 +284,7 @@ def _choose(trace: int) -> Node:
 
 def _points(instrument: Instrument) -> Reals:
     """Return the frequencies of the standards: those of the sweep (USER), or fixed ones."""
-    if instrument.state["CALP"] == "USER":
+    if instrument.scpi["points"] == "USER":
         return instrument.state.axis().frequency
     return np.geomspace(LOWEST_HZ, HIGHEST_HZ, 100)
 
@@ -356,8 +361,16 @@ def _reset(continuous: bool) -> Act:
     return act
 
 
+def _operation_complete(instrument: Instrument, _: Unit) -> None:
+    if instrument.sweeper.seconds_left() > 0:
+        instrument.opc_wanted = True
+    else:
+        instrument.status.raise_standard(OPC)
+
+
 def _clear(instrument: Instrument, _: Unit) -> None:
     instrument.status.clear()
+    instrument.opc_wanted = False
 
 
 def _next_error(instrument: Instrument, _: Unit) -> str:
@@ -382,7 +395,7 @@ def _enable(header: str, name: str) -> Node:
 NODES = [
     Node("*IDN", None, lambda i, _: i.identity),
     Node("*OPT", None, lambda i, _: "120"),
-    Node("*OPC", None, lambda i, _: "+1"),
+    Node("*OPC", _operation_complete, lambda i, _: "+1"),
     Node("*WAI", lambda i, _: None),
     Node("*TRG", _trigger),
     Node("*RST", _reset(continuous=False)),
@@ -429,7 +442,7 @@ NODES = [
     _own("FORMat[:DATA]", Choice(("ASC", "REAL", "REAL32"), "ASC"), "form"),
     _own("FORMat:BORDer", Choice(("NORM", "SWAP"), "NORM"), "order"),
     _own("SENSe<Ch>:FIXTure:SELect", Choice(("NONE", "ARB", "FIXT16047"), "NONE"), "fixture"),
-    _value("SENSe<Ch>:CORRection:COLLect:FPOints", Choice(("FIXED", "USER"), "FIXED"), "CALP"),
+    _own("SENSe<Ch>:CORRection:COLLect:FPOints", Choice(("FIX", "USER"), "FIX"), "points"),
     *(node for name, standard in STANDARD_NAMES.items() for node in _standard(name, standard)),
 ]
 """Everything the simulator knows; what it does not is -113, as in the instrument."""

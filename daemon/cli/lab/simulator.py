@@ -6,7 +6,7 @@ import typer
 
 
 def sim(
-    model: Annotated[str, typer.Option(help="Which analyzer: 4294A, or E4990A.")] = "4294A",
+    model: Annotated[str | None, typer.Option(help="Which analyzer: 4294A (the default) or E4990A.")] = None,
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Raw socket of the instrument; 0 takes any free port.")
     ] = 5025,
@@ -42,7 +42,7 @@ def sim(
 
     run(
         SimOptions(
-            model=model,
+            **({"model": model} if model else {}),
             port=port,
             bench_port=bench_port,
             prologix_port=prologix_port,

@@ -35,6 +35,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
             "held_out": number(comparison.held_out_after),
         },
         "findings": [_finding(one) for one in comparison.findings],
+        "remarks": [_finding(one) for one in comparison.remarks],
         "remaining": msgspec.to_builtins(comparison.remaining),
         "limits": [msgspec.to_builtins(one) for one in comparison.limits],
         "repeatability": [msgspec.to_builtins(one) for one in comparison.repeatability],

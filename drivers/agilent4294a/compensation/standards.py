@@ -74,8 +74,10 @@ def measure(
     for name in standards:
         recipe = _RECIPES[name]
         prompt(recipe.prompt)
-        wait.start(link, recipe.command, wait.STANDARD_END)
-        wait.finish(link, STANDARD_SECONDS, lambda passed, what=name: tick(passed, what), f"the {name} compensation")
+        what = f"the {name} compensation"
+        wait.measure_standard(
+            link, recipe.command, STANDARD_SECONDS, lambda passed, what=name: tick(passed, what), what
+        )
         _check_plausible(link, name, _array(link, name))
         settings.put(link, recipe.switch, True)
     return Compensation({name: _array(link, name) for name in standards}, adapter, taken, identity.idn)

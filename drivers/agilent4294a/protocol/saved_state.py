@@ -24,6 +24,10 @@ class SavedState:
     continuous: bool
     """It was sweeping by itself."""
     values: Mapping[str, settings.Value]
+    of_frequency: Mapping[str, settings.Value]
+    """Sweep type and range of frequency sweeps, where something else was swept: each sweep parameter keeps its own."""
+    level_V: settings.Value | None
+    """The oscillator's voltage, where it was set to a current: each mode keeps its own level."""
 
 
 def take(link: Connection) -> SavedState:
@@ -34,7 +38,16 @@ def take(link: Connection) -> SavedState:
     sweep_type = settings.query(link, "SWPT")
     if sweep_type == "LIST":  # in list mode STAR, POIN ... speak of a segment, not of the sweep
         settings.put(link, "SWPT", "LIN")
-    return SavedState(continuous, settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type})
+    values = settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type}
+    of_frequency: dict[str, settings.Value] = {}
+    if values["SWPP"] != "FREQ":
+        settings.put(link, "SWPP", "FREQ")
+        of_frequency = settings.snapshot(link, ("SWPT", "STAR", "STOP"))
+    level_V: settings.Value | None = None
+    if values["POWMOD"] == "CURR":
+        settings.put(link, "POWMOD", "VOLT")
+        level_V = settings.query(link, "POWE")
+    return SavedState(continuous, values, of_frequency, level_V)
 
 
 def bias_off(link: Connection) -> None:
@@ -46,22 +59,31 @@ def bias_off(link: Connection) -> None:
 def give_back(link: Connection, found: SavedState, resume: bool) -> None:
     """Set everything that differs from `found` back; with `resume`, let it sweep again where it did.
 
-    One range may push the other (START beyond STOP), so there are two passes, and only the second one must succeed.
-    Raises InstrumentError where a setting does not go back.
+    What another setting depends on comes before it, and both ends of a range are sent once without looking, so that
+    neither pushes the other afterwards. Raises InstrumentError where a setting does not go back.
     """
-    link.ask("FORM4;ESNB 0;*SRE 0;*STB?")
+    link.ask("FORM4;ESNB 0;*SRE 0;*ESE 0;*STB?")
+    if found.level_V is not None:
+        _set_back(link, {"POWMOD": "VOLT", "POWE": found.level_V})
+    if found.of_frequency:
+        _set_back(link, {"SWPP": "FREQ", **found.of_frequency})
     wanted = {name: value for name, value in found.values.items() if name not in NOT_RESTORED}
     in_list = wanted["SWPT"] == "LIST"
     if in_list:
         wanted["SWPT"] = "LIN"
-    for must in (False, True):
-        for name, value in wanted.items():
-            if settings.query(link, name) != value:
-                if must:
-                    settings.put(link, name, value)
-                else:
-                    link.ask(f"{name} {settings.text_of(value)};{name}?")
+    _set_back(link, wanted)
     if in_list:
         settings.put(link, "SWPT", "LIST")
     if resume and found.continuous and not replies.flag(link.ask("CONT;CONT?"), f"{link.name}: CONT?"):
         raise InstrumentError(f"{link.name}: it does not go on sweeping after CONT")
+
+
+def _set_back(link: Connection, wanted: Mapping[str, settings.Value]) -> None:
+    """Set what differs. Raises InstrumentError where a setting does not go back."""
+    for name, value in wanted.items():
+        if settings.query(link, name) == value:
+            continue
+        if name == "STAR":
+            start, stop = settings.text_of(value), settings.text_of(wanted["STOP"])
+            link.ask(f"STAR {start};STOP {stop};STAR?")
+        settings.put(link, name, value)

@@ -2,7 +2,8 @@
 
 The instrument takes the nearest possible value without a word (Programming Manual, out-of-range rule), and scripts
 have measured for years with settings that were never taken. So every setting is sent with its own query in one
-message (`POIN 801;POIN?`), and what comes back must be what was asked.
+message (`POIN 801;POIN?`), and what comes back must be what was asked, to half the setting's resolution: the
+instrument answers with fifteen digits (`+1.00000000000000E+007`, p.175).
 """
 
 import math
@@ -26,7 +27,7 @@ class NumberSetting:
 
     words: str
     unit: str = ""
-    relative: float = 1e-6
+    relative: float = 1e-11
     absolute: float = 0.0
 
     def read(self, text: str, what: str) -> float:
@@ -78,23 +79,23 @@ Kind = NumberSetting | FlagSetting | ChoiceSetting
 SETTINGS: dict[str, Kind] = {
     "SWPP": ChoiceSetting("sweep parameter", ("FREQ", "OLEV", "DCB")),
     "SWPT": ChoiceSetting("sweep type", ("LIN", "LOG", "LIST")),
-    "STAR": NumberSetting("start", "Hz", absolute=1e-3),
-    "STOP": NumberSetting("stop", "Hz", absolute=1e-3),
+    "STAR": NumberSetting("start", "Hz", absolute=6e-4),
+    "STOP": NumberSetting("stop", "Hz", absolute=6e-4),
     "POIN": NumberSetting("number of points", relative=0),
     "SWED": ChoiceSetting("sweep direction", ("UP", "DOWN")),
-    "SDELT": NumberSetting("sweep delay", "s"),
-    "PDELT": NumberSetting("point delay", "s"),
+    "SDELT": NumberSetting("sweep delay", "s", absolute=6e-4),
+    "PDELT": NumberSetting("point delay", "s", absolute=6e-4),
     "BWFACT": NumberSetting("bandwidth", relative=0),
     "PAVER": FlagSetting("point averaging"),
     "PAVERFACT": NumberSetting("point averaging factor", relative=0),
     "AVER": FlagSetting("sweep averaging"),
     "AVERFACT": NumberSetting("sweep averaging factor", relative=0),
     "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
-    # The level is set in steps of about 1 mV; the recording keeps what was read back.
+    # The level is set in steps of 1 mV (Programming Manual p.403); the recording keeps what was read back.
     "POWE": NumberSetting("oscillator level", absolute=6e-4),
     "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "DCRNG": ChoiceSetting("bias range", ("M1", "M10", "M100")),
-    "DCV": NumberSetting("bias", "V", relative=1e-3, absolute=2e-3),
+    "DCV": NumberSetting("bias", "V", absolute=6e-4),
     "DCO": FlagSetting("bias output"),
     "TRGS": ChoiceSetting("trigger source", ("INT", "EXT", "BUS", "MAN")),
 }

@@ -19,6 +19,9 @@ from . import error_queue as errorqueue
 EVENT = 0b100
 """Bit 2 of the status byte: the enabled instrument event."""
 
+REFUSAL = 0b100000
+"""Bit 5: an enabled standard event, of which errors alone are enabled (`*ESE 60`)."""
+
 SWEEP_END = 1
 """Bit 0 of the instrument event register: a single sweep, or a number of them, is complete."""
 STANDARD_END = 256
@@ -32,15 +35,37 @@ SLOWEST_POLL_SECONDS = 0.25
 FASTEST_POLL_SECONDS = 0.005
 
 
-def start(link: Connection, command: str, end: int = SWEEP_END) -> None:
-    """Start what `command` says (`SING`, `NUMG 4`, `COMA` ...), which ends in the instrument event `end`.
+def start(link: Connection, command: str) -> None:
+    """Start the sweep that `command` says (`SING`, `NUMG 4` ...).
 
     Raises InstrumentError where it is refused.
     """
-    events = replies.integer(link.ask(f"ESNB {end};*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
+    events = replies.integer(link.ask(f"ESNB {SWEEP_END};*SRE 4;*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
     if events & ERRORS:
         errorqueue.check(link, f"after {command}")
         raise InstrumentError(f"{link.name}: {command} was refused (event status register {events})")
+
+
+def measure_standard(link: Connection, command: str, seconds: float, tick: Callable[[float], None], what: str) -> None:
+    """Send what measures a standard (`COMA` ...), by itself, and return when it is measured; it should take `seconds`.
+
+    It is no overlapped command (Programming Manual p.262): the instrument may answer nothing until it is done. So the
+    status byte is waited for as long as the standard may take; its bit 5 shows a refusal. `tick`: see `finish`.
+    """
+    link.ask(f"*ESE {ERRORS};ESNB {STANDARD_END};*SRE {EVENT | REFUSAL};*CLS;*ESR?")
+    link.tell(command)
+    begun, limit = time.monotonic(), sweep_time.timeout(seconds)
+    while True:
+        passed = time.monotonic() - begun
+        status = link.status_byte_patiently(limit - passed, lambda more, before=passed: tick(before + more))
+        if status & (EVENT | REFUSAL):
+            break
+        if passed > limit:
+            late = f"did not end within {limit:.0f} s; {seconds:.0f} s were expected"
+            raise InstrumentError(f"{link.name}: {what} {late}")
+        tick(passed)
+        link.rest(_pause(link, passed))
+    _check_end(link, what)
 
 
 def finish(link: Connection, seconds: float, tick: Callable[[float], None], what: str) -> None:
@@ -57,8 +82,18 @@ def finish(link: Connection, seconds: float, tick: Callable[[float], None], what
             late = f"did not end within {limit:.0f} s; {seconds:.0f} s were expected"
             raise InstrumentError(f"{link.name}: {what} {late}")
         tick(passed)
-        blind = min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10))
-        link.rest(SLOWEST_POLL_SECONDS if link.hears_requests else blind)
+        link.rest(_pause(link, passed))
+    _check_end(link, what)
+
+
+def _pause(link: Connection, passed: float) -> float:
+    """Return the seconds until the next look: rarely where the path tells of the end by itself."""
+    blind = min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10))
+    return SLOWEST_POLL_SECONDS if link.hears_requests else blind
+
+
+def _check_end(link: Connection, what: str) -> None:
+    """Raise InstrumentError where the end was no good one: out of step, switched off meanwhile, errors."""
     if (answer := link.ask("*OPC?")) not in ("1", "+1"):
         raise InstrumentError(f"{link.name}: *OPC? is answered by {replies.quote(answer)}; 1 is expected")
     events = replies.integer(link.ask("*ESR?"), f"{link.name}: *ESR?")

@@ -1,16 +1,14 @@
 """Segments swept in one go by the instrument's list sweep, where it proves that it took every line of the table.
 
-No public source gives the mnemonics of a 4294A's table. Those of its sister 4395A, which speaks the same dialect, are
-public (the Stanford Timing Interface's driver: EDITLIST, CLEL, SADD, STAR, STOP, POIN, SDON, EDITDONE, SWPT LIST;
-the 4395A manual: when a table is edited, STAR and its like set a segment), and the 4294A's manual says of BWFACT that
-it sets each segment's bandwidth. So nothing is believed. What a segment is set to is read back while it is edited. The
-sweep's own settings are set to other values before: where they have changed afterwards, or where they were what was
-read, the table was not what was written to. The axis of the finished sweep must be the plan's, to 1 mHz. Wherever this
-fails `ListRefused` says why, and the segments are swept one by one.
+Programming Manual p.44-45 and 415-436: EDITLIST, CLEL, SADD ... SDON for each line, EDITDONE, SWPT LIST. What is no
+command of the table scratches a line that is open, so a line is one message. It is verified when the table is done:
+each line is opened again and read back, and the axis of the finished sweep must be the plan's, to 1 mHz. The sweep's
+own settings are set to other values before: where they have changed afterwards, the table was not what was written to.
+Wherever this fails `ListRefused` says why, and the segments are swept one by one.
 """
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -21,16 +19,16 @@ from ...base.analyzer import InstrumentError
 from ...visa import replies
 from ...visa.connection import Connection, ConnectionLost
 from .. import capabilities
+from ..protocol import bias, settings
 from ..protocol import error_queue as errorqueue
-from ..protocol import settings
 from ..protocol import sweep_wait as wait
 from . import grid
 from . import single_sweep as sweeping
 
 LINE_POINTS = 201
 """A line of the table has at most."""
-_OF_A_LINE = ("STAR", "STOP", "POIN", "BWFACT", "POWE")
-"""Settings of a line; in a list sweep the sweep's own have no meaning."""
+_OF_A_LINE = ("STAR", "STOP", "POIN", "POWMOD", "POWE", "DCMOD", "DCV", "BWFACT", "PAVERFACT")
+"""Settings of a line, in the order of setting; in a list sweep the sweep's own have no meaning."""
 
 
 class ListRefused(InstrumentError):
@@ -50,8 +48,6 @@ def why_not(plan: SweepPlan) -> str:
         return "a line of the table has linear steps alone"
     if any(segment.points > capabilities.MOST_POINTS for segment in plan.segments):
         return f"a segment has more than {capabilities.MOST_POINTS} points"
-    if plan.bias_V or plan.point_average > 1:
-        return "how a line of the table sets bias and point averaging is not known"
     return ""
 
 
@@ -140,14 +136,13 @@ def _set_up(link: Connection, table: Sequence[Segment], plan: SweepPlan) -> dict
     """
     wanted = sweeping.wanted(replace(table[0], stop_Hz=table[-1].stop_Hz), plan) | _others(plan)
     sweeping.set_up(link, wanted)
-    own: dict[str, settings.Value] = {}
+    lines_wanted = [_line(segment, plan) for segment in table]
     try:
         _command(link, "EDITLIST;CLEL")
-        for line in table:
-            _command(link, "SADD")
-            values = (line.start_Hz, line.stop_Hz, line.points, plan.bandwidth, _level(plan))
-            own = {name: settings.put(link, name, value) for name, value in zip(_OF_A_LINE, values, strict=True)}
-            _command(link, "SDON")
+        for line in lines_wanted:
+            _command(link, ";".join(["SADD", *(f"{m} {settings.text_of(v)}" for m, v in line.items()), "SDON"]))
+        _command(link, "EDITDONE")
+        own = [_read_line(link, k, line) for k, line in enumerate(lines_wanted, start=1)]
         _command(link, "EDITDONE")
     except BaseException:
         link.doubt()
@@ -157,9 +152,32 @@ def _set_up(link: Connection, table: Sequence[Segment], plan: SweepPlan) -> dict
     errorqueue.check(link, "after the list-sweep table")
     before = settings.snapshot(link, settings.SETTINGS | settings.CONDITIONS)
     settings.compare(link, wanted, before, "the list-sweep table was not what was written to")
+    if plan.bias_V:
+        bias.switch_on(link, plan.bias_V)
+        before |= settings.snapshot(link, ("DCRNG", "DCO"))
     settings.put(link, "SWPT", "LIST")
     errorqueue.check(link, "after SWPT LIST")
-    return before | own | {"SWPT": "LIST"}
+    return before | own[-1] | {"SWPT": "LIST"}
+
+
+def _line(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
+    """Return the settings of a line of the table, in the order of setting."""
+    values = (
+        *(segment.start_Hz, segment.stop_Hz, segment.points),
+        *("VOLT" if plan.oscillator_A is None else "CURR", _level(plan)),
+        *("CVOLT" if plan.bias_V else "VOLT", plan.bias_V),
+        *(plan.bandwidth, plan.point_average),
+    )
+    return dict(zip(_OF_A_LINE, values, strict=True))
+
+
+def _read_line(link: Connection, number: int, wanted: Mapping[str, settings.Value]) -> dict[str, settings.Value]:
+    """Open a line of the table again, return what it holds, and close it. Raises InstrumentError where it differs."""
+    _command(link, f"SEDI {number}")
+    got = settings.snapshot(link, wanted)
+    link.ask("SDON;*ESR?")
+    settings.compare(link, wanted, got, f"the instrument did not take line {number} of the list-sweep table")
+    return got
 
 
 def _command(link: Connection, command: str) -> None:

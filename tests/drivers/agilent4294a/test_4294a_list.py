@@ -39,11 +39,13 @@ def status(sim, **command):
     return bench_command("127.0.0.1", sim.bench_port, **command)
 
 
-def test_both_ways_give_the_same_recording_and_say_which_it_was(sim):
-    listed = measured(sim)
+@pytest.mark.parametrize("more", [{}, {"bias_V": 2.0}, {"point_average": 2}, {"oscillator_A": 1e-3}])
+def test_both_ways_give_the_same_recording_and_say_which_it_was(sim, more):
+    plan = replace(JOINED, **more)
+    listed = measured(sim, plan)
     after_list = status(sim, command="status")["exchanges"]
     status(sim, command="fault", kind="no-list")
-    plain = measured(sim)
+    plain = measured(sim, plan)
 
     np.testing.assert_allclose(listed.frequency, plain.frequency, rtol=0, atol=1.01e-3)
     np.testing.assert_allclose(listed.impedance, plain.impedance, rtol=1e-6)
@@ -61,8 +63,6 @@ def test_both_ways_give_the_same_recording_and_say_which_it_was(sim):
 @pytest.mark.parametrize(
     "change",
     [
-        {"bias_V": 2.0},
-        {"point_average": 2},
         {"segments": (Segment(1e6, 2e6, 11), Segment(3e6, 4e6, 11, "log"))},
         {"segments": (Segment(1e6, 2e6, 11), Segment(3e6, 4e6, 900))},
     ],

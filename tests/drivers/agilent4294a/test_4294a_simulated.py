@@ -234,3 +234,17 @@ def test_gpib_through_a_prologix_adapter():
         with pytest.raises(InstrumentError, match=r"no answer to \*IDN\?"):
             open_analyzer(f"PROLOGIX::127.0.0.1:{sim.prologix_port}::5", timeout_seconds=0.3).identify()
     np.testing.assert_array_equal(bridged.impedance, straight.impedance)
+
+
+def test_what_another_sweep_and_another_level_were_set_to_is_left_as_found_without_an_error(sim):
+    wire = open_analyzer(sim.resource)
+    ask = wire._link.ask
+    ask("SWPT LOG;STAR 50;STOP 60;POWE 0.2;POWMOD CURR;POWE 0.004;SWPP OLEV;STAR 0.001;STOP 0.01;POIN 9;*CLS;*OPC?")
+    wire.measure(SweepPlan((Segment(1e6, 2e6, 11),)))
+    found = {"SWPP?": "OLEV", "SWPT?": "LIN", "POWMOD?": "CURR", "POIN?": "9"}
+    assert {q: ask(q) for q in found} == found
+    assert [float(ask(q)) for q in ("STAR?", "STOP?", "POWE?")] == [0.001, 0.01, 0.004]
+    assert ask("SWPP FREQ;SWPT?") == "LOG"
+    assert [float(ask(q)) for q in ("STAR?", "STOP?", "POWMOD VOLT;POWE?")] == [50, 60, 0.2]
+    assert ask("OUTPERRO?") == '0,"No error"'
+    wire.close()

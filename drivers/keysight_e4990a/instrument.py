@@ -1,0 +1,282 @@
+"""The E4990A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...models.sweep import Sweep
+from ...models.sweep_plan import PlanError, Segment, SweepPlan
+from ..base.analyzer import Analyzer, Cancelled, Identity, InstrumentError, Progress
+from ..base.capabilities import Capabilities, named_segments
+from ..base.compensation import Compensation, Standard
+from ..visa import replies
+from ..visa.connection import Connection, ConnectionLost
+from . import compensation, settings
+from .accuracy import relative_accuracy, relative_noise
+from .capabilities import CAPABILITIES
+from .driver import IDN
+from .sweeps import RawSweep, points, set_up, sweep
+
+Result = TypeVar("Result")
+
+
+class KeysightE4990A(Analyzer):
+    """A Keysight (Agilent) E4990A at the other end of `link`. See `Analyzer` for the contract."""
+
+    def __init__(self, link: Connection) -> None:
+        self._link = link
+
+    @property
+    def hears_requests(self) -> bool:
+        """Whether the end of a sweep is told by service request; else the instrument is asked for it."""
+        return False
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What an E4990A can do."""
+        return CAPABILITIES
+
+    def identify(self) -> Identity:
+        """Ask who is there. Raises InstrumentError where the answer is not an E4990A's."""
+        try:
+            answer = self._link.ask("*IDN?").strip()
+        except ConnectionLost:  # it was switched off and on since the last time
+            answer = self._link.ask("*IDN?").strip()
+        found = IDN.fullmatch(answer)
+        if not found:
+            raise InstrumentError(
+                f"{self._link.name}: *IDN? is answered by {replies.quote(answer)}; this driver needs an E4990A"
+            )
+        return Identity(self._link.name, answer, "E4990A", found[2].strip(), found[3].strip())
+
+    def make_safe(self) -> None:
+        """Switch the bias off, whoever left it on, and see that it is. Raises InstrumentError."""
+        settings.put(self._link, settings.BIAS_ON, False)
+
+    def estimated_seconds(self, plan: SweepPlan) -> float:
+        """Return how long `plan` will take. Raises PlanError where an E4990A cannot do it."""
+        self._check(plan)
+        return CAPABILITIES.seconds(plan)
+
+    def measure(
+        self,
+        plan: SweepPlan,
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+    ) -> tuple[Sweep, ...]:
+        """Carry out `plan`; see `Analyzer.measure`. A joined plan is one segment sweep."""
+        self._check(plan)
+        groups = [plan.segments] if plan.joined else [(segment,) for segment in plan.segments]
+
+        def sweep_all(identity: Identity) -> tuple[Sweep, ...]:
+            return tuple(
+                self._one(
+                    plan, group, identity, _ticks(k, len(groups), self._seconds(plan, group), progress, cancelled)
+                )
+                for k, group in enumerate(groups, start=1)
+            )
+
+        return self._as_found(sweep_all)
+
+    def compensate(
+        self,
+        standards: Sequence[Standard],
+        prompt: Callable[[str], None],
+        progress: Callable[[Progress], None] = lambda _: None,
+        cancelled: Callable[[], bool] = lambda: False,
+        adapter: str = "OFF",
+    ) -> Compensation:
+        """Measure the fixture's `standards`; see `Analyzer.compensate`. There is no adapter to choose."""
+        if adapter != "OFF":
+            raise InstrumentError(f"compensation: adapter {adapter!r} is not known to this driver; OFF is allowed")
+
+        def tick(passed: float, what: str) -> None:
+            if cancelled():
+                raise Cancelled(f"the {what} compensation was cancelled; the bias is off")
+            whole = compensation.STANDARD_SECONDS
+            progress(Progress(min(passed / whole, 1.0), max(whole - passed, 0.0), f"{what} compensation"))
+
+        return self._as_found(lambda who: compensation.measure(self._link, who, standards, prompt, tick))
+
+    def restore(self, stored: Compensation) -> None:
+        """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
+        self._as_found(lambda identity: compensation.apply(self._link, identity, stored))
+
+    def close(self) -> None:
+        """Let go of the instrument."""
+        self._link.close()
+
+    def _check(self, plan: SweepPlan) -> None:
+        """Raise PlanError where `plan` cannot be carried out: beyond the capabilities, one sweep not being enough."""
+        CAPABILITIES.check(plan)
+        most = CAPABILITIES.points_per_sweep
+        for where, segment in named_segments(plan):
+            if segment.points > most:
+                raise PlanError(f"{where} has {segment.points} points; an E4990A sweeps at most {most} at once")
+        if plan.joined:
+            together, count = sum(s.points for s in plan.segments), len(plan.segments)
+            if together > most or count > CAPABILITIES.segments_per_sweep:
+                raise PlanError(
+                    f"sweep plan: {count} joined segments have {together} points; an E4990A sweeps at most {most} "
+                    f"points in {CAPABILITIES.segments_per_sweep} segments at once"
+                )
+            if count > 1 and any(s.spacing == "log" for s in plan.segments):
+                raise PlanError("sweep plan: a joined segment is logarithmic; those of an E4990A are linear")
+
+    @staticmethod
+    def _seconds(plan: SweepPlan, segments: Sequence[Segment]) -> float:
+        return CAPABILITIES.points_seconds(plan, np.concatenate([points(s) for s in segments]))
+
+    def _one(
+        self, plan: SweepPlan, segments: Sequence[Segment], identity: Identity, tick: Callable[[float], None]
+    ) -> Sweep:
+        """Return one recording: of one segment, or of several that are joined."""
+        asked = set_up(self._link, segments, plan)
+        before = settings.snapshot(self._link, asked)
+        bias_on = bool(settings.query(self._link, settings.BIAS_ON))
+        tick(0.0)
+        expected = self._seconds(plan, segments)
+        raw = sweep(self._link, segments, expected, tick)
+        after = settings.snapshot(self._link, asked)
+        for name, value in before.items():
+            if not settings.SETTINGS[name].agrees(value, after[name]):
+                raise InstrumentError(
+                    f"{self._link.name}: {settings.SETTINGS[name].words} was {settings.text_of(value)}, is "
+                    f"{settings.text_of(after[name])}: changed while the sweep ran; "
+                    "was a key pressed at the front panel?"
+                )
+        corrections = [name for name, s in settings.CORRECTIONS.items() if settings.query(self._link, s)]
+        return _record(raw, segments, plan, identity, before, bias_on, corrections, expected)
+
+    def _as_found(self, action: Callable[[Identity], Result]) -> Result:
+        """Do `action` and leave the instrument as found, its bias off on every way out."""
+        identity = self.identify()
+        found: dict[str, settings.Value] = {}
+        try:
+            found = settings.snapshot(self._link)
+            result = action(identity)
+            if (answer := self._link.ask("*IDN?").strip()) != identity.idn:
+                raise InstrumentError(
+                    f"{self._link.name}: *IDN? is answered by {replies.quote(answer)} after the sweep; "
+                    "the answers are out of step"
+                )
+        except BaseException as error:
+            self._leave_after(error, found)
+            raise
+        self._twice(lambda: self._give_back(found))
+        return result
+
+    def _leave_after(self, error: BaseException, found: Mapping[str, settings.Value]) -> None:
+        """Stop, bias off, settings back; say in `error` what could not be done."""
+        self._link.doubt()
+        try:
+            self._twice(lambda: self._give_back(found))
+        except InstrumentError as second:
+            if isinstance(error, InstrumentError):
+                raise type(error)(f"{error}. Besides: {second}") from None
+            error.add_note(str(second))
+
+    def _give_back(self, found: Mapping[str, settings.Value]) -> None:
+        """Stop the sweep, switch the bias off, and set what differs from `found` back, initiation last."""
+        settings.put(self._link, settings.SETTINGS["continuous"], False)
+        self._link.ask(":ABOR;*ESR?")
+        settings.put(self._link, settings.BIAS_ON, False)
+        for _ in range(2 if found else 0):  # one range may push the other: the second pass must only confirm
+            for name, value in found.items():
+                if name != "continuous" and not settings.SETTINGS[name].agrees(
+                    value, settings.query(self._link, settings.SETTINGS[name])
+                ):
+                    header = settings.SETTINGS[name].header
+                    self._link.ask(f"{header} {settings.text_of(value)};{header}?")
+        for name in (*(n for n in found if n != "continuous"), *(["continuous"] if found else [])):
+            settings.put(self._link, settings.SETTINGS[name], found[name])
+        self._link.ask("*CLS;*ESR?")
+
+    def _twice(self, action: Callable[[], None]) -> None:
+        """Do `action`, and once more on a fresh line where it fails."""
+        try:
+            action()
+        except InstrumentError:
+            self._link.doubt()
+            action()
+
+
+def _ticks(
+    number: int,
+    count: int,
+    expected: float,
+    progress: Callable[[Progress], None],
+    cancelled: Callable[[], bool],
+) -> Callable[[float], None]:
+    what = f"sweep {number} of {count}"
+
+    def tick(passed: float) -> None:
+        if cancelled():
+            raise Cancelled(f"{what} was cancelled after {passed:.0f} s; the bias is off")
+        done = (number - 1 + min(passed / max(expected, 1e-9), 1.0)) / count
+        progress(Progress(done, (1 - done) * count * expected, what))
+
+    return tick
+
+
+def _record(
+    raw: RawSweep,
+    segments: Sequence[Segment],
+    plan: SweepPlan,
+    identity: Identity,
+    got: Mapping[str, settings.Value],
+    bias_on: bool,
+    corrections: Sequence[str],
+    expected: float,
+) -> Sweep:
+    """Return the recording: numbers, and everything that was true while they were taken, as read back."""
+    f, z = raw.frequency, raw.impedance
+    nonzero = np.where(z == 0, 1e-3, z)
+    speed, level = round(float(got["speed"])), float(got["level"])
+    point_average = round(float(got["point_average"])) if got["point_averaging"] else 1
+    sweep_average = round(float(got["sweep_average"])) if got["sweep_averaging"] else 1
+    noise = relative_noise(f, nonzero, speed, level, point_average * sweep_average)
+    values: dict[str, Any] = {
+        "instrument": identity.idn,
+        "model": identity.model,
+        "serial": identity.serial,
+        "firmware": identity.firmware,
+        "resource": identity.name,
+        "start_Hz": segments[0].start_Hz,
+        "stop_Hz": segments[-1].stop_Hz,
+        "points": int(f.size),
+        "spacing": segments[0].spacing,
+        "direction": "down" if got["direction"] == "DOWN" else "up",
+        "oscillator_V": level,
+        "oscillator_A": None,
+        "bandwidth": speed,
+        "point_average": point_average,
+        "sweep_average": sweep_average,
+        "bias_V": float(got["bias"]) if bias_on else 0.0,
+        "sweep_delay_s": 0.0,
+        "point_delay_s": 0.0,
+        "adapter": CAPABILITIES.adapters["OFF"],
+        "compensation": list(corrections),
+        "source_ohm": CAPABILITIES.source_ohm,
+        "started": raw.started,
+        "ended": raw.ended,
+        "sweep_seconds": round(raw.seconds, 3),
+        "estimated_seconds": round(expected, 3),
+        "noise_relative": [float(f"{v:.3g}") for v in noise],
+        "accuracy_relative": [float(f"{v:.3g}") for v in relative_accuracy(f, nonzero, speed, level)],
+    }
+    notes: tuple[str, ...] = ()
+    if len(segments) > 1:
+        del values["spacing"]
+        starts = np.cumsum([0, *(s.points for s in segments)]).tolist()
+        values |= {
+            "sweep_type": "segment",
+            "segments": [
+                {"start_Hz": s.start_Hz, "stop_Hz": s.stop_Hz, "points": b - a}
+                for s, (a, b) in zip(segments, pairwise(starts), strict=True)
+            ],
+        }
+        notes = (f"One recording of {len(segments)} segments, in one segment sweep, whose table was overwritten.",)
+    return Sweep(f, z, values, raw.started, notes=notes)
