@@ -68,15 +68,15 @@ class Connection:
             return self._line(message)
 
     def tell(self, message: str) -> None:
-        """Send `message`, which has no answer: only the next answer tells that it arrived. Raises InstrumentError."""
+        """Send `message`, which has no answer; only the next answer shows that it arrived. Raises InstrumentError."""
         with self._exchange():
             self._send(message)
 
     def ask_patiently(self, message: str, seconds: float, tick: Callable[[float], None]) -> str:
-        """As `ask`, where the instrument may be busy for `seconds` before it answers. Raises InstrumentError.
+        """Do the same as `ask` if the instrument may be busy for `seconds` before it answers. Raises InstrumentError.
 
-        `tick` is told the seconds that have passed, several times a second over a network, and may raise to give up:
-        the next exchange then begins on a new line.
+        `tick` is called with the elapsed seconds, several times a second over a network, and may raise an exception to
+        give up; the next message then gets a new session.
         """
         with self._exchange():
             return self._line(message, seconds, tick)
@@ -138,7 +138,7 @@ class Connection:
     def status_byte_patiently(self, seconds: float, tick: Callable[[float], None]) -> int:
         """Return the status byte of an instrument that may be busy for `seconds` before it answers `*STB?`.
 
-        A serial poll is answered at once. `tick`: see `ask_patiently`. Raises InstrumentError.
+        A serial poll is answered at once. For `tick` see `ask_patiently`. Raises InstrumentError.
         """
         if self._is_gpib:
             return self.status_byte()
