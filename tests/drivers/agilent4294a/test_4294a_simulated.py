@@ -180,8 +180,8 @@ KEPT = b'{"kind": "%s", "version": 1, "instrument": "", "adapter": "%s", "taken"
     ("content", "words"),
     [
         (None, "cannot be read: No such file"),
-        (b"not JSON", "this is no compensation: JSON is malformed"),
-        (b'{"kind": "something else"}', "this is no compensation: Object missing required field"),
+        (b"not JSON", "not a compensation: JSON is malformed"),
+        (b'{"kind": "something else"}', "not a compensation: Object missing required field"),
         (KEPT % (b"E4990A compensation", b"OFF"), "kind is 'E4990A compensation'; 4294A compensation is allowed"),
         (KEPT % (b"4294A compensation", b"N"), "adapter is 'N'; OFF, M1, M2, APC7, PROBE is allowed"),
     ],
