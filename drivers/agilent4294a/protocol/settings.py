@@ -78,6 +78,9 @@ Kind = NumberSetting | FlagSetting | ChoiceSetting
 # The order is that of restoring: what a later value depends on stands before it.
 SETTINGS: dict[str, Kind] = {
     "SWPP": ChoiceSetting("sweep parameter", ("FREQ", "OLEV", "DCB")),
+    # Both say in which unit a sweep of level or bias starts and stops.
+    "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
+    "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "SWPT": ChoiceSetting("sweep type", ("LIN", "LOG", "LIST")),
     "STAR": NumberSetting("start", "Hz", absolute=6e-4),
     "STOP": NumberSetting("stop", "Hz", absolute=6e-4),
@@ -90,10 +93,8 @@ SETTINGS: dict[str, Kind] = {
     "PAVERFACT": NumberSetting("point averaging factor", relative=0),
     "AVER": FlagSetting("sweep averaging"),
     "AVERFACT": NumberSetting("sweep averaging factor", relative=0),
-    "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
     # The level is set in steps of 1 mV (Programming Manual p.403); the recording keeps what was read back.
     "POWE": NumberSetting("oscillator level", absolute=6e-4),
-    "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "DCRNG": ChoiceSetting("bias range", ("M1", "M10", "M100")),
     "DCV": NumberSetting("bias", "V", absolute=6e-4),
     "DCO": FlagSetting("bias output"),
