@@ -65,7 +65,7 @@ def _working() -> list[Driver]:
     """Return those that load. Raises InstrumentError where pzctl's own are not among them."""
     working = [driver for driver in _drivers() if not isinstance(driver, str)]
     if not any(isinstance(driver, InstrumentDriver) and driver.assumed for driver in working):
-        raise InstrumentError(f"no analyzer of pzctl's own is registered ({GROUP}); install pzctl anew with pip")
+        raise InstrumentError(f"no analyzer of pzctl's own is registered ({GROUP}); reinstall pzctl with pip")
     return working
 
 

@@ -1,6 +1,6 @@
-"""The folder that a person chose for all that pzctl keeps; the one place that reads `PZCTL_HOME`.
+"""The user's data folder, from the environment variable `PZCTL_HOME`, which only this module reads.
 
-It stands here because fitters keep a cache there, and nothing below the daemon may import from it.
+The module is part of `fitters` because fitters keep a cache in that folder and cannot import from the daemon.
 """
 
 import os
@@ -12,14 +12,14 @@ _VARIABLE = "PZCTL_HOME"
 
 
 def chosen_folder() -> Path | None:
-    """Return the folder that `PZCTL_HOME` names, None where it names none."""
+    """Return the folder that `PZCTL_HOME` names; None if it is not set."""
     given = os.environ.get(_VARIABLE)
     return Path(given).expanduser() if given else None
 
 
 @contextmanager
 def in_folder(folder: Path) -> Generator[None]:
-    """Let this process, and those that it starts, work in another folder meanwhile."""
+    """Set `PZCTL_HOME` to another folder for this process and its children while the context is active."""
     before = os.environ.get(_VARIABLE)
     os.environ[_VARIABLE] = str(folder)
     try:

@@ -1,4 +1,4 @@
-"""What a fitter is: the plug-in interface of the entry point group `pzctl.fitters`."""
+"""Plug-in interface of fitters, entry point group `pzctl.fitters`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,21 +11,22 @@ from ..models.sweep import Sweep
 
 
 class FitError(CannotError):
-    """This recording does not determine what was asked of it; the sentence says why."""
+    """The recording does not determine the constants; the message says why."""
 
 
 class TaskError(FitError):
-    """What was asked does not go with the build or the fitter: a name that is not there, a number that cannot be."""
+    """The request does not match the build or the fitter: an unknown name, or an impossible number."""
 
     exit_status = 2
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a fitter is to work; one that knows them says so by `takes_options = True`."""
+    """Options of a fit; a fitter that supports them has `takes_options = True`."""
 
     objective: Literal["log", "thesis", "kt2"] = "log"
-    """`log`: noise-weighted ln Z; `thesis`: sum |w dZ|^2; `kt2`: stiffness and coupling by the critical frequencies."""
+    """`log`: noise-weighted ln Z; `thesis`: sum |w dZ|^2; `kt2`: stiffness and coupling from the critical
+    frequencies."""
     uncertainty: Literal["covariance", "profile", "bootstrap"] = "covariance"
     procedure: Literal["joint", "sequential", "frozen"] = "joint"
     """All steps at once; each step with the posterior of the one before; or, as in 2012, earlier constants frozen."""
@@ -33,20 +34,20 @@ class Options:
 
 @dataclass(frozen=True)
 class FitTask:
-    """What a fitter is given: the transducer, and the recordings of its steps so far."""
+    """Input of a fitter: the transducer, and the recordings of its steps so far."""
 
     build: Build | None
-    """None where nothing is known of the device; only a lumped model can be fitted then."""
+    """None if nothing is known of the device; only a lumped model can be fitted then."""
     sweeps: Mapping[str, tuple[Sweep, ...]]
     """By step, in gluing order; several sweeps of a step are repeats or further segments."""
     free: tuple[str, ...] | None = None
-    """Names (`disk.c33D`, `glue1.thickness`) to free; None frees all that carry an uncertainty."""
+    """Names (`disk.c33D`, `glue1.thickness`) to free; None frees all that have an uncertainty."""
     options: Options = Options()
 
 
 @dataclass(frozen=True)
 class Interval:
-    """Where a real constant lies with 68.3 % and with 95 %; SI units."""
+    """68.3 % and 95 % intervals of a real constant; SI units."""
 
     p68: tuple[float, float]
     p95: tuple[float, float]
@@ -59,47 +60,47 @@ class Constant:
     re: float
     im: float
     u_re: float | None
-    """None where the fitter gives no uncertainty (the thesis's procedure), 0 where the value is held as exact."""
+    """None if the fitter gives no uncertainty (the thesis's procedure), 0 if the value is held as exact."""
     u_im: float | None
     unit: str
     free: bool = True
     interval_re: Interval | None = None
-    """From profile likelihood or bootstrap; None where only the standard uncertainty is known."""
+    """From profile likelihood or bootstrap; None if only the standard uncertainty is known."""
     interval_im: Interval | None = None
 
 
 @dataclass(frozen=True)
 class Share:
-    """What makes up a standard uncertainty, each part a standard uncertainty itself; SI units."""
+    """Contributions to a standard uncertainty, each a standard uncertainty itself; SI units."""
 
     noise: float
     dimensions: float
-    """From thicknesses, area and density: a micrometer and a balance make it smaller."""
+    """From thicknesses, area and density: a better micrometer or balance reduces it."""
     knowledge: float
-    """From what data sheets say of the other constants, loads and losses."""
+    """From the priors of the other constants, loads and losses."""
     assumptions: float
-    """From values held as exact, at their nominal tolerances. Not contained in `u`."""
+    """From values held as exact, at their nominal tolerances. Not included in `u`."""
     largest: tuple[str, float]
-    """The single dimension, piece of knowledge or assumption that gives most, and how much."""
+    """The single largest dimension, prior or assumption, and its contribution."""
     instrument: float = 0.0
-    """From errors of the analyzer's gain and phase, and of what compensation leaves of the fixture."""
+    """From errors of the analyzer's gain and phase, and the residual of the fixture's compensation."""
     model: float = 0.0
-    """From errors of the model: smooth ones of each constant, and scatter that no constant makes."""
+    """From errors of the model: smooth ones of each constant, and scatter that no constant causes."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The uncertainty budget: its parts squared make `u` squared; only assumptions stand beside it."""
+    """Uncertainty budget: the squares of its parts, except assumptions, add up to `u` squared."""
 
     re: Mapping[str, Share]
     im: Mapping[str, Share]
     tolerances: Mapping[str, float]
-    """Standard tolerance taken for each value that is held as exact, SI."""
+    """Standard tolerance assumed for each value that is held as exact, SI."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Relative noise per point, and how it was found."""
+    """Relative noise per point, and its source."""
 
     relative: float
     source: str
@@ -108,7 +109,7 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Model impedance of one sweep, for the picture."""
+    """Measured and modelled impedance of one sweep, for figures."""
 
     step: str
     frequency: Frequencies
@@ -119,7 +120,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """What a fitter answers: DESIGN's `pzctl fit --json`, and the curves behind it."""
+    """Result of a fitter: the content of `pzctl fit --json`, and its curves."""
 
     build: str
     fitter: str
@@ -127,7 +128,7 @@ class FitResult:
     steps: tuple[str, ...]
     noise: Noise
     chi2_per_dof: float
-    """Misfit in units of the noise; what the analyzer's own error may account for is taken off."""
+    """Misfit in units of the noise, without the part that the analyzer's own error accounts for."""
     constants: Mapping[str, Constant]
     derived: Mapping[str, Constant]
     correlation: tuple[tuple[str, str, float], ...]
@@ -137,11 +138,11 @@ class FitResult:
     evaluations: int
     seconds: float
     says: tuple[str, ...] = ()
-    """What a person must know to read the numbers, a sentence each."""
+    """Sentences that a person must know to read the numbers."""
     curves: tuple[Curve, ...] = field(default=())
     budget: Budget | None = None
     chosen: Mapping[str, Any] | None = None
-    """Of a fit by hand: who made it, and what was chosen; nothing else in a result comes from a person."""
+    """Of a fit by hand: its author and choices; nothing else in a result comes from a person."""
 
 
 class Fitter(Protocol):
@@ -153,5 +154,5 @@ class Fitter(Protocol):
     """One line for `pzctl fitters`."""
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Fit. Raises FitError where the recording does not determine what was asked."""
+        """Fit the task. Raises FitError if the recording does not determine the constants."""
         ...

@@ -1,1 +1,1 @@
-"""The physics alone: sweeps, materials, layers, stacks, resonators. Knows no file, socket or screen."""
+"""Physics without input or output: sweeps, materials, layers, stacks, resonators. Uses no file, socket or screen."""

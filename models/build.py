@@ -1,4 +1,4 @@
-"""One transducer as it is built up: its layers, and its gluing steps in order."""
+"""A transducer as it is built up: its layers, and its gluing steps in order."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from .sweep_plan import LevelLimits, SweepPlan
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value in SI units with its standard uncertainty; complex where the constant is."""
+    """A value in SI units with its standard uncertainty; complex if the constant is."""
 
     re: float
     im: float = 0.0
@@ -18,11 +18,11 @@ class Quantity:
     u_im: float = 0.0
     """Standard uncertainty of the imaginary part; 0 means "taken as exact"."""
     source: str = ""
-    """Where the value comes from: `build.toml`, or the source the material library names."""
+    """Source of the value: `build.toml`, or the source named by the material library."""
     bounds: tuple[float, float] | None = None
-    """What the real part may not leave in a fit; None where physics alone bounds it."""
+    """Limits of the real part in a fit; None if only physics limits it."""
     same_as: str | None = None
-    """Full name (`glue1.z`) of the constant that this one is tied to: the two are one in a fit."""
+    """Full name (`glue1.z`) of the constant that this one is tied to: a fit treats them as one."""
 
     @property
     def value(self) -> complex:
@@ -32,7 +32,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class LayerSpec:
-    """One layer as it is known before the fit.
+    """One layer as known before the fit.
 
     `values` is keyed by the field's names, SI units: `thickness` (m), `density` (kg/m3) and, for a piezo layer,
     `c33D` (Pa), `h33` (V/m), `eps33S` (F/m) and those radial constants that are known (`s11E s12E d31 eps33T` ...);
@@ -44,12 +44,12 @@ class LayerSpec:
     values: Mapping[str, Quantity]
     material: str | None = None
     nominal: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """The data sheet's values of the same names, for comparison; empty where there is no material."""
+    """The data sheet's values of the same names, for comparison; empty if there is no material."""
 
 
 @dataclass(frozen=True)
 class LoadSpec:
-    """What the outermost face rests on: a half-space of specific acoustic impedance `z`."""
+    """Load of an outermost face: a half-space of specific acoustic impedance `z`."""
 
     name: str
     z: Quantity
@@ -58,12 +58,12 @@ class LoadSpec:
 
 @dataclass(frozen=True)
 class Step:
-    """A gluing step: the layers that are there when it is measured, back to front."""
+    """A gluing step: the layers present when it is measured, back to front."""
 
     name: str
     layers: tuple[str, ...]
     reground: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """Thickness (m) of the layers that were ground since the step before, by layer; it holds from this step on."""
+    """Thickness (m) of the layers that were ground since the previous step, by layer; valid from this step on."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Build:
 
     name: str
     area: Quantity
-    """m2."""
+    """Area of the faces, m2."""
     layers: tuple[LayerSpec, ...]
     """Back to front."""
     back: LoadSpec
@@ -80,15 +80,15 @@ class Build:
     steps: tuple[Step, ...]
     """In gluing order."""
     diameter: Quantity | None = None
-    """m; None where only the area is known."""
+    """Diameter, m; None if only the area is known."""
     plan: SweepPlan | None = None
-    """How this transducer is to be measured, where the file says so."""
+    """Measuring plan, if the file contains one."""
     limits: LevelLimits | None = None
-    """What this sample stands, where the file says so; no plan with more is measured."""
+    """Limits of this sample, if the file states them; no plan that exceeds them is measured."""
 
     @property
     def data_sheet(self) -> dict[str, Quantity]:
-        """What the data sheet says of each constant (`disk.c33D`); the build file, where there is no data sheet."""
+        """Data-sheet value of each constant (`disk.c33D`); that of the build file if there is no data sheet."""
         return {
             f"{layer.name}.{name}": quantity
             for layer in self.layers
@@ -96,17 +96,17 @@ class Build:
         }
 
     def layer(self, name: str) -> LayerSpec:
-        """Return the layer called `name`. Raises KeyError."""
+        """Return the layer named `name`. Raises KeyError."""
         return {layer.name: layer for layer in self.layers}[name]
 
     def step(self, name: str) -> Step:
-        """Return the step called `name`. Raises KeyError."""
+        """Return the step named `name`. Raises KeyError."""
         return {step.name: step for step in self.steps}[name]
 
     def reground(self, name: str) -> dict[str, tuple[str, Quantity]]:
-        """Return the layers of step `name` that were ground so far: in which step last, and to what thickness (m).
+        """Return the layers ground until step `name`: before which step last, and the thickness (m), by layer.
 
-        Raises KeyError.
+        Raises KeyError for an unknown step.
         """
         self.step(name)
         found: dict[str, tuple[str, Quantity]] = {}

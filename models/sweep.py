@@ -12,7 +12,7 @@ from .base.errors import PzctlError
 
 
 class SweepError(PzctlError):
-    """A recording that cannot be what it says it is."""
+    """Data that cannot be a recording."""
 
 
 def now_utc() -> str:
@@ -29,17 +29,17 @@ class Sweep:
     """
 
     frequency: Frequencies
-    """Hz, shape (N,), strictly rising whatever the direction of the sweep was."""
+    """Hz, shape (N,), strictly increasing whatever the direction of the sweep was."""
     impedance: Impedances
     """ohm, shape (N,)."""
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """How it was measured, as read back: `oscillator_V`, `bandwidth`, `direction`, `sweep_seconds` ..."""
+    """Measuring conditions as read back: `oscillator_V`, `bandwidth`, `direction`, `sweep_seconds` ..."""
     time: str = field(default_factory=now_utc)
-    """When the sweep began, RFC 3339, UTC."""
+    """Start of the sweep, RFC 3339, UTC."""
     id: str = ""
-    """uuid7 given by the daemon; the file's name for a recording that was read."""
+    """uuid7 given by the daemon; the file name for a recording that was read from a file."""
     notes: tuple[str, ...] = ()
-    """What a person should know of it, a sentence each (inverted polarity, memory trace, corrupt date ...)."""
+    """Notes for the user, a sentence each (inverted polarity, memory trace, corrupt date ...)."""
 
     def __post_init__(self) -> None:
         f = np.array(self.frequency, dtype=np.float64, order="C")

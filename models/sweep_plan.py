@@ -1,4 +1,4 @@
-"""What to measure, before any instrument is asked."""
+"""Measuring plans, independent of any instrument."""
 
 import math
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ from typing import Literal
 from .base.errors import PzctlError
 
 USUAL_POINTS = 801
-"""Of a segment that does not say how many it has."""
+"""Default number of points of a segment."""
 BANDWIDTHS = (1, 2, 3, 4, 5)
-"""Fast to precise: a scale that every analyzer shares; which of them it has, its driver knows."""
+"""Fast to precise: a scale common to all analyzers; each driver knows which of them it supports."""
 
 
 class PlanError(PzctlError):
-    """A sweep plan that no instrument could carry out."""
+    """A sweep plan that no instrument can carry out."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of frequency: `points` from `start_Hz` to `stop_Hz`, both ends included."""
+    """A frequency segment: `points` from `start_Hz` to `stop_Hz`, both ends included."""
 
     start_Hz: float
     stop_Hz: float
@@ -38,11 +38,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """What to measure. Limits of an instrument are checked by its driver, which knows them."""
+    """A measuring plan. The driver checks it against the limits of its instrument."""
 
     segments: tuple[Segment, ...]
     oscillator_V: float = 0.5
-    """rms; does not count where `oscillator_A` is given."""
+    """V rms; ignored if `oscillator_A` is given."""
     bandwidth: int = BANDWIDTHS[-1]
     """One of `BANDWIDTHS`."""
     point_average: int = 1
@@ -51,13 +51,13 @@ class SweepPlan:
     """DC bias; 0 means that the bias source stays off."""
     direction: Literal["up", "down"] = "up"
     oscillator_A: float | None = None
-    """rms; None drives by voltage."""
+    """A rms; None for a level in volts."""
     point_delay_s: float = 0.0
-    """Waited at each point before it is measured."""
+    """Delay at each point before it is measured, s."""
     sweep_delay_s: float = 0.0
-    """Waited before each sweep."""
+    """Delay before each sweep, s."""
     joined: bool = False
-    """Whether the segments make one recording together; they are then in rising order and do not overlap."""
+    """Whether the segments form one recording; they must then be in rising order and not overlap."""
 
     def __post_init__(self) -> None:
         if not self.segments:
@@ -72,7 +72,7 @@ class SweepPlan:
 
 @dataclass(frozen=True)
 class LevelLimits:
-    """The most that may be applied to a sample, or at a bench; None where nobody set a limit."""
+    """Limits of a sample or a bench; None if nobody set a limit."""
 
     max_bias_V: float | None = None
     """Volts, of either sign."""
@@ -80,7 +80,7 @@ class LevelLimits:
     """Volts rms."""
 
     def check(self, plan: SweepPlan, whose: str) -> None:
-        """Raise PlanError where a plan applies more; `whose` says what allows it, as `this bench`."""
+        """Raise PlanError if a plan exceeds the limits; `whose` names their owner, such as `this bench`."""
         bias, level = self.max_bias_V, self.max_oscillator_V
         if bias is not None and not abs(plan.bias_V) <= bias:
             raise PlanError(f"sweep plan: bias is {plan.bias_V:g} V; {whose} allows {bias:g} V (max_bias_V)")
@@ -97,7 +97,7 @@ class LevelLimits:
             )
 
     def allows(self, plan: SweepPlan) -> bool:
-        """Return whether a plan keeps within these limits."""
+        """Return whether a plan stays within these limits."""
         try:
             self.check(plan, "")
         except PlanError:

@@ -1,4 +1,4 @@
-"""The command line: one module for each command. Imports stay inside the commands, so that `--help` is quick."""
+"""The command line: one module per command. Commands import what they need when they run, so that `--help` is fast."""
 
 import inspect
 import os
@@ -11,7 +11,7 @@ import typer
 
 from ...models.base.errors import PzctlError
 from ...models.base.names import shown
-from .analysis import diagnose, effects, fit, fitters, materials, prove
+from .analysis import compare, diagnose, effects, fit, fitters, materials, prove
 from .bench import measure, status, watch
 from .bench import new_build as new
 from .bench import page_command as page
@@ -38,6 +38,7 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     "Fit and diagnose": {
         "fit": fit.fit,
         "diagnose": diagnose.diagnose,
+        "compare": compare.compare,
         "fitters": fitters.fitters,
         "effects": effects.effects,
         "materials": materials.materials,
@@ -59,16 +60,17 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "keys": keys.app,
     },
 }
+_CLASSES = {"compare": compare.ListOptions}
 for _panel, _commands in _PANELS.items():
     for _command, _work in _commands.items():
         if isinstance(_work, typer.Typer):
             app.add_typer(_work, name=_command, rich_help_panel=_panel)
         else:
-            app.command(_command, rich_help_panel=_panel)(_work)
+            app.command(_command, rich_help_panel=_panel, cls=_CLASSES.get(_command))(_work)
 
 
-def _say_version(wanted: bool) -> None:
-    if wanted:
+def _say_version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         print(f"pzctl {version('pzctl')}")
@@ -78,48 +80,48 @@ def _say_version(wanted: bool) -> None:
 @app.callback()
 def pzctl(
     version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version, and exit.")
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Complex material constants of an ultrasound transducer, layer by layer, right after each gluing step.
+    """Determine the complex material constants of an ultrasound transducer, layer by layer, after each gluing step.
 
-    Begin with `pzctl measure --fit`: the whole story on a simulated bench.
+    Begin with `pzctl measure --fit`: it measures and fits a whole transducer on a simulated bench.
 
-    Exit status: 0 done, 1 the answer is "cannot", 2 wrong usage, 130 stopped with Ctrl-C.
+    Exit status: 0 done, 1 no result possible, 2 wrong usage, 130 stopped with Ctrl-C.
     """
 
 
-def _with_quiet(work: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that knows --quiet besides."""
+def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
+    """Return the command with the additional option --quiet."""
 
-    @wraps(work)
+    @wraps(command)
     def quietly(*words: Any, quiet: bool, **options: Any) -> None:
         from ..report.terminal import be_quiet
 
         be_quiet(quiet)
-        work(*words, **options)
+        command(*words, **options)
 
-    kind = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing on standard error but errors and notes.")]
+    kind = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and notes on standard error.")]
     more = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
-    known = inspect.signature(work)
+    known = inspect.signature(command)
     quietly.__signature__ = known.replace(parameters=[*known.parameters.values(), more])  # type: ignore[attr-defined]
-    quietly.__annotations__ = {**work.__annotations__, "quiet": kind}
+    quietly.__annotations__ = {**command.__annotations__, "quiet": kind}
     return quietly
 
 
 for _room in (app, journal.app, keys.app):
-    for _one in _room.registered_commands:
-        if _one.callback is not None:
-            _one.callback = _with_quiet(_one.callback)
+    for _registered in _room.registered_commands:
+        if _registered.callback is not None:
+            _registered.callback = _with_quiet(_registered.callback)
 
 
 def main() -> None:
-    """Run the command line; what is wrong is one sentence on standard error, never a traceback.
+    """Run the command line; print an error as one sentence on standard error, never as a traceback.
 
-    Exit status: 0 done; 1 the answer is "cannot"; 2 wrong usage, or something is wrong that one can put right;
-    130 stopped with Ctrl-C.
+    Exit status: 0 done; 1 no result possible; 2 wrong usage, or a fault that the user can correct; 130 stopped with
+    Ctrl-C.
     """
-    # Our matrices are small: threads of the linear algebra would only get in each other's way.
+    # The matrices are small: several threads of the linear algebra library would only slow each other down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()

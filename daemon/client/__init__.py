@@ -1,1 +1,1 @@
-"""Client side: talk to a running daemon, from blocking and from asyncio programs."""
+"""Clients of a running daemon, for blocking and for asyncio programs."""

@@ -1,4 +1,4 @@
-"""The client for asyncio programs: what `client.Client` can do, each method awaited, many at a time.
+"""The client for asyncio programs: the methods of `client.Client`, each to be awaited, any number at the same time.
 
 async with connect_async() as lab:
     measurement = await lab.measure(build, "disk")
@@ -30,46 +30,45 @@ P = ParamSpec("P")
 def connect_async(
     events: str | None = None, requests: str | None = None, key: str | Path | None = None
 ) -> "AsyncClient":
-    """Return a client of the daemon at these endpoints, or of the one that runs here; as `client.connect`.
+    """Return a client of the daemon at these endpoints, or of the one that runs here, as `client.connect` does.
 
-    To be called where an event loop runs. Raises DaemonError where none runs, KeyFileError where the key cannot be
-    used.
+    Call it while an event loop runs. Raises DaemonError if no daemon runs, KeyFileError if the key cannot be used.
     """
     return AsyncClient(*address(events, requests, key))
 
 
 def _returning(
-    said: Callable[Concatenate[Conversations, P], Conversation[T]],
+    conversation: Callable[Concatenate[Conversations, P], Conversation[T]],
 ) -> "Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, T]]":
-    """Return the method that has this conversation and returns its result."""
+    """Return a method that runs the conversation and returns its result."""
 
-    @wraps(said)
+    @wraps(conversation)
     async def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> T:
-        return await client.run(said(client.conversations, *args, **kwargs))
+        return await client.run(conversation(client.conversations, *args, **kwargs))
 
     return method
 
 
 def _yielding(
-    said: Callable[Concatenate[Conversations, P], Stream[T]],
+    conversation: Callable[Concatenate[Conversations, P], Stream[T]],
 ) -> "Callable[Concatenate[AsyncClient, P], AsyncGenerator[T]]":
-    """Return the method that has this conversation and yields what it delivers."""
+    """Return a method that runs the conversation and yields its deliveries."""
 
-    @wraps(said)
+    @wraps(conversation)
     def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> AsyncGenerator[T]:
-        return client.stream(said(client.conversations, *args, **kwargs))
+        return client.stream(conversation(client.conversations, *args, **kwargs))
 
     return method
 
 
 def _listening(
-    said: Callable[Concatenate[Conversations, P], Stream[T | None]],
+    conversation: Callable[Concatenate[Conversations, P], Stream[T | None]],
 ) -> "Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, AsyncGenerator[T]]]":
-    """Return the method that begins this conversation at once, up to its first delivery, and yields the later ones."""
+    """Return a method that runs the conversation up to its first delivery and then yields the later ones."""
 
-    @wraps(said)
+    @wraps(conversation)
     async def method(client: "AsyncClient", *args: P.args, **kwargs: P.kwargs) -> AsyncGenerator[T]:
-        deliveries = client.stream(said(client.conversations, *args, **kwargs))
+        deliveries = client.stream(conversation(client.conversations, *args, **kwargs))
         await anext(deliveries)
         return cast("AsyncGenerator[T]", deliveries)
 
@@ -79,8 +78,7 @@ def _listening(
 class AsyncClient:
     """A connection to a daemon, for the event loop it was made in; use it as an asynchronous context manager.
 
-    What it can do is said in `conversations`; every method raises DaemonError where the daemon refuses, does not
-    answer, or has gone.
+    `Conversations` documents its methods; each raises DaemonError if the daemon refuses, does not answer or has ended.
     """
 
     def __init__(self, events: str, requests: str, key: ClientKey | None = None) -> None:
@@ -102,22 +100,22 @@ class AsyncClient:
         await self.close()
 
     async def close(self) -> None:
-        """Let go of the sockets, those of listeners too; who still waits for an answer gets none."""
+        """Close all sockets, those of listeners too; calls that still wait for an answer get none."""
         self._reader.cancel()
         try:
             await asyncio.wait({self._reader})
-        finally:  # who closes may be cancelled as well
+        finally:  # also if this task is cancelled while it waits
             self._context.destroy(linger=0)
 
     async def run(self, conversation: Conversation[T]) -> T:
-        """Have a conversation to its end; return its result."""
+        """Run a conversation to its end and return its result."""
         underway = Underway(conversation)
         async for _ in self._deliveries(underway):
             pass
         return underway.result
 
     def stream(self, conversation: Stream[T]) -> AsyncGenerator[T]:
-        """Have a conversation; yield what it delivers."""
+        """Run a conversation and yield its deliveries."""
         return cast("AsyncGenerator[T]", self._deliveries(Underway(conversation)))
 
     hello = _returning(Conversations.hello)
@@ -144,7 +142,7 @@ class AsyncClient:
     wait_diagnosis = _returning(Conversations.wait_diagnosis)
 
     async def _deliveries(self, underway: Underway[T]) -> AsyncGenerator[object]:
-        """Do one step after the other; yield what is delivered."""
+        """Carry out the steps of a conversation and yield its deliveries."""
         subscriber: zmq.asyncio.Socket | None = None
         try:
             while (step := underway.step) is not None:
@@ -180,7 +178,7 @@ class AsyncClient:
             del self._waiting[step.request]
 
     async def _read_answers(self) -> None:
-        """Give every answer to whoever asked, for ever; what is no answer fails all who wait."""
+        """Pass each answer to the request that waits for it, until cancelled; a malformed one fails all of them."""
         while True:
             frames = await self._asker.recv_multipart()
             try:
@@ -193,10 +191,10 @@ class AsyncClient:
                 self._waiting[request].set_result(frames)
 
     def _connected(self, kind: int, endpoint: str) -> zmq.asyncio.Socket:
-        made = self._context.socket(kind)
-        limit(made)  # pyright: ignore[reportArgumentType]
-        unlock(made, self._key)  # pyright: ignore[reportArgumentType]
+        socket = self._context.socket(kind)
+        limit(socket)  # pyright: ignore[reportArgumentType]
+        unlock(socket, self._key)  # pyright: ignore[reportArgumentType]
         if kind == zmq.SUB:
-            made.subscribe(b"")
-        made.connect(endpoint)
-        return made
+            socket.subscribe(b"")
+        socket.connect(endpoint)
+        return socket

@@ -1,4 +1,4 @@
-"""Talk to a running daemon: measure, wait for fits, listen, look things up.
+"""The blocking client of a running daemon: measure, wait for fits, listen to events, look up measurements.
 
 with connect() as lab:
     measurement = lab.measure(build, "disk")
@@ -26,48 +26,50 @@ P = ParamSpec("P")
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
 _SLICE = 0.5
-"""Seconds of one poll: on Windows Ctrl-C is seen only between two."""
+"""Seconds of one poll: on Windows, Ctrl-C is only noticed between two polls."""
 
 
 def connect(events: str | None = None, requests: str | None = None, key: str | Path | None = None) -> "Client":
     """Return a client of the daemon at these endpoints, or of the one that runs here.
 
-    `key` is the file that `pzctl keys client` made; a daemon on another machine asks for one. Raises DaemonError
-    where none runs, KeyFileError where the key cannot be used.
+    `key` is a file made by `pzctl keys client`; a daemon on another machine requires one. Raises DaemonError if no
+    daemon runs, KeyFileError if the key cannot be used.
     """
     return Client(*address(events, requests, key))
 
 
-def _returning(said: Callable[Concatenate[Conversations, P], Conversation[T]]) -> "Callable[Concatenate[Client, P], T]":
-    """Return the method that has this conversation and returns its result."""
+def _returning(
+    conversation: Callable[Concatenate[Conversations, P], Conversation[T]],
+) -> "Callable[Concatenate[Client, P], T]":
+    """Return a method that runs the conversation and returns its result."""
 
-    @wraps(said)
+    @wraps(conversation)
     def method(client: "Client", *args: P.args, **kwargs: P.kwargs) -> T:
-        return client.run(said(client.conversations, *args, **kwargs))
+        return client.run(conversation(client.conversations, *args, **kwargs))
 
     return method
 
 
 def _yielding(
-    said: Callable[Concatenate[Conversations, P], Stream[T]],
+    conversation: Callable[Concatenate[Conversations, P], Stream[T]],
 ) -> "Callable[Concatenate[Client, P], Generator[T]]":
-    """Return the method that has this conversation and yields what it delivers."""
+    """Return a method that runs the conversation and yields its deliveries."""
 
-    @wraps(said)
+    @wraps(conversation)
     def method(client: "Client", *args: P.args, **kwargs: P.kwargs) -> Generator[T]:
-        return client.stream(said(client.conversations, *args, **kwargs))
+        return client.stream(conversation(client.conversations, *args, **kwargs))
 
     return method
 
 
 def _listening(
-    said: Callable[Concatenate[Conversations, P], Stream[T | None]],
+    conversation: Callable[Concatenate[Conversations, P], Stream[T | None]],
 ) -> "Callable[Concatenate[Client, P], Generator[T]]":
-    """Return the method that begins this conversation at once, up to its first delivery, and yields the later ones."""
+    """Return a method that runs the conversation up to its first delivery and then yields the later ones."""
 
-    @wraps(said)
+    @wraps(conversation)
     def method(client: "Client", *args: P.args, **kwargs: P.kwargs) -> Generator[T]:
-        deliveries = client.stream(said(client.conversations, *args, **kwargs))
+        deliveries = client.stream(conversation(client.conversations, *args, **kwargs))
         next(deliveries)
         return cast("Generator[T]", deliveries)
 
@@ -75,10 +77,9 @@ def _listening(
 
 
 class Client:
-    """A connection to a daemon; use it as a context manager. For one thread.
+    """A connection to a daemon, to be used as a context manager and by one thread only.
 
-    What it can do is said in `conversations`; every method raises DaemonError where the daemon refuses, does not
-    answer, or has gone.
+    `Conversations` documents its methods; each raises DaemonError if the daemon refuses, does not answer or has ended.
     """
 
     def __init__(self, events: str, requests: str, key: ClientKey | None = None) -> None:
@@ -98,18 +99,18 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Let go of the sockets, those of listeners too."""
+        """Close all sockets, those of listeners too."""
         self._context.destroy(linger=0)
 
     def run(self, conversation: Conversation[T]) -> T:
-        """Have a conversation to its end; return its result."""
+        """Run a conversation to its end and return its result."""
         underway = Underway(conversation)
         for _ in self._deliveries(underway):
             pass
         return underway.result
 
     def stream(self, conversation: Stream[T]) -> Generator[T]:
-        """Have a conversation; yield what it delivers."""
+        """Run a conversation and yield its deliveries."""
         return cast("Generator[T]", self._deliveries(Underway(conversation)))
 
     hello = _returning(Conversations.hello)
@@ -136,7 +137,7 @@ class Client:
     wait_diagnosis = _returning(Conversations.wait_diagnosis)
 
     def _deliveries(self, underway: Underway[T]) -> Generator[object]:
-        """Do one step after the other; yield what is delivered."""
+        """Carry out the steps of a conversation and yield its deliveries."""
         subscriber: Socket | None = None
         try:
             while (step := underway.step) is not None:
@@ -159,7 +160,7 @@ class Client:
                 subscriber.close()
 
     def _ask(self, step: Ask) -> Outcome:
-        """Send a request and return its answer; those to earlier ones are passed over."""
+        """Send a request and return its answer; skip late answers to earlier requests."""
         try:
             self._asker.send_multipart(step.frames, zmq.NOBLOCK)
         except zmq.Again:
@@ -171,17 +172,17 @@ class Client:
         return None
 
     def _connected(self, kind: int, endpoint: str) -> Socket:
-        made = self._context.socket(kind)
-        limit(made)
-        unlock(made, self._key)
+        socket = self._context.socket(kind)
+        limit(socket)
+        unlock(socket, self._key)
         if kind == zmq.SUB:
-            made.subscribe(b"")
-        made.connect(endpoint)
-        return made
+            socket.subscribe(b"")
+        socket.connect(endpoint)
+        return socket
 
 
 def _received(socket: Socket, seconds: float) -> Outcome:
-    """Return the next message, None where none comes in time."""
+    """Return the next message, or None if none comes in time."""
     deadline, left = time.monotonic() + seconds, seconds
     while not socket.poll(math.ceil(1000 * min(left, _SLICE))):
         left = deadline - time.monotonic()

@@ -1,6 +1,6 @@
-"""All that a client can do: the questions, and what takes listening as well - measuring, waiting for answers, replays.
+"""Conversations with the daemon: the questions, and what needs events as well: measuring, waiting for fits, replays.
 
-Every public method is a method of `client.Client`, which blocks, and of `async_client.AsyncClient`, which is awaited.
+`client.Client` has every public method in a blocking form, `async_client.AsyncClient` in an asynchronous one.
 """
 
 import math
@@ -26,39 +26,39 @@ from .result_waiter import AnswerWaiter, Measurement, MeasurementWaiter, diagnos
 
 
 class MissingEventsWarning(UserWarning):
-    """Events that were asked for, or missed, and that the journal no longer holds."""
+    """Events that were requested or missed are no longer in the journal."""
 
 
 def warn_of(missing: MissingEvents) -> None:
-    """Warn, in one sentence, of events that the journal no longer holds."""
+    """Issue a warning about events that the journal no longer holds."""
     warnings.warn(missing.sentence, MissingEventsWarning, stacklevel=2)
 
 
 class Conversations(Questions):
-    """What a client can do, as conversations. All raise DaemonError as the questions do."""
+    """The client's methods, as conversations. All raise DaemonError as the questions do."""
 
     def listen(
         self, patience: float = math.inf, missing: Callable[[MissingEvents], None] = warn_of
     ) -> Stream[ReceivedEvent | None]:
-        """Give every event from this call on, in order, none lost, until none comes within `patience` seconds.
+        """Deliver every event from this call on, in order, until none comes within `patience` seconds.
 
-        What came while the caller was slow, or the daemon was away, is asked for again; `missing` is told which of it
-        the journal no longer holds. Each listener has a subscription of its own.
+        Events that were missed while the caller was slow or the connection was down are requested again; `missing` is
+        called with the range of those that the journal no longer holds. Each listener has its own subscription.
         """
         follower = yield from self._follow()
-        yield Deliver(None)  # the caller goes on once the subscription is open
-        while (heard := (yield from follower.receive(patience))) is not None:
-            if isinstance(heard, MissingEvents):
-                missing(heard)
+        yield Deliver(None)  # tells the caller that the subscription is open
+        while (received := (yield from follower.receive(patience))) is not None:
+            if isinstance(received, MissingEvents):
+                missing(received)
             else:
-                yield Deliver(heard)
+                yield Deliver(received)
 
     def replay(
         self, since: int, until: int | None = None, missing: Callable[[MissingEvents], None] = warn_of
     ) -> Stream[ReceivedEvent]:
-        """Give the events `since` .. `until` (both included, None: the newest) from the journal, in order.
+        """Deliver the events `since` .. `until` (both included; None: up to the newest) from the journal, in order.
 
-        `missing` is told which of them the journal no longer holds, and why, when their turn comes.
+        For those that the journal no longer holds, `missing` is called at their place with their range and the reason.
         """
         begin: int | None = since
         while begin is not None:
@@ -81,11 +81,11 @@ class Conversations(Questions):
         lease: str | None = None,
         decides: str | None = None,
     ) -> Conversation[Measurement]:
-        """Measure a step of a build and wait for it; who stops waiting (Ctrl-C, a cancelled task) cancels it.
+        """Measure a step of a build and wait for the end; Ctrl-C or cancelling the task cancels the measurement.
 
-        `plan` is the build's own where none is given; a higher `priority` (-10 .. 10) goes first; `lease` is needed
-        while the instrument is leased; `decides` is the measurement whose diagnosis it is to decide. Raises
-        DaemonError with the daemon's sentence where the measurement failed or was cancelled.
+        Without `plan`, the build's own plan is used. A higher `priority` (-10 .. 10) goes first. `lease` is needed
+        while the instrument is leased. `decides` is the id of the measurement whose diagnosis this one helps to decide.
+        Raises DaemonError with the daemon's sentence if the measurement failed or was cancelled.
         """
         follower = yield from self._follow()
         measurement = yield from self.begin(build, step, plan, priority=priority, lease=lease, decides=decides)
@@ -94,15 +94,15 @@ class Conversations(Questions):
             while (measured := waiter.measurement) is None:
                 waiter.take((yield from follower.receive(math.inf)))
         except (KeyboardInterrupt, CancelledError):
-            with suppress(DaemonError):  # it may have ended by itself in the meantime
+            with suppress(DaemonError):  # it may have ended meanwhile
                 yield from self.cancel(measurement)
             raise
         return measured
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> Conversation[FitResult]:
-        """Return what a fitter that the daemon keeps answered to a measurement, waiting for it.
+        """Return the fit of a measurement by a fitter that the daemon keeps running; wait up to `patience` seconds.
 
-        Raises FitError where the fitter refused, DaemonError where it does not run or does not answer in time.
+        Raises FitError if the fitter refused, DaemonError if it does not run or does not answer in time.
         """
         follower = yield from self._follow()
         waiter = AnswerWaiter(measurement, fitter)
@@ -112,9 +112,10 @@ class Conversations(Questions):
         return fit_of((yield from self._wait(waiter, follower, patience, kept=True)))
 
     def fit(self, measurement: str, fitter: str, patience: float = 600.0) -> Conversation[FitResult]:
-        """Have a measurement fitted by any fitter that is installed beside the daemon, unless it was already.
+        """Return the fit of a measurement by any fitter installed with the daemon; request it if there is none yet.
 
-        Raises FitError where the fitter refused, DaemonError where it is not installed or does not answer in time.
+        Raises FitError if the fitter refused, DaemonError if it is not installed or does not answer within `patience`
+        seconds.
         """
         follower = yield from self._follow()
         waiter = AnswerWaiter(measurement, fitter)
@@ -133,11 +134,11 @@ class Conversations(Questions):
         also: Sequence[str] = (),
         propose: bool = False,
     ) -> Conversation[dict[str, Any]]:
-        """Have a measurement diagnosed; return the object that `pzctl diagnose --json` prints.
+        """Request the diagnosis of a measurement; return the object that `pzctl diagnose --json` prints.
 
-        `also` are measurements that were made to decide it; `propose` asks which measurements would decide what stays
-        open: they are `would_measure` in what is returned. Raises FitError where it cannot be, DaemonError where an
-        effect is not known or no answer comes in time.
+        `also` are the ids of further measurements made to decide it. With `propose`, `would_measure` in the result
+        lists the sweeps that would decide what is open. Raises FitError if it cannot be diagnosed, DaemonError if an
+        effect is not known or no answer comes within `patience` seconds.
         """
         follower = yield from self._follow()
         request = DiagnoseRequest(
@@ -154,9 +155,9 @@ class Conversations(Questions):
         return diagnosis_of((yield from self._wait(waiter, follower, patience)))
 
     def wait_diagnosis(self, measurement: str, patience: float = 300.0) -> Conversation[dict[str, Any]]:
-        """Return the diagnosis of a measurement that the daemon makes by itself, waiting for it.
+        """Return the diagnosis that the daemon makes of a measurement by itself; wait up to `patience` seconds.
 
-        Raises FitError where it cannot be diagnosed, DaemonError where no answer comes in time.
+        Raises FitError if it cannot be diagnosed, DaemonError if no answer comes in time.
         """
         follower = yield from self._follow()
         waiter = AnswerWaiter(measurement, DIAGNOSIS)
@@ -164,7 +165,7 @@ class Conversations(Questions):
         return diagnosis_of((yield from self._wait(waiter, follower, patience)))
 
     def _follow(self) -> Conversation[EventFollower]:
-        """Subscribe. This comes before anything is asked for: what is said meanwhile is heard."""
+        """Subscribe to the events. Do this before sending a request, so that no event about it is missed."""
         follower = EventFollower(self._events, self._requests)
         yield from follower.open()
         return follower
@@ -172,20 +173,20 @@ class Conversations(Questions):
     def _wait(
         self, waiter: AnswerWaiter, follower: EventFollower, patience: float, *, kept: bool = False
     ) -> Conversation[ReceivedEvent]:
-        """Listen until there is an answer. Raises DaemonError where none comes in time.
+        """Return the answer, listening until it comes. Raises DaemonError if none comes in time.
 
-        Where the daemon has to keep the fitter (`kept`), also as soon as it does no longer.
+        If the daemon has to keep the fitter running (`kept`), also raises DaemonError once it no longer does.
         """
         deadline = time.monotonic() + patience
         while (answer := waiter.answer) is None:
-            heard = yield from follower.receive(max(0.0, deadline - time.monotonic()))
-            if heard is None:
+            received = yield from follower.receive(max(0.0, deadline - time.monotonic()))
+            if received is None:
                 raise DaemonError(f"fitter {waiter.fitter!r}: no answer within {patience:g} s", "no-answer")
-            if isinstance(heard, MissingEvents):  # the answer may be among what was missed, and still be known
+            if isinstance(received, MissingEvents):  # the missed events may include the answer: request it
                 waiter.take(*(yield from self.fits(waiter.measurement)))
                 continue
-            waiter.take(heard)
-            event = heard.event
+            waiter.take(received)
+            event = received.event
             if kept and isinstance(event, StateEvent) and (event.fitter == waiter.fitter or event.state == "started"):
                 require(waiter.fitter, (yield from self.status()).fitters)
         return answer

@@ -1,4 +1,4 @@
-"""Following the daemon's events: each once, in order, none lost unless the journal itself has lost it."""
+"""The daemon's events as one gapless sequence: each once, in order, as far as the journal holds them."""
 
 import time
 from collections import deque
@@ -11,25 +11,25 @@ from ..wire.uuid7 import uuid7
 from .protocol import Conversation, DaemonError, Hear, Subscribe, ask_frames, replay_page
 
 SILENCE = 20.0
-"""Seconds without a beat after which a daemon counts as gone. It beats every second, but while it writes its record it
-waits for the disk, and a disk that others keep busy can take ten seconds and more."""
+"""Seconds without a beat after which the daemon is assumed to have ended. It sends a beat every second, but not while
+it waits for the disk to write its journal, and a busy disk can take ten seconds and more."""
 
 
 class EventFollower:
-    """Puts in order what one subscription hears; what it missed is found by `seq` and asked for again."""
+    """Orders the events of one subscription; it finds missing ones by their `seq` and requests them again."""
 
     def __init__(self, events: str, requests: str) -> None:
         self._events = events
         self._requests = requests
         self._seq = 0
-        self._heard_at = 0.0
+        self._last_message_at = 0.0
         self._waiting: deque[ReceivedEvent | MissingEvents] = deque()
 
     def open(self) -> Conversation[None]:
-        """Subscribe; every event from now on is heard. Raises DaemonError, and WireError where no daemon is there.
+        """Subscribe to every event from now on. Raises DaemonError, or WireError if the endpoint is no pzctl daemon's.
 
-        The daemon is asked first where it stands: who is not let in learns it at once, and what is said until the
-        subscription counts is found missing and asked for again.
+        It first asks the daemon for its latest `seq`. A client without access so learns it at once, and events sent
+        before the subscription takes effect are found missing and requested again.
         """
         hello, _ = yield from ask_frames(self._requests, HelloRequest(id=uuid7()), HelloAnswer)
         self._seq = hello.seq
@@ -39,42 +39,42 @@ class EventFollower:
             raise DaemonError(f"daemon at {self._events}: no welcome within {SILENCE:g} s; is it running?")
         if frames != [WELCOME]:
             raise WireError(f"endpoint {self._events}: it begins with {frames[0][:40]!r}; a pzctl daemon says welcome")
-        self._heard_at = time.monotonic()
+        self._last_message_at = time.monotonic()
 
     def receive(self, patience: float) -> Conversation[ReceivedEvent | MissingEvents | None]:
-        """Return the next event that is no beat, or which ones are missing before it; None after `patience` seconds.
+        """Return the next event other than a beat, or the range missing before it; None after `patience` seconds.
 
-        Raises DaemonError where the daemon has fallen silent, WireError where it speaks another wire.
+        Raises DaemonError if the daemon has fallen silent, WireError if a message is malformed.
         """
         deadline = time.monotonic() + patience
         while not self._waiting:
-            silent_at = self._heard_at + SILENCE
+            silent_at = self._last_message_at + SILENCE
             frames = yield Hear(max(0.0, min(deadline, silent_at) - time.monotonic()))
             if frames is not None:
-                self._heard_at = time.monotonic()
+                self._last_message_at = time.monotonic()
                 yield from self._take(frames)
             elif time.monotonic() >= silent_at:
-                raise DaemonError(f"daemon at {self._events}: not a sound for {SILENCE:g} s; it has ended or hangs")
+                raise DaemonError(f"daemon at {self._events}: silent for {SILENCE:g} s; it has ended or hangs")
             elif time.monotonic() >= deadline:
                 return None
         return self._waiting.popleft()
 
     def _take(self, frames: list[bytes]) -> Conversation[None]:
-        """Put what was heard in order behind what was heard before."""
+        """Add a received message to the events in order; first fill the gap before it."""
         if frames == [WELCOME]:  # again after a broken connection
             return
-        found = envelope(frames)
-        before = found.seq if found.kind == "beat" else found.seq - 1
+        header = envelope(frames)
+        before = header.seq if header.kind == "beat" else header.seq - 1
         if before > self._seq:
             yield from self._fill(before)
-        if found.kind == "beat" or found.seq <= self._seq:
+        if header.kind == "beat" or header.seq <= self._seq:
             return
-        self._seq = found.seq
-        if found.kind in Envelope.KINDS:  # a later daemon may say more than is known here
+        self._seq = header.seq
+        if header.kind in Envelope.KINDS:  # a newer daemon may send kinds unknown here
             self._waiting.append(decode(frames))
 
     def _fill(self, until: int) -> Conversation[None]:
-        """Ask for what was missed, up to and including `until`."""
+        """Request the missed events, up to and including `until`."""
         since: int | None = self._seq + 1
         while since is not None:
             page = yield from replay_page(self._requests, since, until)

@@ -1,4 +1,4 @@
-"""How a daemon is found: a small file in the data folder that says who runs and where it can be reached."""
+"""Where the daemon of a data folder can be reached: the file `daemon.json` that it writes there."""
 
 from pathlib import Path
 
@@ -23,26 +23,26 @@ class Location(msgspec.Struct, frozen=True):
     bench: str | None
     log: str
     journal: str | None = None
-    """URL of its journal; None where that is in the data folder."""
+    """URL of its journal; None if the journal is in the data folder."""
     station: str = ""
-    """What it is called in that journal."""
+    """Name of this bench in that journal."""
     key: ClientKey | None = None
-    """CURVE key of this account's programs."""
+    """CURVE key for the programs of this user account."""
 
 
-def same_resource(one: str, other: str) -> bool:
-    """Return whether two resource strings name the same instrument: `HOST:PORT` is short for `TCPIP0::HOST::...`."""
+def same_resource(first: str, second: str) -> bool:
+    """Return whether two resource strings name the same instrument; `HOST:PORT` is short for `TCPIP0::HOST::...`."""
     from ...drivers.base.analyzer import InstrumentError
     from ...drivers.visa.resources import resource_name
 
     try:
-        return one == other or resource_name(one) == resource_name(other)
-    except InstrumentError:  # a recording has one name only
+        return first == second or resource_name(first) == resource_name(second)
+    except InstrumentError:  # a recording: it has one name only
         return False
 
 
 def announce(folder: Path, location: Location) -> None:
-    """Write the file, whole or not at all, for its owner alone."""
+    """Write the file atomically, readable by its owner only."""
     path = daemon_file(folder)
     part = path.with_suffix(".part")
     part.unlink(missing_ok=True)
@@ -56,7 +56,7 @@ def withdraw(folder: Path) -> None:
 
 
 def find(folder: Path) -> Location | None:
-    """Return where the daemon is, or None where none runs; a file left by a killed one counts for nothing."""
+    """Return where the daemon is, or None if none runs; the file of a killed daemon is ignored."""
     try:
         location = from_json(daemon_file(folder).read_bytes(), _location)
     except (FileNotFoundError, WireError):
@@ -65,7 +65,7 @@ def find(folder: Path) -> Location | None:
 
 
 def locate() -> Location:
-    """Return where the daemon of this user's data folder is. Raises DaemonError where none runs."""
+    """Return where the daemon of this user's data folder is. Raises DaemonError if none runs."""
     location = find(home())
     if location is None:
         raise DaemonError(f"no daemon runs on the data folder {home()}; start one with `pzctl daemon`", "no-daemon")
@@ -73,19 +73,19 @@ def locate() -> Location:
 
 
 def address(events: str | None, requests: str | None, key: str | Path | None) -> tuple[str, str, ClientKey | None]:
-    """Return where a daemon is and the key that lets in: what is given, else of the one that runs here.
+    """Return a daemon's two endpoints and the client's key; what is not given is that of the daemon that runs here.
 
-    Raises DaemonError where none runs, KeyFileError where the key cannot be used.
+    Raises DaemonError if none runs, KeyFileError if the key cannot be used.
     """
     if events is not None and requests is not None:
-        own = read_client_key(Path(key)) if key is not None else None
-        place = find(home()) if own is None else None
+        client_key = read_client_key(Path(key)) if key is not None else None
+        place = find(home()) if client_key is None else None
         if place is not None and (place.events == events or place.requests == requests):
-            own = place.key
-        return events, requests, own
-    own = read_client_key(Path(key)) if key is not None else None
+            client_key = place.key
+        return events, requests, client_key
+    client_key = read_client_key(Path(key)) if key is not None else None
     place = locate()
-    return events or place.events, requests or place.requests, own or place.key
+    return events or place.events, requests or place.requests, client_key or place.key
 
 
 _location = msgspec.json.Decoder(Location)

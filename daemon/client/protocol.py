@@ -1,7 +1,7 @@
-"""What a client and the daemon say to each other, without the sockets: the blocking and the asyncio client share it.
+"""The client's side of the protocol without sockets, shared by the blocking and the asyncio client.
 
-A conversation is a generator. It yields the next step that it wants done on a socket, is sent what came of that step,
-and returns its result. Whoever runs it owns the sockets and does the waiting; nothing here opens, sends or sleeps.
+A conversation is a generator. It yields the next step to carry out on a socket, is sent the outcome of that step, and
+returns its result. The client that runs it owns the sockets and does the waiting; nothing here opens, sends or sleeps.
 """
 
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -18,7 +18,7 @@ from ..wire.requests import ReplayRequest, Request
 from ..wire.uuid7 import uuid7
 
 TRIES, PATIENCE = 4, 5.0
-"""How often a request is sent, and how many seconds each time is waited for its answer: as long as for a beat."""
+"""How often a request is sent, and for how many seconds the client waits for its answer each time."""
 
 A = TypeVar("A", bound=Answer)
 T = TypeVar("T")
@@ -26,7 +26,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class DaemonError(PzctlError):
-    """The daemon cannot be reached, or refused; `code` is its word for the reason."""
+    """The daemon cannot be reached, or refused; `code` names the reason."""
 
     def __init__(self, message: str, code: str = "unreachable") -> None:
         super().__init__(message)
@@ -45,7 +45,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class Subscribe:
-    """Open a subscription to all events: who hears one topic only cannot see its own holes. Nothing comes of it."""
+    """Open a subscription to all events: with one topic only, gaps could not be seen. It has no outcome."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Hear:
 
 @dataclass(frozen=True)
 class Deliver(Generic[T_co]):
-    """Hand this to the caller, who may take any time over it. Nothing comes of it."""
+    """Hand this item to the caller, who may take any time over it. It has no outcome."""
 
     item: T_co
 
@@ -67,11 +67,11 @@ Outcome: TypeAlias = list[bytes] | None
 Conversation: TypeAlias = Generator[Step, Outcome, T]
 """Ends with a result."""
 Stream: TypeAlias = Generator[Step | Deliver[T], Outcome, None]
-"""Delivers one thing after the other."""
+"""Delivers one item after the other."""
 
 
 class Underway(Generic[T]):
-    """A conversation that somebody runs: its next `step`, or its `result` once there is none."""
+    """A running conversation: its next `step`, or its `result` once `step` is None."""
 
     def __init__(self, conversation: Generator[Step | Deliver[object], Outcome, T]) -> None:
         self._conversation = conversation
@@ -80,11 +80,11 @@ class Underway(Generic[T]):
         self.go_on(None)
 
     def go_on(self, outcome: Outcome) -> None:
-        """Tell the conversation what came of its step."""
+        """Send the outcome of its step to the conversation."""
         self._advance(lambda: self._conversation.send(outcome))
 
     def fail(self, error: BaseException) -> None:
-        """Raise, at its step, what went wrong there; it may have something to put in order before it ends."""
+        """Raise the error of a step inside the conversation, which may clean up before it ends."""
         self._advance(lambda: self._conversation.throw(error))
 
     def _advance(self, move: Callable[[], Step | Deliver[object]]) -> None:
@@ -97,9 +97,10 @@ class Underway(Generic[T]):
 def ask_frames(
     endpoint: str, request: Request, expected: type[A], raw: Sequence[bytes] = (), patience: float = PATIENCE
 ) -> Conversation[tuple[A, list[bytes]]]:
-    """Return the answer and the frames behind it. A request is sent again where no answer comes: ids make that safe.
+    """Return the answer to a request and the frames after it.
 
-    Raises DaemonError where the answer is a refusal, or where there is none.
+    A request without an answer is sent again, which its id makes safe. `patience` is in seconds for each try. Raises
+    DaemonError if the daemon refuses or does not answer.
     """
     frames = [to_json(request), *raw]
     for _ in range(TRIES):
@@ -110,10 +111,10 @@ def ask_frames(
 
 
 def addressee(frames: Sequence[bytes], waiting: Iterable[str]) -> str | None:
-    """Return which of the waiting requests an answer belongs to, None where nobody waits for it any more.
+    """Return which of the waiting requests an answer belongs to, or None if it belongs to none of them.
 
-    An answer without an id is that of a request that the daemon could not read: it can only belong to the one that
-    waits alone. Raises WireError where it is no answer.
+    An answer without an id belongs to a request that the daemon could not read, so it is assigned only if a single
+    request waits. Raises WireError if it is no answer.
     """
     request, known = from_json(frames[0], _answer, LARGEST_FRAME).id, tuple(waiting)
     if request is None and len(known) == 1:
@@ -122,15 +123,15 @@ def addressee(frames: Sequence[bytes], waiting: Iterable[str]) -> str | None:
 
 
 def not_let_in(endpoint: str) -> DaemonError:
-    """Return the error of a socket that libzmq will not send on: at the handshake its peer turned it away for good."""
+    """Return the error for a socket that libzmq cannot send on because the daemon refused its key at the handshake."""
     return DaemonError(
-        f"daemon at {endpoint}: it does not let this client in; the key is missing, not known there, or was revoked",
+        f"daemon at {endpoint}: it refuses this client; the key is missing, not known there, or was revoked",
         "not-allowed",
     )
 
 
 def read_answer(header: bytes, expected: type[A]) -> A:
-    """Return an answer's header. Raises DaemonError where it is a refusal."""
+    """Return an answer's header. Raises DaemonError if it is a refusal."""
     if not from_json(header, _answer, LARGEST_FRAME).ok:
         problem = from_json(header, _refusal).error
         raise DaemonError(f"{problem.message}{'; ' + problem.hint if problem.hint else ''}", problem.code)
@@ -138,10 +139,7 @@ def read_answer(header: bytes, expected: type[A]) -> A:
 
 
 def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[ReceivedEvent]:
-    """Return the events whose frames stand behind an answer; kinds that only a later daemon knows are left out.
-
-    Raises WireError.
-    """
+    """Return the events whose frames follow an answer; leave out kinds of a newer daemon. Raises WireError."""
     events: list[ReceivedEvent] = []
     for count in answer.frames:
         event, frames = frames[:count], frames[count:]
@@ -155,13 +153,13 @@ class ReplayPage:
     """One answer to a replay."""
 
     items: list[ReceivedEvent | MissingEvents]
-    """In order; of what the journal no longer holds, that it is missing and why."""
+    """In order; a range that the journal no longer holds is one item with the reason."""
     next: int | None
-    """Where to go on; None where this is the end."""
+    """The first `seq` of the next page; None if this is the last."""
 
 
 def replay_page(endpoint: str, since: int, until: int | None) -> Conversation[ReplayPage]:
-    """Return the events from `since` on, up to `until` (None: the newest), as many as one answer holds."""
+    """Return the events from `since` up to `until` (None: the newest), as many as fit into one answer."""
     request = ReplayRequest(id=uuid7(), since=since, until=until)
     answer, frames = yield from ask_frames(endpoint, request, EventsAnswer)
     events = read_events(answer, frames)

@@ -1,4 +1,4 @@
-"""What a client asks of the daemon: one request, one answer. The blocking and the asyncio client have these methods."""
+"""The client's methods that are one request and one answer, shared by the blocking and the asyncio client."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -14,19 +14,19 @@ from ..wire.result_messages import curve_columns, report_of
 from ..wire.uuid7 import uuid7
 from .protocol import PATIENCE, Conversation, DaemonError, Deliver, Stream, ask_frames, read_events
 
-LOOKS = 20.0
-"""Seconds that are waited where the daemon looks through the whole journal."""
+JOURNAL_PATIENCE = 20.0
+"""Seconds to wait for an answer for which the daemon reads the whole journal."""
 
 BENCH_PATIENCE = 60.0
-"""Seconds that a bench command may take."""
+"""Seconds to wait for a bench command."""
 
 A = TypeVar("A", bound=reply.Answer)
 
 
 class Questions:
-    """One conversation for each thing that the daemon can be asked.
+    """One conversation for each kind of request to the daemon.
 
-    All raise DaemonError where the daemon refuses, does not answer, or has gone.
+    All raise DaemonError if the daemon refuses, does not answer or has ended.
     """
 
     def __init__(self, events: str, requests: str) -> None:
@@ -40,41 +40,41 @@ class Questions:
         return (yield from ask_frames(self._requests, request, expected, raw, patience))[0]
 
     def hello(self, fitter: str | None = None, version: str | None = None) -> Conversation[reply.HelloAnswer]:
-        """Ask who is there; a fitter gives its name and version and is then listed as ready."""
+        """Return the daemon's version and instrument; a fitter gives its name and version to be listed as ready."""
         return self.answer_to(ask.HelloRequest(id=uuid7(), fitter=fitter, version=version), reply.HelloAnswer)
 
     def status(self) -> Conversation[reply.StatusAnswer]:
-        """Ask what is going on."""
+        """Return what is measured, what waits, and the state of the fitters."""
         return self.answer_to(ask.StatusRequest(id=uuid7()), reply.StatusAnswer)
 
     def metrics(self) -> Conversation[reply.MetricsAnswer]:
-        """Ask what was counted and timed since the daemon began."""
+        """Return the counters and times since the daemon started."""
         return self.answer_to(ask.MetricsRequest(id=uuid7()), reply.MetricsAnswer)
 
     def settings(self) -> Conversation[dict[str, Any]]:
-        """Ask how the daemon was started."""
+        """Return the settings that the daemon was started with."""
         return (yield from self.answer_to(ask.SettingsRequest(id=uuid7()), reply.SettingsAnswer)).settings
 
     def samples(self, name: str | None = None) -> Conversation[tuple[reply.SampleHistory, ...]]:
-        """Return what was measured, by sample; only of sample `name` where one is given."""
+        """Return the measurements of each sample, or only of sample `name`."""
         request = ask.SamplesRequest(id=uuid7(), name=name)
-        return (yield from self.answer_to(request, reply.SamplesAnswer, patience=LOOKS)).samples
+        return (yield from self.answer_to(request, reply.SamplesAnswer, patience=JOURNAL_PATIENCE)).samples
 
     def sweeps(self, measurement: str) -> Conversation[tuple[ReceivedEvent, ...]]:
-        """Return the sweep events of a measurement, after those of the latest one of each earlier step."""
+        """Return the sweep events of the latest measurement of each earlier step, then those of this measurement."""
         return self._ask_events(ask.SweepsRequest(id=uuid7(), measurement=measurement))
 
     def fits(self, measurement: str) -> Conversation[tuple[ReceivedEvent, ...]]:
-        """Return what the fitters answered to a measurement: fit and diagnosis events."""
+        """Return the fit and diagnosis events of a measurement."""
         return self._ask_events(ask.FitsRequest(id=uuid7(), measurement=measurement))
 
     def unanswered(self, fitter: str) -> Conversation[tuple[str, ...]]:
-        """Return the measurements of the daemon's run that a fitter has not answered."""
+        """Return the ids of the measurements of this run that a fitter has not answered."""
         request = ask.UnansweredRequest(id=uuid7(), fitter=fitter)
         return (yield from self.answer_to(request, reply.MeasurementsAnswer)).measurements
 
     def bench(self, command: dict[str, Any]) -> Conversation[dict[str, Any]]:
-        """Give the simulator's bench a command; return what it answers."""
+        """Send a command to the simulator's bench and return its answer."""
         request = ask.BenchRequest(id=uuid7(), command=command)
         return (yield from self.answer_to(request, reply.BenchAnswer, patience=BENCH_PATIENCE)).answer
 
@@ -88,34 +88,34 @@ class Questions:
         lease: str | None = None,
         decides: str | None = None,
     ) -> Conversation[str]:
-        """Ask for a measurement and do not wait for it; return its id. The arguments are those of `measure`."""
+        """Request a measurement without waiting for it, and return its id. The arguments are those of `measure`."""
         request = ask.MeasureRequest(
             id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease, decides=decides
         )
         return (yield from self.answer_to(request, reply.MeasureAnswer)).measurement
 
     def cancel(self, measurement: str | None = None) -> Conversation[None]:
-        """Cancel a measurement; the running one where none is named."""
+        """Cancel a measurement, by default the running one."""
         yield from self.answer_to(ask.CancelRequest(id=uuid7(), measurement=measurement), reply.Answer)
 
     def lease(self, owner: str, seconds: float = 60.0) -> Stream[str]:
-        """Have the instrument to oneself; give the id that `measure` needs meanwhile. Expires after `seconds`.
+        """Lease the instrument for exclusive use; deliver the id that `measure` needs meanwhile.
 
-        The daemon lets go of the instrument, so that other tools may talk to it. Raises DaemonError where it is
-        leased to another one already (code `leased`) or measures (code `busy`).
+        The lease expires after `seconds`. The daemon closes its connection to the instrument, so that other tools may
+        use it. Raises DaemonError if it is leased to another owner (code `leased`) or measures (code `busy`).
         """
         request = ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds)
-        held = (yield from self.answer_to(request, reply.LeaseAnswer)).lease
+        lease_id = (yield from self.answer_to(request, reply.LeaseAnswer)).lease
         try:
-            yield Deliver(held)
+            yield Deliver(lease_id)
         finally:
             with suppress(DaemonError):  # it may have expired
-                yield from self.answer_to(ask.ReleaseRequest(id=uuid7(), lease=held), reply.Answer)
+                yield from self.answer_to(ask.ReleaseRequest(id=uuid7(), lease=lease_id), reply.Answer)
 
     def submit(
         self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, answer: FitResult | str
     ) -> Conversation[None]:
-        """Hand in a fitter's answer: a result, or the sentence that says why there is none."""
+        """Submit a fitter's answer: a result, or the sentence that says why there is none."""
         if isinstance(answer, str):
             fields, curves = {"error": answer}, ()
         else:
@@ -131,11 +131,11 @@ class Questions:
         diagnosis: dict[str, Any],
         curves: Sequence[Curve] = (),
     ) -> Conversation[None]:
-        """Hand in a diagnosis: the object that `pzctl diagnose --json` prints, and the curves of its picture."""
+        """Submit a diagnosis: the object that `pzctl diagnose --json` prints, and the curves of its picture."""
         return self._submit(measurement, sweeps, fitter, version, curves, diagnosis=diagnosis)
 
     def shutdown(self) -> Conversation[None]:
-        """End the daemon; what runs is cancelled, the bias is off, the instrument let go of."""
+        """Stop the daemon, which cancels the running measurement, turns the bias off and releases the instrument."""
         yield from self.answer_to(ask.ShutdownRequest(id=uuid7()), reply.Answer)
 
     def _ask_events(self, request: ask.Request) -> Conversation[tuple[ReceivedEvent, ...]]:

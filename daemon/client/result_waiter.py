@@ -1,4 +1,4 @@
-"""Waiting for a measurement to end, and for what a fitter, or a diagnosis, answers to it."""
+"""Waiting for the end of a measurement, and for the fit or diagnosis of one."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .protocol import DaemonError
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What was measured at one step."""
+    """A complete measurement of one step."""
 
     id: str
     sweeps: tuple[Sweep, ...]
@@ -22,7 +22,7 @@ class Measurement:
 
 
 class MeasurementWaiter:
-    """Takes what is heard until a measurement has ended."""
+    """Collects the events of a measurement until it has ended."""
 
     def __init__(self, measurement: str, progress: Callable[[ProgressEvent], None]) -> None:
         self._id = measurement
@@ -31,15 +31,15 @@ class MeasurementWaiter:
         self.measurement: Measurement | None = None
         """The measurement, once it is complete."""
 
-    def take(self, heard: ReceivedEvent | MissingEvents | None) -> None:
-        """Take what was heard. Raises DaemonError where the measurement ended without sweeps, or cannot be known."""
-        if isinstance(heard, MissingEvents):
-            raise DaemonError(f"measurement {self._id!r}: what became of it is not known; {heard.sentence}", "missing")
-        match heard.event if heard is not None else None:
+    def take(self, received: ReceivedEvent | MissingEvents | None) -> None:
+        """Take an event. Raises DaemonError if the measurement ended without sweeps or its events are missing."""
+        if isinstance(received, MissingEvents):
+            raise DaemonError(f"measurement {self._id!r}: its outcome is unknown; {received.sentence}", "missing")
+        match received.event if received is not None else None:
             case ProgressEvent(measurement=m) as event if m == self._id:
                 self._progress(event)
-            case SweepEvent(measurement=m) if m == self._id and heard is not None:
-                self._sweeps.append(heard.sweep())
+            case SweepEvent(measurement=m) if m == self._id and received is not None:
+                self._sweeps.append(received.sweep())
             case StateEvent(measurement=m, state="measured" | "measured-aside") if m == self._id:
                 self.measurement = Measurement(self._id, tuple(self._sweeps))
             case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
@@ -51,9 +51,9 @@ class MeasurementWaiter:
 
 
 class AnswerWaiter:
-    """Takes what is heard until a fitter, or a diagnosis, has answered a measurement; of one version where it is given.
+    """Collects events until a fitter, or a diagnosis, has answered a measurement; of one version only if it is given.
 
-    The daemon may answer in its place: that it died, or gave no answer in time.
+    The daemon answers in place of a fitter that crashed or gave no answer in time.
     """
 
     def __init__(self, measurement: str, fitter: str, version: str | None = None) -> None:
@@ -62,31 +62,31 @@ class AnswerWaiter:
         self._version = version
         self._answers: list[ReceivedEvent] = []
 
-    def take(self, *heard: ReceivedEvent) -> None:
-        """Keep the answers among what was heard."""
-        for one in heard:
-            event = one.event
+    def take(self, *received: ReceivedEvent) -> None:
+        """Keep the answers among these events."""
+        for message in received:
+            event = message.event
             if (
                 isinstance(event, FitEvent | DiagnosisEvent)
                 and (event.measurement, event.fitter) == (self.measurement, self.fitter)
-                and (self._version in (None, event.version) or is_given_up(one))
+                and (self._version in (None, event.version) or is_given_up(message))
             ):
-                self._answers.append(one)
+                self._answers.append(message)
 
     @property
     def answer(self) -> ReceivedEvent | None:
-        """The latest answer; one of the version that was asked for goes before one in its place."""
-        own = [one for one in self._answers if not is_given_up(one)]
-        answers = own if own and self._version is not None else self._answers
+        """The latest answer; one of the requested version precedes one that the daemon gave in its place."""
+        genuine = [answer for answer in self._answers if not is_given_up(answer)]
+        answers = genuine if genuine and self._version is not None else self._answers
         return answers[-1] if answers else None
 
     def forget_given_up(self) -> None:
-        """Forget that the daemon answered in the fitter's place: it is asked once more."""
-        self._answers = [one for one in self._answers if not is_given_up(one)]
+        """Forget the answers that the daemon gave in the fitter's place, because the fitter is asked again."""
+        self._answers = [answer for answer in self._answers if not is_given_up(answer)]
 
 
 def require(fitter: str, states: Iterable[FitterState]) -> None:
-    """Raise DaemonError where waiting for a fitter that the daemon keeps is of no use."""
+    """Raise DaemonError if the daemon does not run this fitter or the fitter is broken."""
     known = {state.name: state for state in states}
     if fitter not in known:
         raise DaemonError(
@@ -96,23 +96,22 @@ def require(fitter: str, states: Iterable[FitterState]) -> None:
         raise DaemonError(f"fitter {fitter!r}: it cannot run: {known[fitter].says}", "broken-fitter")
 
 
-def is_given_up(heard: ReceivedEvent) -> bool:
-    """Return whether the daemon answered in the place of a fitter that died or hung."""
-    return isinstance(heard.event, FitEvent) and heard.event.version == ""
+def is_given_up(answer: ReceivedEvent) -> bool:
+    """Return whether the daemon gave this answer in place of a fitter that crashed or hung."""
+    return isinstance(answer.event, FitEvent) and answer.event.version == ""
 
 
-def fit_of(heard: ReceivedEvent) -> FitResult:
-    """Return the result that a fit event carries. Raises FitError where it is a refusal."""
-    event = heard.event
+def fit_of(answer: ReceivedEvent) -> FitResult:
+    """Return the result in a fit event. Raises FitError if the fitter refused."""
+    event = answer.event
     if not isinstance(event, FitEvent) or event.report is None:
         raise FitError((event.error if isinstance(event, FitEvent) else None) or "this event holds no fit")
-    return result_of(event.report, curves_of(event.curves, heard.arrays))
+    return result_of(event.report, curves_of(event.curves, answer.arrays))
 
 
-def diagnosis_of(heard: ReceivedEvent) -> dict[str, Any]:
-    """Return what a diagnosis event says. Raises FitError where it is a refusal."""
-    if isinstance(heard.event, DiagnosisEvent):
-        return heard.event.diagnosis
-    raise FitError(
-        (heard.event.error if isinstance(heard.event, FitEvent) else None) or "this event holds no diagnosis"
-    )
+def diagnosis_of(answer: ReceivedEvent) -> dict[str, Any]:
+    """Return the diagnosis in a diagnosis event. Raises FitError if the diagnosis was refused."""
+    event = answer.event
+    if isinstance(event, DiagnosisEvent):
+        return event.diagnosis
+    raise FitError((event.error if isinstance(event, FitEvent) else None) or "this event holds no diagnosis")

@@ -1,1 +1,1 @@
-"""Files that a person edits: configuration and its defaults, and where everything lies."""
+"""Files that a person edits (build, materials, configuration), and the paths of the data folder."""

@@ -1,4 +1,4 @@
-"""When and in which fixture the compensation that an instrument uses was taken: the instrument itself cannot say."""
+"""When and in which fixture an instrument's compensation was taken, which the instrument itself does not store."""
 
 from pathlib import Path
 
@@ -8,29 +8,29 @@ from .paths import FolderError
 
 
 class CompensationRecord(msgspec.Struct, frozen=True):
-    """What `pzctl compensate` last gave an instrument."""
+    """The compensation that `pzctl compensate` last loaded into an instrument."""
 
     adapter: str
-    """As a sweep's settings say it."""
+    """Name of the adapter, as in a sweep's settings."""
     standards: tuple[str, ...]
     taken: str
-    """When, RFC 3339, UTC."""
+    """Time of the compensation, RFC 3339, UTC."""
     fixture: str = ""
-    """What people call it; empty where nobody said."""
+    """Name of the fixture; empty if not given."""
 
 
 def keep_record(path: Path, instrument: str, record: CompensationRecord) -> None:
-    """Write down what an instrument (its `*IDN?`) uses from now on, whole or not at all. Raises FolderError."""
+    """Write the record of an instrument (its `*IDN?`) to the file, atomically. Raises FolderError."""
     part = path.with_name(path.name + ".part")
     try:
         part.write_bytes(msgspec.json.format(msgspec.json.encode({**_read(path), instrument: record})))
         part.replace(path)
     except OSError as error:
-        raise FolderError(f"{path}: when the compensation was taken cannot be written: {error.strerror}") from None
+        raise FolderError(f"{path}: the date of the compensation cannot be written: {error.strerror}") from None
 
 
 def record_of(path: Path, instrument: str) -> CompensationRecord | None:
-    """Return what is known of an instrument's compensation; None where nothing is, or the file cannot be read."""
+    """Return the record of an instrument's compensation, or None if there is none or the file cannot be read."""
     return _read(path).get(instrument)
 
 

@@ -1,6 +1,6 @@
-"""How a daemon is started: flags of the command line, then the environment, then the config file, then the defaults.
+"""The daemon's settings. Precedence: command line, environment, config file, defaults.
 
-The file is `config.toml` in the data folder where PZCTL_HOME names one, else in the user's config folder:
+The config file is `config.toml`, in the folder that PZCTL_HOME names or else in the user's config folder:
 
     resource = "TCPIP0::192.168.0.17::5025::SOCKET"
     fitters = ["mason"]
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from .daemon_options import DaemonOptions
 
 PREFIX = "PZCTL_"
-"""Of the environment's variables: PZCTL_RESOURCE, PZCTL_FITTERS (separated by commas) ..."""
+"""Prefix of the environment variables: PZCTL_RESOURCE, PZCTL_FITTERS (separated by commas) ..."""
 
 
 class ConfigError(PzctlError):
-    """A setting that is not known, or not of the kind it should be."""
+    """A setting that is not known, or whose value is not allowed."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting: what it may be, in words, and how it is read; `read` raises ValueError."""
+    """One setting: its allowed values in words, and the function that reads it, which raises ValueError."""
 
     allowed: str
     read: Callable[[Any], Any]
@@ -80,7 +80,7 @@ def _host_port(value: Any) -> str:
 
 
 def is_port(text: str) -> bool:
-    """Return whether a text is the number of a TCP port; 0 is any free one."""
+    """Return whether a text is a TCP port number, or 0 for any free port."""
     return text.isascii() and text.isdecimal() and len(text) <= 5 and int(text) <= 65535
 
 
@@ -120,20 +120,20 @@ SETTINGS: Mapping[str, Setting] = {
     "diagnose": Setting("auto or asked", _when),
     "log": Setting("text or json", _form),
 }
-"""All settings; each is a flag, a variable and a key of the file by this name."""
+"""All settings; each name is a flag, an environment variable and a key of the config file."""
 
 
 _LIMITS = ("max_bias_V", "max_oscillator_V", "compensation_days")
-"""Of the bench."""
+"""Settings that belong to the bench."""
 
 
 def config_file() -> Path:
-    """Return where the config file is, be it there or not."""
+    """Return the path of the config file, whether it exists or not."""
     return (chosen_folder() or platformdirs.user_config_path("pzctl", appauthor=False)) / "config.toml"
 
 
 def settings(flags: Mapping[str, Any]) -> dict[str, Any]:
-    """Return every setting that is given anywhere; a flag that is None is not given.
+    """Return every setting that is given anywhere; a flag of None counts as not given.
 
     Raises ConfigError with the place, what was found and what is allowed.
     """
@@ -151,29 +151,29 @@ def settings(flags: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def journal_of(found: Mapping[str, Any]) -> tuple[str | None, str]:
-    """Return the URL of the journal, None for the data folder's own, and what this station is called in it."""
-    url = found.get("journal")
-    return url, found.get("station", socket.gethostname()) if url else ""
+def journal_of(given: Mapping[str, Any]) -> tuple[str | None, str]:
+    """Return the URL of the journal (None: it is in the data folder) and the name of this station in it."""
+    url = given.get("journal")
+    return url, given.get("station", socket.gethostname()) if url else ""
 
 
-def options(found: Mapping[str, Any]) -> "DaemonOptions":
-    """Return what a daemon is started with, of what `settings` returned."""
-    from .daemon_options import DaemonOptions  # who only looks for the journal needs no daemon
+def options(given: Mapping[str, Any]) -> "DaemonOptions":
+    """Return the options of a daemon from the result of `settings`."""
+    from .daemon_options import DaemonOptions  # not needed by programs that only read the journal
 
     default = DaemonOptions()
     limits = Limits(
-        seconds=found.get("fit_seconds", default.limits.seconds),
-        memory_MB=found.get("fit_memory_MB", default.limits.memory_MB),
+        seconds=given.get("fit_seconds", default.limits.seconds),
+        memory_MB=given.get("fit_memory_MB", default.limits.memory_MB),
     )
-    simulator = {"time_scale": found.get("time_scale", 1.0), "seed": found.get("seed", 0)}
-    own = {
-        name: found[name]
+    simulator = {"time_scale": given.get("time_scale", 1.0), "seed": given.get("seed", 0)}
+    chosen = {
+        name: given[name]
         for name in ("resource", "events", "requests", "fitters", "bench", "diagnose", *_LIMITS)
-        if name in found
+        if name in given
     }
-    own["journal"], own["station"] = journal_of(found)
-    return DaemonOptions(**own, simulator=simulator, limits=limits)
+    chosen["journal"], chosen["station"] = journal_of(given)
+    return DaemonOptions(**chosen, simulator=simulator, limits=limits)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -182,14 +182,14 @@ def _read(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{path}: it cannot be read: {error}") from None
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
 
 
 def _checked(name: str, value: Any, where: str) -> Any:
     if name not in SETTINGS:
-        raise ConfigError(f"{where}: there is no such setting; {among(name, SETTINGS)}")
+        raise ConfigError(f"{where}: no such setting; {among(name, SETTINGS)}")
     try:
         return SETTINGS[name].read(value)
     except (ValueError, TypeError, NameFault):
-        found = without_password(value) if isinstance(value, str) else value
-        raise ConfigError(f"{where} is {found!r}; needed is {SETTINGS[name].allowed}") from None
+        shown = without_password(value) if isinstance(value, str) else value
+        raise ConfigError(f"{where} is {shown!r}; allowed is {SETTINGS[name].allowed}") from None

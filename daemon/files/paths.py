@@ -1,4 +1,4 @@
-"""Where pzctl keeps its things: `PZCTL_HOME`, or the user's data directory."""
+"""The data folder, which is `PZCTL_HOME` or the user's data directory, and the paths in it."""
 
 import tempfile
 from pathlib import Path
@@ -14,13 +14,13 @@ class FolderError(PzctlError):
 
 
 _TRIAL = 64 << 10
-"""Bytes: an empty file finds its place on a full disk as well."""
+"""Bytes of the trial file; an empty file could be made on a full disk too."""
 
 REMEDY = "set PZCTL_HOME to a folder that can be"
 
 
 def home() -> Path:
-    """Return the data folder, made if it is not there: `PZCTL_HOME`, or the platform's user data directory.
+    """Return the data folder, `PZCTL_HOME` or the platform's user data directory; make it if missing.
 
     Raises FolderError.
     """
@@ -33,7 +33,7 @@ def home() -> Path:
 
 
 def writable_home() -> Path:
-    """Return the data folder, after a try whether it can be written. Raises FolderError."""
+    """Return the data folder after checking that it can be written. Raises FolderError."""
     folder = home()
     try:
         with tempfile.TemporaryFile(dir=folder) as trial:
@@ -49,7 +49,7 @@ def journal_folder(home: Path) -> Path:
 
 
 def unsaved_folder(home: Path) -> Path:
-    """Return the folder of events that the journal's server was not there to take."""
+    """Return the folder of events that wait until the journal's server can be reached again."""
     return home / "unsaved"
 
 
@@ -59,12 +59,12 @@ def daemon_file(home: Path) -> Path:
 
 
 def keys_folder(home: Path) -> Path:
-    """Return the folder of the keys: the daemon's, and those of the clients that may come in."""
+    """Return the folder of the daemon's key and of the keys of the clients that have access."""
     return home / "keys"
 
 
 def seal_key(home: Path) -> tuple[Path, Path]:
-    """Return the files of the private and the public key that the journal is sealed with."""
+    """Return the paths of the private and the public key that seal the journal."""
     return home / "seal" / "private.pem", home / "seal" / "public.pem"
 
 
@@ -74,7 +74,7 @@ def compensation_file(home: Path) -> Path:
 
 
 def log_file(home: Path, name: str) -> Path:
-    """Return the log of a process (`daemon`, `sim`, `fitter-mason`), its folder made."""
+    """Return the path of a process's log (`daemon`, `sim`, `fitter-mason`); make its folder."""
     folder = home / "log"
     folder.mkdir(parents=True, exist_ok=True)
     return folder / f"{name}.log"

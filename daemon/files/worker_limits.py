@@ -1,4 +1,4 @@
-"""What a guest of the daemon may use: memory, seconds for one answer, and room in its log."""
+"""Limits of a fitter worker: memory, seconds per answer, and size of its log."""
 
 import sys
 from dataclasses import dataclass
@@ -7,23 +7,23 @@ MB = 1 << 20
 """Bytes."""
 
 LARGEST_LOG = 64 * MB
-"""Bytes that a guest's log may grow to; what it writes beyond fails with an OSError in the guest."""
+"""Bytes that a worker's log may grow to; writing more raises OSError in the worker."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What one fit may use. A guest that needs more is ended, and the daemon goes on."""
+    """Limits of one fit. The daemon ends a worker that exceeds them, and goes on."""
 
     seconds: float = 300.0
-    """From the moment a measurement is the guest's turn until its answer."""
+    """From handing a measurement to the worker until its answer."""
     memory_MB: int = 4096
-    """Address space of the process, which is always more than it uses."""
+    """Address space of the process, which is always more than the memory it uses."""
     start_seconds: float = 60.0
     """From the start of the process until it says hello."""
 
 
 def allow_many_files() -> None:
-    """Let this process open as many files as it may: every connection is one."""
+    """Raise this process's limit of open files to the hard limit, since every connection takes one."""
     if sys.platform != "win32":
         import resource
 
@@ -32,19 +32,19 @@ def allow_many_files() -> None:
 
 
 def limit_memory(memory_MB: int) -> None:
-    """Limit this process for good: address space, size of any file it writes, no core dumps.
+    """Limit this process permanently: address space (MB), size of any file it writes, no core dumps.
 
-    Beyond the first, Python raises MemoryError. Does nothing where the platform has no such limits (Windows).
+    Python raises MemoryError when the address space is used up. Does nothing on Windows, which has no such limits.
     """
     if sys.platform == "win32":
         return
     import resource
 
-    for what, most in (
+    for kind, limit in (
         (resource.RLIMIT_AS, memory_MB * MB),
         (resource.RLIMIT_FSIZE, LARGEST_LOG),
         (resource.RLIMIT_CORE, 0),
     ):
-        _, hard = resource.getrlimit(what)
-        allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(what, (allowed, allowed))
+        _, hard = resource.getrlimit(kind)
+        allowed = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (allowed, allowed))

@@ -1,1 +1,1 @@
-"""The live page beside the press: a client of the daemon that serves one local web page, in a process of its own."""
+"""The live page: a client of the daemon that serves one web page from its own process."""

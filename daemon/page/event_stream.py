@@ -1,4 +1,4 @@
-"""Hears the daemon's events and passes them on to every open page."""
+"""The stream that passes the daemon's events on to every open page."""
 
 import asyncio
 import json
@@ -15,25 +15,25 @@ from ..wire.replies import MissingEvents
 from .page_json import event_json
 
 WAITING = 500
-"""Events that wait for a page; one that is slower is let go, and comes back by itself."""
+"""Greatest number of events that wait for a page; a slower page is disconnected and reconnects by itself."""
 MOST_PAGES = 50
-"""Pages that may hear at once."""
+"""Greatest number of pages that receive events at the same time."""
 AGAIN = 1.0
-"""Seconds until a daemon that has gone is looked for again."""
+"""Seconds between attempts to connect to the daemon."""
 
 
 class EventStream:
-    """One listener for any number of pages. Acquisition does not wait for it: the daemon drops what is not read."""
+    """One listener for all pages. It never delays the acquisition: the daemon drops events that are not read."""
 
     def __init__(self, may_hear: Callable[[Scope], bool] = lambda _: True) -> None:
-        """`may_hear` says of an open page, at each event, whether it may still hear."""
+        """`may_hear` is asked before each event whether an open page may still receive it."""
         self._may_hear = may_hear
         self._pages: set[asyncio.Queue[str | None]] = set()
         self._connected = 0
         self._listener: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin to listen, from within the loop that serves the pages."""
+        """Start listening, in the event loop that serves the pages."""
         self._listener = asyncio.create_task(self._listen())
 
     def stop(self) -> None:
@@ -45,9 +45,9 @@ class EventStream:
                 page.put_nowait(None)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a page with server-sent events until it is closed or too slow, or that there are enough of them."""
+        """Answer a page with server-sent events until it is closed or too slow; refuse it if too many are open."""
         if self._connected >= MOST_PAGES:
-            says = f"{MOST_PAGES} pages hear the events already; close one, and load this one again"
+            says = f"{MOST_PAGES} pages receive the events already; close one, and load this one again"
             await JSONResponse({"error": says}, 503)(scope, receive, send)
             return
         page: asyncio.Queue[str | None] = asyncio.Queue(WAITING)
@@ -66,8 +66,8 @@ class EventStream:
                 async with connect_async() as lab:
                     events = await lab.listen(missing=self._say_missing)
                     self._say({"kind": "daemon", "there": True})
-                    async for heard in events:
-                        self._spread(await asyncio.to_thread(_text, heard))
+                    async for received in events:
+                        self._spread(await asyncio.to_thread(_text, received))
             except PzctlError as error:
                 self._say({"kind": "daemon", "there": False, "says": str(error)})
                 await asyncio.sleep(AGAIN)
@@ -94,6 +94,6 @@ async def _stream(page: "asyncio.Queue[str | None]", may_hear: Callable[[], bool
         yield f"data: {text}\n\n"
 
 
-def _text(heard: ReceivedEvent) -> str:
-    """Return an event as the pages read it; a long sweep takes a while."""
-    return json.dumps(event_json(heard))
+def _text(received: ReceivedEvent) -> str:
+    """Return an event as JSON text for the pages, which takes a while for a long sweep."""
+    return json.dumps(event_json(received))

@@ -1,4 +1,4 @@
-"""Fits by hand for the page, in one process of their own: whatever is asked there, neither events nor buttons wait."""
+"""Manual fits for the page, in a separate process so that events and buttons never wait for them."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -21,52 +21,52 @@ from .page_json import fitted_json, numbers_json
 Work: TypeAlias = Literal["look", "fit", "keep"]
 
 PATIENCE = 120.0
-"""Seconds that an answer may take."""
+"""Seconds to wait for an answer."""
 _NICE = 5
-"""Below the daemon and whoever measures, above a diagnosis in the background: somebody waits for this."""
+"""Increment of the niceness: lower priority than the daemon, higher than a diagnosis in the background."""
 
 
 class ManualFitPoolError(PzctlError):
-    """A fit by hand that came to nothing."""
+    """A manual fit gave no answer."""
 
 
 class ManualFitRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the page sends: a measurement, and the choices made on it."""
+    """A request of the page: a measurement, and the choices for its fit."""
 
     measurement: str
     fitter: str = DEFAULT
-    """Whose model."""
+    """The fitter that provides the model."""
     free: tuple[str, ...] | None = None
     values: dict[str, float] = {}
     bands: dict[str, tuple[tuple[float, float], ...]] = {}
     effects: tuple[tuple[str, str], ...] = ()
     by: str = ""
-    """Who makes the fit, where it is to be kept."""
+    """Name of the person, needed only to keep the fit."""
 
     @property
     def choices(self) -> Choices:
-        """The choices alone."""
+        """The choices of the request."""
         return Choices(self.free, self.values, self.bands, self.effects)
 
 
 class ManualFitPool:
-    """The process that looks and fits; begun when it is first needed. For any number of threads."""
+    """The process that computes previews and fits, started when first needed. Thread-safe."""
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
         self._lock = Lock()
 
-    def look(self, wish: ManualFitRequest) -> dict[str, Any]:
-        """Return handles, places of effects, and the model's curves of a wish. Raises HandError, FitError."""
-        return self._ask(wish, "look")
+    def look(self, request: ManualFitRequest) -> dict[str, Any]:
+        """Return adjustables, places of effects and the model's curves. Raises ManualFitPoolError, FitError."""
+        return self._ask(request, "look")
 
-    def fit(self, wish: ManualFitRequest) -> dict[str, Any]:
-        """Return the fit of a wish, and the handles where it has brought them. Raises HandError, FitError."""
-        return self._ask(wish, "fit")
+    def fit(self, request: ManualFitRequest) -> dict[str, Any]:
+        """Return what `look` returns after the fit, and the fit itself. Raises ManualFitPoolError, FitError."""
+        return self._ask(request, "fit")
 
-    def keep(self, wish: ManualFitRequest) -> dict[str, Any]:
-        """Fit once more and write it into the journal; return what `fit` returns. Raises PzctlError."""
-        return self._ask(wish, "keep")
+    def keep(self, request: ManualFitRequest) -> dict[str, Any]:
+        """Fit again and write the result into the journal; return what `fit` returns. Raises PzctlError."""
+        return self._ask(request, "keep")
 
     def close(self) -> None:
         """End the process."""
@@ -75,26 +75,26 @@ class ManualFitPool:
         if pool is not None:
             _end(pool)
 
-    def _ask(self, wish: ManualFitRequest, work: Work) -> dict[str, Any]:
+    def _ask(self, request: ManualFitRequest, work: Work) -> dict[str, Any]:
         with self._lock:
-            pool = self._pool = self._pool or _begun()
+            pool = self._pool = self._pool or _new_pool()
         try:
-            return pool.submit(_answer, wish, work).result(PATIENCE)
+            return pool.submit(_answer, request, work).result(PATIENCE)
         except (BrokenProcessPool, TimeoutError):
             with self._lock:
                 self._pool = None if self._pool is pool else self._pool
             _end(pool)
             raise ManualFitPoolError(
-                f"the fit by hand gave no answer within {PATIENCE:g} s, or its process ended"
+                f"the manual fit gave no answer within {PATIENCE:g} s, or its process ended"
             ) from None
 
 
-def _begun() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_polite)
+def _new_pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_lower_priority)
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
-    """End a pool at once; what it works on is nobody's any more."""
+    """End a pool at once and discard its work."""
     processes: dict[int, Any] = getattr(pool, "_processes", None) or {}
     workers = [*processes.values()]
     pool.shutdown(wait=False, cancel_futures=True)
@@ -102,45 +102,48 @@ def _end(pool: ProcessPoolExecutor) -> None:
         worker.terminate()
 
 
-def _polite() -> None:
+def _lower_priority() -> None:
     if hasattr(os, "nice"):
         os.nice(_NICE)
 
 
-def _answer(wish: ManualFitRequest, work: Work) -> dict[str, Any]:
-    """Do the work, within the process."""
+def _answer(request: ManualFitRequest, work: Work) -> dict[str, Any]:
+    """Carry out a request; runs in the pool's process."""
     journal = open_journal()
     try:
-        version = (*journal.sweep_ids(wish.measurement), journal.answers(wish.measurement, wish.fitter))
+        version = (*journal.sweep_ids(request.measurement), journal.answers(request.measurement, request.fitter))
     finally:
         journal.close()
-    hand = _in_hand(wish.measurement, wish.fitter, version)
+    manual_fit = _manual_fit(request.measurement, request.fitter, version)
     if work == "look":
-        return _looked(hand, wish.choices)
-    result, there = hand.keep(wish.choices, wish.by) if work == "keep" else hand.fit(wish.choices)
-    made = fitted_json(result, hand.steps[-1])
-    return _looked(hand, there) | {"fit": made}
+        return _preview(manual_fit, request.choices)
+    if work == "keep":
+        result, fitted = manual_fit.keep(request.choices, request.by)
+    else:
+        result, fitted = manual_fit.fit(request.choices)
+    return _preview(manual_fit, fitted) | {"fit": fitted_json(result, manual_fit.steps[-1])}
 
 
 @lru_cache(4)
-def _in_hand(measurement: str, fitter: str, version: tuple[Any, ...]) -> JournalManualFit:
+def _manual_fit(measurement: str, fitter: str, version: tuple[Any, ...]) -> JournalManualFit:
+    """Return a cached manual fit; `version` changes with the journal's content."""
     return of_measurement(measurement, fitter)
 
 
-def _looked(hand: ManualFit, choices: Choices) -> dict[str, Any]:
-    look = hand.look(choices)
+def _preview(manual_fit: ManualFit, choices: Choices) -> dict[str, Any]:
+    preview = manual_fit.look(choices)
     return {
-        "fitter": hand.fitter,
-        "models": models_for(hand.build, hand.steps[-1]),
-        "steps": list(hand.steps),
-        "places": hand.places(),
-        "handles": [msgspec.to_builtins(one) for one in look.handles],
-        "chi2_per_dof": look.chi2_per_dof,
-        "says": look.says,
-        "curves": [_model(curve) for curve in look.curves if curve.step == hand.steps[-1]],
+        "fitter": manual_fit.fitter,
+        "models": models_for(manual_fit.build, manual_fit.steps[-1]),
+        "steps": list(manual_fit.steps),
+        "places": manual_fit.places(),
+        "handles": [msgspec.to_builtins(adjustable) for adjustable in preview.handles],
+        "chi2_per_dof": preview.chi2_per_dof,
+        "says": preview.says,
+        "curves": [_model(curve) for curve in preview.curves if curve.step == manual_fit.steps[-1]],
     }
 
 
 def _model(curve: Curve) -> dict[str, Any]:
-    """Return the model alone: the page has frequency and measurement already."""
+    """Return the model's curve only, since the page has frequency and measurement already."""
     return {"fitted": numbers_json(curve.fitted)}

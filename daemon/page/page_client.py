@@ -1,4 +1,4 @@
-"""The page's client of the daemon: every request names the user for whom it asks."""
+"""The page's client of the daemon, whose requests name the page's user."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -16,10 +16,10 @@ A = TypeVar("A", bound=Answer)
 
 
 class PageClient(Client):
-    """A client of the daemon that runs here; `by` is the page's user, None where nobody has a name."""
+    """A client of the daemon that runs here; `by` is the name of the page's user, or None without a file of users."""
 
     def __init__(self, by: str | None) -> None:
-        """Connect. Raises DaemonError where none runs."""
+        """Connect to the daemon. Raises DaemonError if none runs."""
         events, requests, key = address(None, None, None)
         super().__init__(events, requests, key)
         self.conversations = _NamedConversations(events, requests)

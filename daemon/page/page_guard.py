@@ -1,4 +1,4 @@
-"""Who may see the page: this machine; from anywhere else, who has a token."""
+"""Access to the page: programs on this machine, and users with a token from anywhere."""
 
 import hmac
 import ipaddress
@@ -23,7 +23,7 @@ _HEADERS = {
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach what listens on `host`."""
+    """Return whether a server on `host` can be reached from this machine only."""
     if host == "localhost":
         return True
     try:
@@ -33,30 +33,31 @@ def is_loopback(host: str) -> bool:
 
 
 LEAST_TOKEN = 16
-"""Characters of a token: fewer can be guessed by trying."""
+"""Smallest number of characters of a token, so that it cannot be guessed."""
 
 
 PASSED_ON = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-real-ip", "via")
-"""Headers that a proxy adds: what comes through one does not come from this machine."""
+"""Headers that a proxy adds, which show that a request may come from another machine."""
 
 
 def user_of(scope: Scope) -> PageUser:
-    """Return who asks, as the guard found."""
-    found: PageUser = scope["pzctl.user"]
-    return found
+    """Return the user of a request, as determined by the guard."""
+    user: PageUser = scope["pzctl.user"]
+    return user
 
 
 def shown_token(request: Request) -> str:
-    """Return the token that a browser keeps, or that a program sends as a bearer."""
+    """Return the token in a browser's cookie or in a program's `Authorization: Bearer` header."""
     scheme, _, bearer = request.headers.get("authorization", "").partition(" ")
     return bearer.strip() if scheme.lower() == "bearer" else request.cookies.get(COOKIE, "")
 
 
 class Guard:
-    """Lets through who may: without tokens, requests for this machine by its own name; with some, who shows one.
+    """Checks the access of every request.
 
-    A command (POST) needs the right to act. It must besides come from the page itself: another site open in the same
-    browser cannot send one.
+    Without tokens, only requests to a loopback name of this machine pass; otherwise a request needs a token. A command
+    (POST) also needs the right to act and must come from the page itself, so that another site in the same browser
+    cannot send one.
     """
 
     def __init__(self, app: ASGIApp, token: str | None, users: PageUsers | None) -> None:
@@ -65,7 +66,7 @@ class Guard:
         self._users = users
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or pass on."""
+        """Pass the request on to the application, or refuse it."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -85,7 +86,7 @@ class Guard:
         await answer(scope, receive, with_headers)
 
     def _user(self, token: str) -> PageUser | None:
-        """Return whose token this is; without tokens everybody on this machine may act."""
+        """Return the user of a token, or None if it is not valid; without tokens everybody may act."""
         if self._users is not None:
             return self._users.of_token(token)
         if self._token is None or hmac.compare_digest(token.encode(), self._token.encode()):
@@ -96,7 +97,7 @@ class Guard:
         host = request.headers.get("host", "")
         if self._token is None and self._users is None:
             if host.rpartition(":")[0] not in LOCAL_NAMES and host not in LOCAL_NAMES:
-                return PlainTextResponse("this page is asked for as http://127.0.0.1, not by another name", 421)
+                return PlainTextResponse("open this page as http://127.0.0.1, not by another name", 421)
             if any(name in request.headers for name in PASSED_ON):
                 return PlainTextResponse("this page is behind a proxy, so it needs --users or --token", 421)
         elif (shown := parse_qs(request.url.query).get("token", [""])[0]) and self._user(shown) is not None:
@@ -108,7 +109,7 @@ class Guard:
             return PlainTextResponse("this page needs a token: open the address that holds yours", 401)
         if request.method == "POST":
             if urlsplit(request.headers.get("origin", "")).netloc != host:
-                return PlainTextResponse("commands are taken from the page itself only", 403)
+                return PlainTextResponse("commands are accepted from the page itself only", 403)
             if user.right != "act":
-                return JSONResponse({"error": f"{user.name} may look at everything here, and command nothing"}, 403)
+                return JSONResponse({"error": f"{user.name} has the right to read only, so commands are refused"}, 403)
         return None

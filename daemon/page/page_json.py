@@ -1,4 +1,4 @@
-"""Events and fits as the JSON that the page reads. Complex numbers are two lists, `re` and `im`."""
+"""Events and fits as JSON for the page. Complex numbers are two lists, `re` and `im`."""
 
 from typing import Any
 
@@ -15,26 +15,26 @@ from ..samples.sample_record import StepRecord
 from ..wire.events import BeatEvent, FitEvent, ReceivedEvent, SweepEvent
 
 _DIGITS = 8
-"""Significant digits that a screen can use; the files hold all."""
+"""Significant digits for the screen; exported files hold all digits."""
 
 
-def event_json(heard: ReceivedEvent) -> dict[str, Any]:
-    """Return an event with its numbers; `kind` says which."""
-    event = heard.event
+def event_json(received: ReceivedEvent) -> dict[str, Any]:
+    """Return an event with its numbers; `kind` names its kind."""
+    event = received.event
     if isinstance(event, BeatEvent):
         return {"kind": "beat", "run": event.run, "seq": event.seq}
-    made: dict[str, Any] = msgspec.to_builtins(event)
+    fields: dict[str, Any] = msgspec.to_builtins(event)
     for heavy in ("build", "columns", "report"):
-        made.pop(heavy, None)
+        fields.pop(heavy, None)
     if isinstance(event, SweepEvent):
-        made["sweep"] = sweep_json(heard.sweep())
+        fields["sweep"] = sweep_json(received.sweep())
     if isinstance(event, FitEvent) and event.report is not None:
-        made["fit"] = fitted_json(fit_of(heard), event.sample.step)
-    return made
+        fields["fit"] = fitted_json(fit_of(received), event.sample.step)
+    return fields
 
 
 def sweep_json(sweep: Sweep) -> dict[str, Any]:
-    """Return a recording: `f` in Hz, `z` in ohm."""
+    """Return a recording with `f` in Hz and `z` in ohm."""
     return {"id": sweep.id, "time": sweep.time, "f": sweep.frequency.tolist(), "z": numbers_json(sweep.impedance)}
 
 
@@ -43,24 +43,24 @@ def fitted_json(fit: FitResult, step: str) -> dict[str, Any]:
     return fit_json(fit) | {"curves": [_curve(curve) for curve in fit.curves if curve.step == step]}
 
 
-def record_json(one: StepRecord) -> dict[str, Any]:
-    """Return one measurement with all that was answered to it."""
-    step = one.measurement.sample.step
+def record_json(record: StepRecord) -> dict[str, Any]:
+    """Return one measurement with its fits, refusals and diagnosis."""
+    step = record.measurement.sample.step
     return {
-        "measurement": one.measurement.id,
-        "sample": one.measurement.sample.name,
+        "measurement": record.measurement.id,
+        "sample": record.measurement.sample.name,
         "step": step,
-        "time": one.measurement.time,
-        "sweeps": [sweep_json(sweep) for sweep in one.sweeps],
-        "fits": [fitted_json(fit, step) for fit in one.fits],
-        "refusals": list(one.refusals),
-        "diagnosis": one.diagnosis.diagnosis if one.diagnosis else None,
-        "withdrawn": one.withdrawal.says if one.withdrawal else None,
+        "time": record.measurement.time,
+        "sweeps": [sweep_json(sweep) for sweep in record.sweeps],
+        "fits": [fitted_json(fit, step) for fit in record.fits],
+        "refusals": list(record.refusals),
+        "diagnosis": record.diagnosis.diagnosis if record.diagnosis else None,
+        "withdrawn": record.withdrawal.says if record.withdrawal else None,
     }
 
 
 def build_json(build: Build) -> dict[str, Any]:
-    """Return what the page draws and compares with: layers back to front, steps in order, data sheet."""
+    """Return the parts of a build that the page needs: layers (back to front, thickness in m), steps, data sheet."""
     return {
         "name": build.name,
         "back": build.back.name,
@@ -91,5 +91,5 @@ def numbers_json(z: Complexes) -> dict[str, list[float]]:
 
 
 def _short(values: Any) -> list[float]:
-    """Return numbers with as many digits as a screen can use; null where there is none."""
+    """Return numbers rounded for the screen, with None (null in JSON) for those that are not finite."""
     return [float(f"{x:.{_DIGITS}g}") if np.isfinite(x) else None for x in values.tolist()]  # type: ignore[misc]

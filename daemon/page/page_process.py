@@ -1,4 +1,4 @@
-"""The page as a process: served until Ctrl-C, or beside a daemon for as long as that lives.
+"""The process that serves the page, until Ctrl-C or for as long as the daemon that started it runs.
 
 python -m pzctl.daemon.page.page_process BUILD.toml PORT
 """
@@ -19,7 +19,7 @@ from .page_users import PageUsers
 
 PORT = 8294
 MOST_CONNECTIONS = 200
-"""A page holds two or three; those beyond are answered 503."""
+"""Greatest number of connections, of which a page holds two or three; more are answered with status 503."""
 _LOOPBACK = "127.0.0.1"
 
 
@@ -28,7 +28,7 @@ class PageError(PzctlError):
 
 
 def check_installed() -> None:
-    """Raise PageError where what the page needs is not installed."""
+    """Raise PageError if a package that the page needs is not installed."""
     try:
         import starlette  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import uvicorn  # noqa: F401  # pyright: ignore[reportUnusedImport]
@@ -45,7 +45,7 @@ def serve(
     users: PageUsers | None = None,
     certificate: tuple[Path, Path] | None = None,
 ) -> None:
-    """Serve the page of a lab that builds `build`, until Ctrl-C; with a certificate and its key, by HTTPS.
+    """Serve the page for `build` until Ctrl-C; with `certificate` (certificate and key files), by HTTPS.
 
     Raises PageError.
     """
@@ -73,42 +73,42 @@ def serve(
     )
     try:
         uvicorn.Server(config).run()
-    except SystemExit:  # uvicorn says the reason in its log, and leaves
-        raise PageError(f"{host}:{port}: nobody can listen there; is the port taken? --port takes another") from None
+    except SystemExit:  # uvicorn exits after logging the reason
+        raise PageError(f"{host}:{port}: cannot listen there; is the port taken? --port takes another") from None
 
 
 def check_certificate(cert: Path, key: Path) -> None:
-    """Raise PageError where a certificate and its key (PEM) cannot be served with."""
+    """Raise PageError if a certificate and its key (PEM) cannot be used."""
     try:
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(cert, key, password="")
     except ssl.SSLError as error:
         reason = error.reason or "the key cannot be read"
         raise PageError(
-            f"{cert}, {key}: these are no certificate and its key in PEM without password: {reason}"
+            f"{cert}, {key}: a certificate and its key are needed, in PEM format and without password: {reason}"
         ) from None
     except OSError as error:
         raise PageError(f"{cert}, {key}: the certificate or its key cannot be read: {error.strerror}") from None
 
 
 def free_port(host: str, port: int, hint: str) -> int:
-    """Return the port, for 0 one that is free. Raises PageError, with the hint, where nobody can listen there."""
+    """Return the port, or for 0 a free one. Raises PageError with the hint if it is not possible to listen there."""
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family) as trial:
-            if os.name == "posix":  # as uvicorn does: a port that was just given back is free
+            if os.name == "posix":  # as uvicorn does, so that a port closed just now counts as free
                 trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             trial.bind(address)
             return int(trial.getsockname()[1])
     except OSError as error:
-        raise PageError(f"{host}:{port}: nobody can listen there: {error.strerror or error}; {hint}") from None
+        raise PageError(f"{host}:{port}: cannot listen there: {error.strerror or error}; {hint}") from None
 
 
 @contextmanager
 def served_beside(build: Path, port: int) -> Generator[str]:
-    """Serve the page from a process of its own on this machine's loopback, and give its address.
+    """Serve the page from a child process on this machine's loopback address, and yield the page's address.
 
-    It ends with this process, however that ends, and cannot slow it. Raises PageError where the port is taken or
-    something is not installed, BuildError for the build.
+    The child ends with this process, however that ends, and cannot slow it down. Raises PageError if the port is taken
+    or a package is not installed, BuildError for the build.
     """
     check_installed()
     read_build(build)
@@ -127,7 +127,7 @@ def served_beside(build: Path, port: int) -> Generator[str]:
 
 
 def main() -> None:
-    """Serve until the parent ends."""
+    """Serve the page until the parent process ends."""
     end_with_parent()
     try:
         serve(read_build(Path(sys.argv[1])), _LOOPBACK, int(sys.argv[2]), None)

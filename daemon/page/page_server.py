@@ -1,4 +1,4 @@
-"""The page's server: its files, the daemon's events, and what the buttons do."""
+"""The page's web application: its files, the daemon's events, and the commands of its buttons."""
 
 import logging
 from collections.abc import AsyncGenerator, Awaitable, Callable
@@ -39,44 +39,47 @@ A = TypeVar("A")
 
 STATIC = Path(__file__).with_name("static")
 MOST_SAMPLES = 20
-"""Samples in the history."""
+"""Greatest number of samples in the history."""
 
 
 def page_app(build: Build, token: str | None = None, users: PageUsers | None = None) -> Starlette:
-    """Return the page of a lab that builds `build`; with a token or users, only who shows one is let in."""
+    """Return the web application for `build`; with a token or users, every request needs a valid token."""
 
     def may_hear(scope: Scope) -> bool:
         return users is None or users.of_token(shown_token(Request(scope))) is not None
 
-    hub, hands = EventStream(may_hear), ManualFitPool()
-    desk = _PageRequestHandlers(build)
+    events, manual_fits = EventStream(may_hear), ManualFitPool()
+    handlers = _PageRequestHandlers(build)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
-        hub.start()
+        events.start()
         yield
-        hub.stop()
-        hands.close()
+        events.stop()
+        manual_fits.close()
+
+    def keep(request: ManualFitRequest, user: PageUser) -> Response:
+        return JSONResponse(manual_fits.keep(_signed(request, user)))
 
     async def index(_: Request) -> Response:
         return FileResponse(STATIC / "index.html")
 
     routes = [
         Route("/", index),
-        Route("/api/events", hub, methods=["GET"]),
-        Route("/metrics", _answering(desk.metrics)),
-        Route("/api/now", _answering(desk.now)),
-        Route("/api/record/{name:path}", _answering(desk.record)),
-        Route("/api/history", _answering(desk.history)),
-        _command("/api/measure", _Measure, desk.measure),
-        _command("/api/diagnose", _Diagnose, desk.diagnose),
-        _command("/api/cancel", NoFields, desk.cancel),
-        _command("/api/look", ManualFitRequest, lambda wish, _: JSONResponse(hands.look(wish))),
-        _command("/api/fit", ManualFitRequest, lambda wish, _: JSONResponse(hands.fit(wish))),
-        _command("/api/keep", ManualFitRequest, lambda wish, user: JSONResponse(hands.keep(_signed(wish, user)))),
-        Route("/download/{measurement}/{segment}.csv", _answering(desk.download)),
-        Route("/report/{name:path}", _answering(desk.report)),
-        Route("/pdf/{name:path}", _answering(desk.pdf)),
+        Route("/api/events", events, methods=["GET"]),
+        Route("/metrics", _answering(handlers.metrics)),
+        Route("/api/now", _answering(handlers.now)),
+        Route("/api/record/{name:path}", _answering(handlers.record)),
+        Route("/api/history", _answering(handlers.history)),
+        _command("/api/measure", _Measure, handlers.measure),
+        _command("/api/diagnose", _Diagnose, handlers.diagnose),
+        _command("/api/cancel", NoFields, handlers.cancel),
+        _command("/api/look", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.look(request))),
+        _command("/api/fit", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.fit(request))),
+        _command("/api/keep", ManualFitRequest, keep),
+        Route("/download/{measurement}/{segment}.csv", _answering(handlers.download)),
+        Route("/report/{name:path}", _answering(handlers.report)),
+        Route("/pdf/{name:path}", _answering(handlers.pdf)),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token, users=users)])
@@ -90,13 +93,13 @@ class _Diagnose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     measurement: str
 
 
-def _signed(wish: ManualFitRequest, user: PageUser) -> ManualFitRequest:
-    """Return a fit to be kept under the name that its user's token stands for, where there are users."""
-    return msgspec.structs.replace(wish, by=user.name) if user.name else wish
+def _signed(request: ManualFitRequest, user: PageUser) -> ManualFitRequest:
+    """Return the request with the name of the token's user in place of the typed one, if there is a file of users."""
+    return msgspec.structs.replace(request, by=user.name) if user.name else request
 
 
 def _answering(work: Callable[[dict[str, str], PageUser], Response]) -> Callable[[Request], Awaitable[Response]]:
-    """Return an endpoint that looks something up, named in its address."""
+    """Return an endpoint that passes the parameters of its path to `work`."""
 
     async def endpoint(request: Request) -> Response:
         return await _in_thread(work, request.path_params, user_of(request.scope))
@@ -105,7 +108,7 @@ def _answering(work: Callable[[dict[str, str], PageUser], Response]) -> Callable
 
 
 def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]) -> Route:
-    """Return the route of a command, whose body has these fields."""
+    """Return the route of a command whose body has these fields."""
 
     async def endpoint(request: Request) -> Response:
         try:
@@ -117,10 +120,10 @@ def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]
     return Route(path, endpoint, methods=["POST"])
 
 
-async def _in_thread(work: Callable[[A, PageUser], Response], asked: A, user: PageUser) -> Response:
-    """Answer from a thread; what is wrong is one sentence with status 404 or 409, a defect one with status 500."""
+async def _in_thread(work: Callable[[A, PageUser], Response], argument: A, user: PageUser) -> Response:
+    """Answer from a thread; an error becomes one sentence with status 404 or 409, a defect one with status 500."""
     try:
-        return await run_in_threadpool(work, asked, user)
+        return await run_in_threadpool(work, argument, user)
     except PzctlError as error:
         return JSONResponse({"error": str(error)}, 409 if isinstance(error, DaemonError) else 404)
     except Exception as error:
@@ -129,13 +132,13 @@ async def _in_thread(work: Callable[[A, PageUser], Response], asked: A, user: Pa
 
 
 class _PageRequestHandlers:
-    """What the page asks for; each method runs in a thread of its own and raises PzctlError."""
+    """The handlers of the page's requests; each runs in a thread of its own and raises PzctlError."""
 
     def __init__(self, build: Build) -> None:
         self._build = build
 
     def now(self, _: dict[str, str], user: PageUser) -> Response:
-        """Answer how things stand: daemon, instrument, build, latest measurement."""
+        """Return the state of daemon and instrument, the build, and the user."""
         daemon: dict[str, Any] = {"there": False}
         try:
             with PageClient(user.name) as lab:
@@ -148,14 +151,14 @@ class _PageRequestHandlers:
                 "simulated": hello.instrument.simulated,
                 "measuring": status.measuring,
                 "step": status.sample.step if status.sample else None,
-                "fitters": [{"name": one.name, "state": one.state} for one in hello.fitters],
+                "fitters": [{"name": fitter.name, "state": fitter.state} for fitter in hello.fitters],
             }
         except DaemonError as error:
             daemon["says"] = str(error)
         return JSONResponse({"daemon": daemon, "build": build_json(self._build), "user": msgspec.to_builtins(user)})
 
     def metrics(self, _: dict[str, str], user: PageUser) -> Response:
-        """Answer what a Prometheus server reads, whether a daemon is there or not."""
+        """Return the metrics for a Prometheus server, whether a daemon runs or not."""
         try:
             from . import prometheus_metrics
         except ModuleNotFoundError as error:
@@ -169,9 +172,9 @@ class _PageRequestHandlers:
         return Response(text, media_type=prometheus_metrics.CONTENT_TYPE)
 
     def record(self, words: dict[str, str], user: PageUser) -> Response:
-        """Answer what is known of a sample, or of one measurement."""
+        """Return the record of a sample, or of one measurement."""
         record = _record(words["name"])
-        steps = [record_json(one) for one in record.steps]
+        steps = [record_json(step) for step in record.steps]
         return JSONResponse(
             {
                 "sample": record.name,
@@ -182,62 +185,64 @@ class _PageRequestHandlers:
         )
 
     def history(self, _: dict[str, str], user: PageUser) -> Response:
-        """Answer the constants of the newest samples, step by step."""
+        """Return the constants of the newest samples, step by step."""
         try:
             journal = open_journal()
         except NoSamplesError:
             return JSONResponse({"samples": []})
         try:
-            names = list(dict.fromkeys(one.sample.name for one in journal.measurements("state = 'measured'")))
+            names = list(
+                dict.fromkeys(measurement.sample.name for measurement in journal.measurements("state = 'measured'"))
+            )
             records = [sample_record(journal, name) for name in names[-MOST_SAMPLES:]]
         finally:
             journal.close()
         return JSONResponse({"samples": [_constants(record) for record in records]})
 
-    def measure(self, asked: _Measure, user: PageUser) -> Response:
-        """Begin to measure a step; the simulated bench glues first, a person has done it."""
+    def measure(self, command: _Measure, user: PageUser) -> Response:
+        """Start measuring a step; a simulated bench first glues the layer."""
         with PageClient(user.name) as lab:
             if lab.hello().bench is not None:
-                lab.bench({"command": "step", "name": asked.step})
-            return JSONResponse({"measurement": lab.begin(self._build, asked.step)})
+                lab.bench({"command": "step", "name": command.step})
+            return JSONResponse({"measurement": lab.begin(self._build, command.step)})
 
-    def diagnose(self, asked: _Diagnose, user: PageUser) -> Response:
-        """Have a measurement diagnosed; what is found comes as an event."""
+    def diagnose(self, command: _Diagnose, user: PageUser) -> Response:
+        """Request the diagnosis of a measurement; the result arrives as an event."""
         with PageClient(user.name) as lab:
-            lab.diagnose(asked.measurement)
+            lab.diagnose(command.measurement)
         return JSONResponse({})
 
     def cancel(self, _: NoFields, user: PageUser) -> Response:
-        """Stop what is measured."""
+        """Cancel the running measurement."""
         with PageClient(user.name) as lab:
             lab.cancel()
         return JSONResponse({})
 
     def download(self, words: dict[str, str], user: PageUser) -> Response:
-        """Answer one sweep of a measurement as the project's CSV."""
-        (one,) = _record(words["measurement"]).steps
-        numbers = {str(k): k for k in range(1, len(one.sweeps) + 1)}
+        """Return one sweep of a measurement as the project's CSV."""
+        (step,) = _record(words["measurement"]).steps
+        numbers = {str(k): k for k in range(1, len(step.sweeps) + 1)}
         k = numbers.get(words["segment"])
         if k is None:
-            return JSONResponse({"error": f"there is no such sweep; they are 1 to {len(one.sweeps)}"}, 404)
-        name = f"{one.measurement.sample.step}-{k}.csv"
+            return JSONResponse({"error": f"no such sweep; allowed are 1 to {len(step.sweeps)}"}, 404)
+        name = f"{step.measurement.sample.step}-{k}.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name.encode("ascii", "replace").decode()}"'}
-        return PlainTextResponse(csv_text(one.sweeps[k - 1]), headers=headers, media_type="text/csv")
+        return PlainTextResponse(csv_text(step.sweeps[k - 1]), headers=headers, media_type="text/csv")
 
     def report(self, words: dict[str, str], user: PageUser) -> Response:
-        """Answer the report of a sample; its style stands inside, so the page's own rule is loosened for it."""
+        """Return the report of a sample, with a content policy that allows its inline style."""
         policy = "default-src 'none'; style-src 'unsafe-inline'"
         return HTMLResponse(report_html(_record(words["name"])), headers={"Content-Security-Policy": policy})
 
     def pdf(self, words: dict[str, str], user: PageUser) -> Response:
-        """Answer the report of a sample as PDF."""
+        """Return the report of a sample as PDF."""
         return Response(report_pdf(report_html(_record(words["name"]))), media_type="application/pdf")
 
 
-def _record(asked: str) -> SampleRecord:
+def _record(name: str) -> SampleRecord:
     journal = open_journal()
     try:
-        return sample_record(journal, asked)
+        return sample_record(journal, name)
     finally:
         journal.close()
 
@@ -247,16 +252,16 @@ def _constants(record: SampleRecord) -> dict[str, Any]:
         "name": record.name,
         "steps": [
             {
-                "step": one.measurement.sample.step,
-                "time": one.measurement.time,
+                "step": step.measurement.sample.step,
+                "time": step.measurement.time,
                 "constants": {
                     name: {"re": constant.re, "u": constant.u_re, "unit": constant.unit}
-                    for name, constant in one.fits[0].constants.items()
+                    for name, constant in step.fits[0].constants.items()
                     if constant.free
                 }
-                if one.fits
+                if step.fits
                 else {},
             }
-            for one in record.steps
+            for step in record.steps
         ],
     }

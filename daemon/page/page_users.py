@@ -1,6 +1,6 @@
-"""Who may use the page: a small TOML file of names, rights and the hashes of their tokens.
+"""The page's users: a TOML file of names, rights and hashes of tokens.
 
-A token has 192 random bits, so its SHA-256 need not be slow or salted. Whoever reads the file learns no token.
+A token has 192 random bits, so a plain SHA-256 is enough, neither slow nor salted. The file reveals no token.
 """
 
 import hashlib
@@ -20,11 +20,11 @@ from ..wire.curve_keys import NAME
 log = logging.getLogger(__name__)
 
 Right = Literal["read", "act"]
-"""`read`: see everything; `act`: measure, stop, diagnose and fit by hand as well."""
+"""`read`: see everything; `act`: also measure, stop, diagnose and fit manually."""
 
 
 class PageUsersError(PzctlError):
-    """A file of the page's users that cannot be used, or a user that cannot be added."""
+    """The file of the page's users cannot be used, or a user cannot be added."""
 
 
 class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -33,24 +33,24 @@ class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PageUser(msgspec.Struct, frozen=True):
-    """Somebody who showed a token; without a file of users nobody has a name."""
+    """The user of a request; `name` is None without a file of users."""
 
     name: str | None
     right: Right
 
 
 def new_token() -> str:
-    """Return a token that nobody guesses."""
+    """Return a random token of 192 bits."""
     return secrets.token_urlsafe(24)
 
 
 def digest(token: str) -> str:
-    """Return the hash that a token is known by."""
+    """Return the hash under which a token is stored."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 class PageUsers:
-    """The users of a file. Who is added or removed counts at once; a file that became unusable lets nobody in."""
+    """The users of a file. Changes of the file take effect at once; an unusable file gives nobody access."""
 
     def __init__(self, path: Path) -> None:
         """Read the file. Raises PageUsersError."""
@@ -59,11 +59,11 @@ class PageUsers:
         self._entries = read_users(path)
 
     def of_token(self, token: str) -> PageUser | None:
-        """Return whose token this is; every one is compared, so that the time tells nothing."""
+        """Return the user of a token, or None. All entries are compared, so that the time taken reveals nothing."""
         self._read_again()
         shown = digest(token)
-        found = [name for name, entry in self._entries.items() if hmac.compare_digest(entry.token_sha256, shown)]
-        return PageUser(found[0], self._entries[found[0]].right) if found else None
+        names = [name for name, entry in self._entries.items() if hmac.compare_digest(entry.token_sha256, shown)]
+        return PageUser(names[0], self._entries[names[0]].right) if names else None
 
     def _read_again(self) -> None:
         stamp = _stamp(self._path)
@@ -74,7 +74,7 @@ class PageUsers:
             self._entries = read_users(self._path)
         except PageUsersError as error:
             self._entries = {}
-            log.warning("nobody is let in: %s", error)
+            log.warning("nobody has access: %s", error)
 
 
 def read_users(path: Path) -> dict[str, _Entry]:
@@ -85,17 +85,17 @@ def read_users(path: Path) -> dict[str, _Entry]:
     except OSError as error:
         raise PageUsersError(f"{path}: the page's users cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
-        raise PageUsersError(f"{path}: this is no file of the page's users: {error}") from None
+        raise PageUsersError(f"{path}: not a file of the page's users: {error}") from None
     for name in entries:
         _check_name(name)
     return entries
 
 
 def add_user(path: Path, name: str, right: Right) -> str:
-    """Add a user to a file, made where there is none; return the token, kept nowhere. Raises PageUsersError."""
+    """Add a user to a file, which is made if missing; return the token, which is not stored. Raises PageUsersError."""
     _check_name(name)
     if path.exists() and name in read_users(path):
-        raise PageUsersError(f"{path}: user {name!r} is there already; remove that entry first for a new token")
+        raise PageUsersError(f"{path}: user {name!r} exists already; remove that entry first to get a new token")
     token = new_token()
     text = f'[{name}]\nright = "{right}"\ntoken_sha256 = "{digest(token)}"\n\n'
     try:

@@ -1,4 +1,4 @@
-"""What the daemon counted and timed, in the text format of Prometheus."""
+"""The daemon's counters and times in the text format of Prometheus."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,7 @@ CONTENT_TYPE = CONTENT_TYPE_LATEST
 
 
 def exposition(metrics: MetricsAnswer | None, status: StatusAnswer | None) -> bytes:
-    """Return the text that a Prometheus server reads; without answers, that no daemon is there."""
+    """Return the text for a Prometheus server; None for both answers means that no daemon runs."""
     registry = CollectorRegistry()
     registry.register(_Answers(metrics, status))
     return generate_latest(registry)
@@ -27,7 +27,7 @@ class _Answers(Collector):
         self._status = status
 
     def collect(self) -> Iterator[Metric]:
-        """Yield one family after the other."""
+        """Yield the metric families."""
         there = self._metrics is not None and self._status is not None
         yield GaugeMetricFamily("pzctl_up", "Whether the daemon answers.", value=float(there))
         if self._metrics is not None:

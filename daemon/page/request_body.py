@@ -1,4 +1,4 @@
-"""Reads the body of a command: small, in time, and one JSON object of the fields that the command has."""
+"""The body of a command: a small JSON object with exactly the command's fields, received in time."""
 
 import asyncio
 from typing import TypeVar
@@ -9,16 +9,16 @@ from starlette.requests import ClientDisconnect, Request
 from ...models.base.errors import PzctlError
 
 MOST_BODY = 64 << 10
-"""Bytes of a command: a fit by hand with everything chosen has a few thousand."""
+"""Greatest number of bytes of a command; a manual fit with all choices has a few thousand."""
 
 BODY_SECONDS = 10.0
-"""Within which the whole body has to come."""
+"""Seconds within which the whole body has to arrive."""
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 
 class BodyError(PzctlError):
-    """A body that is not taken; `status` is the one of HTTP."""
+    """A request body is refused; `status` is the HTTP status."""
 
     def __init__(self, message: str, status: int = 400) -> None:
         super().__init__(message)
@@ -26,13 +26,13 @@ class BodyError(PzctlError):
 
 
 class NoFields(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The body of a command that needs no words: an empty object, or nothing at all."""
+    """The body of a command without fields: an empty object, or nothing."""
 
 
 async def read_body(request: Request, expected: type[T]) -> T:
-    """Return the body of a request. Raises BodyError where it is too long, too slow or something else.
+    """Return the body of a request. Raises BodyError if it is too long, too slow or not an object of these fields.
 
-    What does not belong there is not read further: nothing can be nested deeper than the fields are.
+    Decoding stops at the first thing that does not fit a field, so deep nesting does no harm.
     """
     try:
         async with asyncio.timeout(BODY_SECONDS):
@@ -46,14 +46,14 @@ async def read_body(request: Request, expected: type[T]) -> T:
     except msgspec.ValidationError as error:
         raise BodyError(f"request: {error}") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise BodyError(f"request: its body is no JSON object: {error}") from None
+        raise BodyError(f"request: its body is not a JSON object: {error}") from None
 
 
 async def _text(request: Request) -> bytes:
-    """Return the bytes of a body, read no further than is allowed."""
+    """Return the bytes of a body; stop reading at the limit."""
     text = bytearray()
     async for part in request.stream():
         text += part
         if len(text) > MOST_BODY:
-            raise BodyError(f"request: its body has more than {MOST_BODY} bytes; at most these are allowed", 413)
+            raise BodyError(f"request: its body has more than the {MOST_BODY} bytes that are allowed", 413)
     return bytes(text)

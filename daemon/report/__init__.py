@@ -1,1 +1,1 @@
-"""Results for people and programs: tables, pictures, JSON, HTML and PDF documents."""
+"""Results for people and programs: tables, pictures, JSON, HTML and PDF."""

@@ -1,11 +1,10 @@
-"""Sliders in a notebook: the model's curve moves while one drags, then "Fit" with exactly these choices.
+"""A notebook widget for manual fits: sliders move the model's curve, and "Fit" fits with exactly these choices.
 
 from pzctl.daemon.samples.journal_manual_fit import of_sample
 from pzctl.daemon.report.fit_widget import sliders
-board = sliders(of_sample("S4"))
-board
+sliders(of_sample("S4"))
 
-Needs `pip install 'pzctl[notebook]'` (ipywidgets). Everything it does, `ByHand` does without it.
+Needs `pip install 'pzctl[notebook]'` (ipywidgets). `ManualFit` does the same without a widget.
 """
 
 import io
@@ -24,30 +23,30 @@ _STEPS = 400
 
 
 class FitWidgetError(PzctlError):
-    """What a notebook needs is not there."""
+    """The notebook widget cannot be made."""
 
 
-def sliders(hand: ManualFit, choices: Choices | None = None) -> Any:
-    """Return a widget with a slider and a tick for each handle, and the curve. Raises NotebookError, FitError."""
-    return FitWidget(hand, choices or Choices()).box
+def sliders(manual_fit: ManualFit, choices: Choices | None = None) -> Any:
+    """Return a widget with the curves and a slider and a check box per constant. Raises FitWidgetError, FitError."""
+    return FitWidget(manual_fit, choices or Choices()).box
 
 
-def curve_svg(look: ModelPreview) -> str:
-    """Return |Z| and phase of measurement and model over frequency, a column for each sweep, as SVG."""
+def curve_svg(preview: ModelPreview) -> str:
+    """Return |Z| and phase of measurement and model over frequency as SVG, with one column for each sweep."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    width, height = max(7.0, 4.6 * len(look.curves)), 5.0
+    width, height = max(7.0, 4.6 * len(preview.curves)), 5.0
     figure: Any = Figure(figsize=(width, height))
     FigureCanvasSVG(figure)
-    # Margins in inches: a layout that matplotlib finds itself takes longer than all of the drawing.
+    # Margins in inches, because matplotlib's automatic layout takes longer than the drawing.
     figure.subplots_adjust(0.85 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.65 / height, wspace=0.2, hspace=0.06)
-    axes = figure.subplots(2, len(look.curves), squeeze=False, sharex="col")
-    for k, curve in enumerate(look.curves):
+    axes = figure.subplots(2, len(preview.curves), squeeze=False, sharex="col")
+    for k, curve in enumerate(preview.curves):
         _column(axes[:, k], curve)
     axes[0, 0].set_ylabel("|Z| (Ω)")
     axes[1, 0].set_ylabel("phase (°)")
-    figure.suptitle(f"chi2/dof {look.chi2_per_dof:.3g}")
+    figure.suptitle(f"chi2/dof {preview.chi2_per_dof:.3g}")
     memory = io.StringIO()
     figure.savefig(memory, format="svg")
     return memory.getvalue()
@@ -63,10 +62,10 @@ def _column(axes: Any, curve: Curve) -> None:
 
 
 class FitWidget:
-    """The widget and what it shows."""
+    """The widget and its state."""
 
-    def __init__(self, hand: ManualFit, choices: Choices) -> None:
-        """Build the widget. Raises NotebookError where ipywidgets is not installed."""
+    def __init__(self, manual_fit: ManualFit, choices: Choices) -> None:
+        """Build the widget. Raises FitWidgetError if ipywidgets is not installed."""
         try:
             import ipywidgets  # type: ignore[reportMissingTypeStubs]
         except ModuleNotFoundError:
@@ -74,13 +73,14 @@ class FitWidget:
                 "ipywidgets is not installed; sliders need it: pip install 'pzctl[notebook]'"
             ) from None
         self._widgets: Any = ipywidgets
-        self._hand, self._choices = hand, choices
+        self._manual_fit, self._choices = manual_fit, choices
         self.result: FitResult | None = None
         """The latest fit made here."""
-        look = hand.look(choices)
-        self._slider = {one.name: self._made(one) for one in look.handles}
+        adjustables = manual_fit.look(choices).handles
+        self._slider = {adjustable.name: self._new_slider(adjustable) for adjustable in adjustables}
         self._tick = {
-            one.name: self._widgets.Checkbox(one.free, indent=False, layout={"width": "4em"}) for one in look.handles
+            adjustable.name: self._widgets.Checkbox(adjustable.free, indent=False, layout={"width": "4em"})
+            for adjustable in adjustables
         }
         self._button = self._widgets.Button(description="Fit", button_style="primary")
         self._picture, self._words = self._widgets.HTML(), self._widgets.HTML()
@@ -94,7 +94,7 @@ class FitWidget:
 
     @property
     def choices(self) -> Choices:
-        """What is chosen now."""
+        """The current choices."""
         return Choices(
             free=tuple(name for name, tick in self._tick.items() if tick.value),
             values={name: float(slider.value) for name, slider in self._slider.items()},
@@ -102,35 +102,34 @@ class FitWidget:
             effects=self._choices.effects,
         )
 
-    def _made(self, one: Adjustable) -> Any:
+    def _new_slider(self, adjustable: Adjustable) -> Any:
         look = {
-            "description": f"{one.name} ({one.unit})",
+            "description": f"{adjustable.name} ({adjustable.unit})",
             "style": {"description_width": "18em"},
             "layout": {"width": "40em"},
         }
-        if one.scale == "linear":
-            return self._widgets.FloatSlider(
-                one.value, min=one.low, max=one.high, step=(one.high - one.low) / _STEPS, **look
-            )
-        low, high = float(np.log10(one.low)), float(np.log10(one.high))
-        return self._widgets.FloatLogSlider(one.value, min=low, max=high, step=(high - low) / _STEPS, **look)
+        value, low, high = adjustable.value, adjustable.low, adjustable.high
+        if adjustable.scale == "linear":
+            return self._widgets.FloatSlider(value, min=low, max=high, step=(high - low) / _STEPS, **look)
+        low, high = float(np.log10(low)), float(np.log10(high))
+        return self._widgets.FloatLogSlider(value, min=low, max=high, step=(high - low) / _STEPS, **look)
 
     def _moved(self, _: Any) -> None:
         self._show()
 
     def _show(self) -> None:
         try:
-            self._picture.value = curve_svg(self._hand.look(self.choices))
+            self._picture.value = curve_svg(self._manual_fit.look(self.choices))
         except PzctlError as error:
             self._words.value = str(error)
 
     def _fit(self, _: Any) -> None:
         try:
-            self.result, there = self._hand.fit(self.choices)
+            self.result, fitted = self._manual_fit.fit(self.choices)
         except PzctlError as error:
             self._words.value = str(error)
             return
-        for name, value in there.values.items():
+        for name, value in fitted.values.items():
             self._slider[name].unobserve(self._moved, names="value")
             self._slider[name].value = value
             self._slider[name].observe(self._moved, names="value")

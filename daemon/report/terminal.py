@@ -1,4 +1,4 @@
-"""Where the command line prints: what comes from outside is text there, neither markup nor a terminal's commands."""
+"""The consoles of the command line, which print text from outside as plain text: no markup, no terminal commands."""
 
 from collections.abc import Iterable
 
@@ -11,17 +11,17 @@ from rich.text import Text
 from ...models.base.names import shown
 
 _PIPED_WIDTH = 120
-"""Columns where nobody says how wide the screen is: a pipe, a file."""
+"""Columns of output to a pipe or a file."""
 
 
 class PlainConsole(Console):
-    r"""A console to which `[red]` is a word in brackets, and which shows an escape as `\x1b`."""
+    r"""A console that prints `[red]` as it is and an escape character as `\x1b`."""
 
     def __init__(self, *, stderr: bool, quiet: bool, width: int | None = None) -> None:
         super().__init__(stderr=stderr, quiet=quiet, width=width, markup=False, emoji=False)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Yield what is printed, every character of it one that can be."""
+        """Yield the segments to print, with every character that cannot be printed escaped."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(shown(segment.text, keep="\n\t"), segment.style)
 
@@ -34,7 +34,7 @@ class PlainConsole(Console):
         speed: float = 1.0,
         refresh_per_second: float = 12.5,
     ) -> Status:
-        """Return a spinner beside these words, which Rich would take for markup."""
+        """Return a spinner beside this text, which Rich would otherwise read as markup."""
         words = Text(status) if isinstance(status, str) else status
         return super().status(
             words,
@@ -50,14 +50,14 @@ class _Manner:
 
 
 def be_quiet(quiet: bool) -> None:
-    """Print nothing on standard error but errors and notes: no progress, no hints."""
+    """Print only errors and notes on standard error, no progress and no hints, if `quiet` is set."""
     _Manner.quiet = quiet
 
 
 def console(stderr: bool = False) -> PlainConsole:
-    """Return a console on standard output or standard error; no colour and a fixed width where it is piped.
+    """Return a console on standard output or standard error; piped output has a fixed width.
 
-    Colour goes as people expect: off with NO_COLOR or where it is piped, on with FORCE_COLOR.
+    Colour is off with NO_COLOR or in piped output, and on with FORCE_COLOR.
     """
     silent = stderr and _Manner.quiet
     plain = PlainConsole(stderr=stderr, quiet=silent)

@@ -1,1 +1,1 @@
-"""Samples as the journal or a folder holds them, and results written back to them."""
+"""Samples of the journal or of a folder, and results written back to the journal."""

@@ -1,9 +1,9 @@
-"""A sample of the journal taken in hand: for the live page, for scripts and for notebooks.
+"""Manual fits of samples in the journal, for the live page, scripts and notebooks.
 
 hand = of_sample("S4", step="ml1")
 hand.look(Choices(values={"glue1.thickness": 12e-6})).chi2_per_dof
 result, there = hand.fit(Choices(free=("disk.c33D", "glue1.thickness"), effects=(("lead-inductance", "terminals"),)))
-hand.keep(there, by="ana")          # fitted once more, and in the journal with her name
+hand.keep(there, by="ana")          # fit again and write the result into the journal with her name
 of_sample("D7", fitter="disk")      # a bare round disk, with the model of `disk` or of `radial`
 """
 
@@ -30,30 +30,30 @@ from .sample_selection import open_journal
 __all__ = ["Choices", "JournalManualFit", "ManualFit", "NobodyError", "of_measurement", "of_sample"]
 
 _FEW = 6
-"""Constants that a sentence names one by one."""
+"""Greatest number of constants that a sentence lists by name."""
 
 
 class NobodyError(PzctlError):
-    """A fit by hand that is to be kept, and nobody who made it."""
+    """A manual fit cannot be kept without the name of the person who made it."""
 
 
 class JournalManualFit(ManualFit):
-    """A measurement of the journal, taken in hand."""
+    """A manual fit of a measurement in the journal."""
 
     measurement = ""
-    """Its id."""
+    """The measurement's id."""
 
     def keep(self, choices: Choices, by: str) -> tuple[FitResult, Choices]:
-        """Fit with exactly these choices and write the result into the journal, with who made it and what was chosen.
+        """Fit with exactly these choices and write the result into the journal, with the choices and the person's name.
 
-        Return what `fit` returns. The same fit by the same person is in the journal once. Raises NobodyError where
-        `by` names nobody, FitError, DaemonError, JournalError.
+        Return what `fit` returns. Keeping the same fit by the same person twice adds it only once. Raises NobodyError
+        if `by` is not a name, FitError, DaemonError, JournalError.
         """
         who = " ".join(by.split())
         try:
             check_name(who, "by")
         except NameFault:
-            says = f"by: {by!r} names nobody; 1 to {LONGEST_NAME} letters say who made the fit"
+            says = f"by: {by!r} is no name; give the name of the person who made the fit, 1 to {LONGEST_NAME} letters"
             raise NobodyError(says) from None
         result, there = self.fit(choices)
         result = _signed(result, choices, who, self.fitter)
@@ -64,8 +64,8 @@ class JournalManualFit(ManualFit):
 
 
 def _signed(result: FitResult, choices: Choices, by: str, model: str) -> FitResult:
-    """Return the result with its maker and the choices in it; its version tells it from a fit with other choices."""
-    free = [name for name, one in result.constants.items() if one.free]
+    """Return the result with the person and the choices added; its version depends on both."""
+    free = [name for name, constant in result.constants.items() if constant.free]
     moved = ", ".join(free) if len(free) <= _FEW else f"{len(free)} constants"
     chosen = {"by": by, "model": model, **msgspec.to_builtins(choices)}
     mark = hashlib.sha256(to_json(chosen)).hexdigest()[:12]
@@ -82,63 +82,64 @@ def _signed(result: FitResult, choices: Choices, by: str, model: str) -> FitResu
 
 
 def of_sample(name: str, step: str | None = None, fitter: str = DEFAULT) -> JournalManualFit:
-    """Return the latest measurement of a sample's step in hand, with the steps before it; None: the latest step.
+    """Return a manual fit of the latest measurement of a sample's step (None: the latest step) and the steps before.
 
-    `fitter`: whose model, `mason`, or of a bare round disk `radial` or `disk`. Handles begin where its latest fit
-    ended, and where it has not answered at nominal values, or where the peaks of the recording are.
+    `fitter` names the model: `mason`, or for a bare round disk `radial` or `disk`. The adjustable constants start from
+    its latest fit, or else from nominal values or the peaks of the recording.
 
     Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
     """
-    archive = open_journal()
+    journal = open_journal()
     try:
-        found = archive.measurements("sample = ? AND state = 'measured'", name)
-        chosen = [one for one in found if step in (None, one.sample.step)]
+        measured = journal.measurements("sample = ? AND state = 'measured'", name)
+        chosen = [measurement for measurement in measured if step in (None, measurement.sample.step)]
         if not chosen:
-            there = ", ".join(dict.fromkeys(one.sample.step for one in found)) or "none"
-            asked = f"step {step!r} was not measured" if step else "it was not measured"
-            raise UnknownSampleError(f"sample {name!r}: {asked}; measured: {there}")
-        return _in_hand(archive, chosen[-1], fitter)
+            steps = ", ".join(dict.fromkeys(measurement.sample.step for measurement in measured)) or "none"
+            missing = f"step {step!r} was not measured" if step else "it was not measured"
+            raise UnknownSampleError(f"sample {name!r}: {missing}; measured: {steps}")
+        return _manual_fit(journal, chosen[-1], fitter)
     finally:
-        archive.close()
+        journal.close()
 
 
 def of_measurement(measurement: str, fitter: str = DEFAULT) -> JournalManualFit:
-    """Return one measurement in hand, be it still running, with the latest of each step before it.
+    """Return a manual fit of one measurement, which may still run, with the latest one of each step before it.
 
     `fitter` as in `of_sample`. Raises UnknownSampleError, NoSamplesError, JournalError, FitError.
     """
-    archive = open_journal()
+    journal = open_journal()
     try:
-        one = archive.measurement(measurement)
-        if one is None:
+        record = journal.measurement(measurement)
+        if record is None:
             raise UnknownSampleError(f"the journal holds no measurement {measurement!r}")
-        return _in_hand(archive, one, fitter)
+        return _manual_fit(journal, record, fitter)
     finally:
-        archive.close()
+        journal.close()
 
 
-def _in_hand(archive: JournalReader, one: JournalMeasurement, fitter: str) -> JournalManualFit:
-    build = archive.build(one.id)
+def _manual_fit(journal: JournalReader, measurement: JournalMeasurement, fitter: str) -> JournalManualFit:
+    build = journal.build(measurement.id)
+    last = measurement.sample.step
     names = [step.name for step in build.steps]
-    # The others' models are of one step alone: that of the bare disk.
-    names = names[: names.index(one.sample.step) + 1] if fitter == DEFAULT else [one.sample.step]
+    # All models but the default one describe the bare disk, which is a single step.
+    names = names[: names.index(last) + 1] if fitter == DEFAULT else [last]
     sweeps: dict[str, tuple[Sweep, ...]] = {}
     result: FitResult | None = None
     for step in names:
-        found = one.id if step == one.sample.step else archive.latest(one.sample.name, step, one.id)
-        if found is not None:
-            sweeps[step] = tuple(decode(event).sweep() for event in archive.sweeps(found))
-            result = _fit(archive, found, fitter) or result
+        of_step = measurement.id if step == last else journal.latest(measurement.sample.name, step, measurement.id)
+        if of_step is not None:
+            sweeps[step] = tuple(decode(event).sweep() for event in journal.sweeps(of_step))
+            result = _fit(journal, of_step, fitter) or result
     task = FitTask(build, sweeps)
-    hand = JournalManualFit.after(task, result) if result is not None else JournalManualFit(task, fitter)
-    hand.measurement = one.id
-    return hand
+    manual_fit = JournalManualFit.after(task, result) if result is not None else JournalManualFit(task, fitter)
+    manual_fit.measurement = measurement.id
+    return manual_fit
 
 
-def _fit(archive: JournalReader, measurement: str, fitter: str) -> FitResult | None:
-    """Return a fitter's latest fit to a measurement."""
-    for frames in reversed(archive.fits(measurement)):
-        heard = decode(frames)
-        if isinstance(heard.event, FitEvent) and heard.event.fitter == fitter and heard.event.report is not None:
-            return fit_of(heard)
+def _fit(journal: JournalReader, measurement: str, fitter: str) -> FitResult | None:
+    """Return a fitter's latest fit of a measurement."""
+    for frames in reversed(journal.fits(measurement)):
+        answer = decode(frames)
+        if isinstance(answer.event, FitEvent) and answer.event.fitter == fitter and answer.event.report is not None:
+            return fit_of(answer)
     return None

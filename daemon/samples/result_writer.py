@@ -1,4 +1,4 @@
-"""Keeping what was found outside the daemon: a result goes into the journal, as if its fitter had answered there."""
+"""Writing results found outside the daemon into the journal, as if their fitter had answered the daemon."""
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
@@ -17,19 +17,18 @@ from ..wire.result_messages import curve_columns, report_of
 from .sample_selection import Sample
 
 SaveResult: TypeAlias = Callable[[str, Sequence[str], FitResult], None]
-"""Keeps a result; given the measurement's id, and those of the sweeps it is about."""
+"""Writes a result into the journal, given the measurement's id, the ids of its sweeps, and the result."""
 
 
 @contextmanager
 def keeping(home: Path) -> Generator[SaveResult]:
-    """Give a function that hands results to the daemon of this data folder, or writes them down where none runs.
+    """Yield a function that submits results to the daemon of this data folder, or writes them itself if none runs.
 
-    A result that the same version found before from the same sweeps is there already, and not written again. Raises
-    DaemonError or JournalError.
+    A result of the same version and the same sweeps is not written twice. Raises DaemonError or JournalError.
     """
-    where = find(home)
-    if where is not None:
-        with Client(where.events, where.requests, where.key) as client:
+    location = find(home)
+    if location is not None:
+        with Client(location.events, location.requests, location.key) as client:
             yield lambda measurement, sweeps, result: client.submit(
                 measurement, sweeps, result.fitter, result.version, result
             )
@@ -42,11 +41,11 @@ def keeping(home: Path) -> Generator[SaveResult]:
 
 
 def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> None:
-    """Keep the results of `samples`, each for its measurement. Raises DaemonError or JournalError."""
-    of = {sample.name: sample for sample in samples}
+    """Write the results of `samples` into the journal, each for its measurement. Raises DaemonError or JournalError."""
+    by_name = {sample.name: sample for sample in samples}
     with keeping(home) as put:
         for outcome in outcomes:
-            sample = of[outcome.sample]
+            sample = by_name[outcome.sample]
             if outcome.result is not None and sample.measurement is not None:
                 put(sample.measurement, _sweeps(sample), outcome.result)
 

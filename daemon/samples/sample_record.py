@@ -1,4 +1,4 @@
-"""What the journal knows of one sample: the latest measurement of each gluing step, and what was answered to it."""
+"""The journal's record of one sample: the latest measurement of each gluing step, with its fits and diagnosis."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,90 +16,107 @@ from ..wire.result_messages import curves_of
 
 
 class UnknownSampleError(PzctlError):
-    """The journal holds no such sample, and no such measurement."""
+    """The journal holds no such sample or measurement."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepRecord:
-    """One measurement of one gluing step, and what was answered to it."""
+    """One measurement of one gluing step, with its fits and diagnosis."""
 
     measurement: JournalMeasurement
     sweeps: tuple[Sweep, ...]
     idn: str
-    """Who measured, as `*IDN?` said."""
+    """The analyzer's answer to `*IDN?`."""
     fits: tuple[FitResult, ...]
     """The latest result of each fitter."""
     refusals: tuple[str, ...]
-    """Why a fitter gave none, a sentence each."""
+    """One sentence for each fitter that refused."""
     diagnosis: DiagnosisEvent | None
     """The latest; its `diagnosis` is the object of `pzctl diagnose --json`."""
     diagnosis_curves: tuple[Curve, ...]
-    """Of its picture; none where it came without."""
+    """The curves of the diagnosis's picture; may be empty."""
     withdrawal: Withdrawal | None = None
-    """Who withdrew the measurement; then it was asked for by its id."""
+    """The withdrawal of the measurement; only a request by its id returns a withdrawn one."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleRecord:
-    """One sample as it is known now."""
+    """The current record of one sample."""
 
     name: str
     build: Build
-    """That of the newest measurement."""
+    """The build of the newest measurement."""
     steps: tuple[StepRecord, ...]
     """In the order in which they were measured."""
     withdrawn: tuple[str, ...] = ()
-    """A sentence for each measurement of the sample that was withdrawn."""
+    """One sentence for each withdrawn measurement of the sample."""
 
 
-def sample_record(archive: JournalReader, asked: str) -> SampleRecord:
-    """Return what is known of a sample, or of the one measurement with this id.
+def sample_record(journal: JournalReader, name_or_id: str) -> SampleRecord:
+    """Return the record of a sample, or of the one measurement with this id.
 
     Raises UnknownSampleError, JournalError.
     """
-    one = archive.measurement(asked)
-    found = [one] if one is not None else archive.measurements("sample = ? AND state = 'measured'", asked)
-    name = found[-1].sample.name if found else asked
-    withdrawn = tuple(_withdrawn(archive, name))
-    if not found and withdrawn:
-        raise UnknownSampleError(f"sample {asked!r}: no measurement of it counts: {'; '.join(withdrawn)}")
-    if not found:
-        raise UnknownSampleError(_unknown(archive, asked))
+    by_id = journal.measurement(name_or_id)
+    measured = [by_id] if by_id else journal.measurements("sample = ? AND state = 'measured'", name_or_id)
+    name = measured[-1].sample.name if measured else name_or_id
+    withdrawn = tuple(_withdrawn(journal, name))
+    if not measured and withdrawn:
+        raise UnknownSampleError(f"sample {name!r}: all its measurements were withdrawn: {'; '.join(withdrawn)}")
+    if not measured:
+        raise UnknownSampleError(_unknown(journal, name))
     latest: dict[str, JournalMeasurement] = {}
-    for measurement in found:
+    for measurement in measured:
         latest.pop(measurement.sample.step, None)
         latest[measurement.sample.step] = measurement
-    build = archive.build(found[-1].id)
+    build = journal.build(measured[-1].id)
     order = {step.name: k for k, step in enumerate(build.steps)}
     steps = sorted(latest.values(), key=lambda m: order.get(m.sample.step, -1))
-    return SampleRecord(name, build, tuple(_step(archive, measurement) for measurement in steps), withdrawn)
+    return SampleRecord(name, build, tuple(_step(journal, measurement) for measurement in steps), withdrawn)
 
 
-def _withdrawn(archive: JournalReader, name: str) -> Iterator[str]:
-    """Yield a sentence for each measurement of a sample that was withdrawn."""
-    for one in archive.measurements("sample = ? AND state = ?", name, WITHDRAWN):
-        found = withdrawal_of(archive, one.id)
-        if found is not None:
-            when = one.time[:16].replace("T", " ")
-            yield f"step {one.sample.step} of {when} UTC ({one.id}) was {found.says}"
+def step_sweeps(journal: JournalReader, sample: str, step: str | None) -> list[Sweep]:
+    """Return every sweep of a sample's step, the oldest first; of the step last measured where none is named.
+
+    Raises UnknownSampleError.
+    """
+    measured = journal.measurements("sample = ? AND state = 'measured'", sample)
+    if not measured:
+        raise UnknownSampleError(_unknown(journal, sample))
+    steps = list(dict.fromkeys(measurement.sample.step for measurement in measured))
+    wanted = step or measured[-1].sample.step
+    if wanted not in steps:
+        raise UnknownSampleError(f"sample {sample!r}: step {wanted!r} was not measured; measured: {', '.join(steps)}")
+    of_step = [measurement for measurement in measured if measurement.sample.step == wanted]
+    return [decode(frames).sweep() for measurement in of_step for frames in journal.sweeps(measurement.id)]
 
 
-def _unknown(archive: JournalReader, asked: str) -> str:
-    names = list(dict.fromkeys(one.sample.name for one in archive.measurements("state = 'measured'")))
-    close = get_close_matches(asked, names, n=1)
+def _withdrawn(journal: JournalReader, name: str) -> Iterator[str]:
+    """Yield one sentence for each withdrawn measurement of a sample."""
+    for measurement in journal.measurements("sample = ? AND state = ?", name, WITHDRAWN):
+        withdrawal = withdrawal_of(journal, measurement.id)
+        if withdrawal is not None:
+            when = measurement.time[:16].replace("T", " ")
+            yield f"step {measurement.sample.step} of {when} UTC ({measurement.id}) was {withdrawal.says}"
+
+
+def _unknown(journal: JournalReader, name: str) -> str:
+    """Return the sentence about a name that the journal does not hold, with the names that it holds."""
+    names = list(dict.fromkeys(measured.sample.name for measured in journal.measurements("state = 'measured'")))
+    close = get_close_matches(name, names, n=1)
     if close:
-        return f"sample {asked!r}: the journal holds none; did you mean {close[0]!r}?"
+        return f"sample {name!r}: the journal holds none; did you mean {close[0]!r}?"
     some = ", ".join(names[-8:]) or "no complete measurement"
-    return f"sample {asked!r}: the journal holds no sample and no measurement of that name; it holds {some}"
+    return f"sample {name!r}: the journal holds no sample and no measurement of that name; it holds {some}"
 
 
-def _step(archive: JournalReader, one: JournalMeasurement) -> StepRecord:
-    heard = [decode(frames) for frames in archive.sweeps(one.id)]
+def _step(journal: JournalReader, measurement: JournalMeasurement) -> StepRecord:
+    events = [decode(frames) for frames in journal.sweeps(measurement.id)]
     fits: dict[str, FitResult] = {}
     refusals: dict[str, str] = {}
     diagnosis: DiagnosisEvent | None = None
     curves: tuple[Curve, ...] = ()
-    for answer in map(decode, archive.fits(one.id)):
+    for answer in map(decode, journal.fits(measurement.id)):
         event = answer.event
         if isinstance(event, DiagnosisEvent):
             diagnosis, curves = event, curves_of(event.curves, answer.arrays)
@@ -107,8 +124,8 @@ def _step(archive: JournalReader, one: JournalMeasurement) -> StepRecord:
             fits[event.fitter] = fit_of(answer)
         elif isinstance(event, FitEvent):
             refusals[event.fitter] = event.error or "no reason was given"
-    idn = next((h.event.instrument.idn for h in heard if isinstance(h.event, SweepEvent)), "")
+    idn = next((received.event.instrument.idn for received in events if isinstance(received.event, SweepEvent)), "")
     sentences = tuple(f"{name}: {why}" for name, why in refusals.items() if name not in fits)
-    withdrawal = withdrawal_of(archive, one.id) if one.state == WITHDRAWN else None
-    recorded = tuple(h.sweep() for h in heard)
-    return StepRecord(one, recorded, idn, tuple(fits.values()), sentences, diagnosis, curves, withdrawal)
+    withdrawal = withdrawal_of(journal, measurement.id) if measurement.state == WITHDRAWN else None
+    sweeps = tuple(received.sweep() for received in events)
+    return StepRecord(measurement, sweeps, idn, tuple(fits.values()), sentences, diagnosis, curves, withdrawal)

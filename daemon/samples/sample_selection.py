@@ -1,4 +1,4 @@
-"""Samples to be looked at together: those of the journal, or those of a folder with one subfolder for each."""
+"""Selection of samples: those of the journal, or those of a folder with one subfolder for each sample."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from ..wire.events import FitEvent, decode
 
 BUILD = "build.toml"
 _TYPES = (".csv", ".txt", ".tsv", ".s1p", ".z1p", ".y1p")
-"""Files of a sample's folder that are taken for recordings."""
+"""File name extensions of recordings in a sample's folder."""
 
 
 class NoSamplesError(CannotError):
-    """Nothing is there that could be listed or fitted."""
+    """There is nothing to list or to fit."""
 
 
 class FolderMissing(PzctlError):
@@ -39,14 +39,14 @@ class Sample:
     job: BatchJob | None
     error: str | None = None
     notes: tuple[str, ...] = ()
-    """What a person should know of it, a sentence each."""
+    """Sentences that a person should read about the sample."""
     measurement: str | None = None
     """The journal's measurement of the last gluing step; None for a sample of a folder."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatestFit:
-    """The fit of a sample's newest measurement that has one."""
+    """The fit of a sample's newest measurement that was fitted."""
 
     result: FitResult
     measurement: JournalMeasurement
@@ -54,9 +54,9 @@ class LatestFit:
 
 
 def open_journal() -> JournalReader:
-    """Return this user's journal, opened for reading: that of the daemon which runs, else that of the settings.
+    """Open this user's journal for reading: the running daemon's, or else the one in the settings.
 
-    Raises NoSamplesError where nothing was ever measured.
+    Raises NoSamplesError if nothing was measured yet.
     """
     running = find(home())
     url, station = (running.journal, running.station) if running else journal_of(settings({}))
@@ -69,36 +69,34 @@ def open_journal() -> JournalReader:
 
 
 def journal_samples(
-    archive: JournalReader, free: tuple[str, ...] | None = None, *, with_withdrawn: bool = False
+    journal: JournalReader, free: tuple[str, ...] | None = None, *, with_withdrawn: bool = False
 ) -> list[Sample]:
     """Return every sample with the latest complete measurement of each of its steps, and the build of the newest.
 
-    One that was withdrawn is passed over unless `with_withdrawn`.
+    Withdrawn measurements are left out unless `with_withdrawn`.
     """
     latest: dict[str, dict[str, JournalMeasurement]] = {}
-    for one in archive.measurements(_counted(with_withdrawn=with_withdrawn)):
-        steps = latest.setdefault(one.sample.name, {})
-        steps.pop(one.sample.step, None)
-        steps[one.sample.step] = one  # so the newest of all stands last
+    for measurement in journal.measurements(_counted(with_withdrawn=with_withdrawn)):
+        steps = latest.setdefault(measurement.sample.name, {})
+        steps.pop(measurement.sample.step, None)
+        steps[measurement.sample.step] = measurement  # moves the newest measurement to the end
     if not latest:
-        raise NoSamplesError(f"the journal in {archive.name} holds no complete measurement")
-    return [_journal_sample(archive, name, steps, free) for name, steps in latest.items()]
+        raise NoSamplesError(f"the journal in {journal.name} holds no complete measurement")
+    return [_journal_sample(journal, name, steps, free) for name, steps in latest.items()]
 
 
 def _journal_sample(
-    archive: JournalReader, name: str, latest: dict[str, JournalMeasurement], free: tuple[str, ...] | None
+    journal: JournalReader, name: str, latest: dict[str, JournalMeasurement], free: tuple[str, ...] | None
 ) -> Sample:
     newest = list(latest.values())[-1].id
     try:
-        build = archive.build(newest)
+        build = journal.build(newest)
         known = [step.name for step in build.steps if step.name in latest]
-        sweeps = {step: tuple(decode(e).sweep() for e in archive.sweeps(latest[step].id)) for step in known}
+        sweeps = {step: tuple(decode(e).sweep() for e in journal.sweeps(latest[step].id)) for step in known}
     except PzctlError as error:
         return Sample(name, None, str(error))
     notes = tuple(
-        f"step {step!r} was measured with an earlier build that had it; it is left out"
-        for step in latest
-        if step not in known
+        f"step {step!r} is left out: the latest build no longer has it" for step in latest if step not in known
     )
     if not known:
         return Sample(name, None, "no step of its latest build was measured", notes)
@@ -106,20 +104,20 @@ def _journal_sample(
 
 
 def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sample]:
-    """Return the sample of every subfolder that holds a build.toml, called as the subfolder.
+    """Return the sample of every subfolder that holds a build.toml; its name is that of the subfolder.
 
-    Raises NoSamplesError where there is none, FolderMissing.
+    Raises NoSamplesError if there is none, FolderMissing.
     """
     if not folder.is_dir():
         raise FolderMissing(f"{folder}: no such folder; one with a subfolder for each sample is needed")
-    found = sorted(path.parent for path in folder.glob(f"*/{BUILD}"))
-    if not found:
+    folders = sorted(path.parent for path in folder.glob(f"*/{BUILD}"))
+    if not folders:
         raise NoSamplesError(f"{folder}: no subfolder holds a {BUILD}; each sample needs {BUILD} and STEP.csv files")
-    return [folder_sample(path, free) for path in found]
+    return [folder_sample(path, free) for path in folders]
 
 
 def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
-    """Return the sample of a folder with a build.toml and recordings, or what is wrong with it."""
+    """Return the sample of a folder with a build.toml and recordings; it has an `error` if it cannot be fitted."""
     try:
         build = read_build(folder / BUILD)
         steps = [step.name for step in build.steps]
@@ -141,10 +139,10 @@ def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
 
 
 def step_of(stem: str, steps: Sequence[str]) -> str | None:
-    """Return the step that a file's name without extension begins with, the longest where several do.
+    """Return the longest step name that a file's name (without extension) begins with, or None.
 
-    What follows must not make another word or number of it: `disk-2` and `disk2` are of step `disk`, `diskette` is
-    not, and `ml12` is not of step `ml1`.
+    The rest must not continue a word or a number: `disk-2` and `disk2` belong to step `disk`, but `diskette` does not,
+    and `ml12` does not belong to step `ml1`.
     """
     for step in sorted(steps, key=len, reverse=True):
         rest = stem.removeprefix(step)
@@ -154,39 +152,40 @@ def step_of(stem: str, steps: Sequence[str]) -> str | None:
 
 
 def latest_fits(
-    archive: JournalReader, fitter: str, step: str | None, *, with_withdrawn: bool = False
+    journal: JournalReader, fitter: str, step: str | None, *, with_withdrawn: bool = False
 ) -> dict[str, LatestFit]:
-    """Return the latest fit of each sample that has one: that of its newest measurement (of `step`) with a result.
+    """Return the latest fit of each fitted sample, by name: that of its newest measurement (of `step`) with a result.
 
-    A measurement that was withdrawn is passed over unless `with_withdrawn`.
+    Withdrawn measurements are left out unless `with_withdrawn`.
     """
-    measured = archive.measurements(_counted(with_withdrawn=with_withdrawn))
-    found: dict[str, LatestFit | None] = {one.sample.name: None for one in measured}
-    for one in reversed(measured):
-        if found[one.sample.name] is None and step in (None, one.sample.step):
-            found[one.sample.name] = _fit_of_measurement(archive, one, fitter)
-    return {name: fit for name, fit in found.items() if fit is not None}
+    measured = journal.measurements(_counted(with_withdrawn=with_withdrawn))
+    fits: dict[str, LatestFit | None] = {measurement.sample.name: None for measurement in measured}
+    for measurement in reversed(measured):
+        sample = measurement.sample
+        if fits[sample.name] is None and step in (None, sample.step):
+            fits[sample.name] = _fit_of_measurement(journal, measurement, fitter)
+    return {name: fit for name, fit in fits.items() if fit is not None}
 
 
 def _counted(*, with_withdrawn: bool) -> str:
-    """Return the SQL condition of measurements that count."""
+    """Return the SQL condition that selects the measurements to use."""
     return "state IN ('measured', 'withdrawn')" if with_withdrawn else "state = 'measured'"
 
 
-def _fit_of_measurement(archive: JournalReader, one: JournalMeasurement, fitter: str) -> LatestFit | None:
-    if fitter not in archive.fitters(one.id):
+def _fit_of_measurement(journal: JournalReader, measurement: JournalMeasurement, fitter: str) -> LatestFit | None:
+    if fitter not in journal.fitters(measurement.id):
         return None
-    for frames in reversed(archive.fits(one.id)):
-        heard = decode(frames)
-        if isinstance(heard.event, FitEvent) and heard.event.fitter == fitter and heard.event.report is not None:
-            return LatestFit(fit_of(heard), one, archive.build(one.id))
+    for frames in reversed(journal.fits(measurement.id)):
+        answer = decode(frames)
+        if isinstance(answer.event, FitEvent) and answer.event.fitter == fitter and answer.event.report is not None:
+            return LatestFit(fit_of(answer), measurement, journal.build(measurement.id))
     return None
 
 
 def sheets_of(builds: Iterable[Build]) -> dict[str, Quantity]:
-    """Return what data sheet or build file say of each constant (`disk.c33D`), where all builds say the same."""
-    said: dict[str, list[Quantity]] = {}
+    """Return the data sheet's or build file's value of each constant (`disk.c33D`) on which all builds agree."""
+    values: dict[str, list[Quantity]] = {}
     for build in builds:
         for name, quantity in build.data_sheet.items():
-            said.setdefault(name, []).append(quantity)
-    return {name: all_[0] for name, all_ in said.items() if all(one.value == all_[0].value for one in all_)}
+            values.setdefault(name, []).append(quantity)
+    return {name: given[0] for name, given in values.items() if all(other.value == given[0].value for other in given)}

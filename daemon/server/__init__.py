@@ -1,1 +1,1 @@
-"""The daemon process: owns the analyzer and the journal, answers requests, publishes events."""
+"""The daemon process, which owns the analyzer and the journal, answers requests and publishes events."""

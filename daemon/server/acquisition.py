@@ -1,4 +1,4 @@
-"""The one thread that owns the analyzer, and the queue of what it is to measure."""
+"""The thread that owns the analyzer, and the queue of its measurements."""
 
 import asyncio
 import logging
@@ -30,12 +30,12 @@ from ..wire.uuid7 import uuid7
 log = logging.getLogger(__name__)
 
 PROGRESS_EVERY = 0.2
-"""Seconds between two progress events, at least: they are journalled like every event."""
+"""Least seconds between two progress events, since the journal keeps them like every event."""
 
 
 @dataclass(frozen=True)
 class MeasurementJob:
-    """A measurement that was accepted."""
+    """An accepted measurement."""
 
     measurement: str
     build: Build
@@ -44,32 +44,32 @@ class MeasurementJob:
     priority: int = 0
     """Higher ones go first."""
     decides: str | None = None
-    """The measurement whose diagnosis it is to decide."""
+    """The measurement whose diagnosis this one helps to decide."""
     client: str | None = None
-    """Who asked for it: the name of their key."""
+    """Name of the client's key."""
     by: str | None = None
-    """For whom that client asked, as it said itself."""
+    """The user for whom the client asked, as the client states."""
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     @property
     def sample(self) -> SampleStep:
-        """What is measured."""
+        """The sample and its step."""
         return SampleStep(self.build.name, self.step)
 
 
 class AnalyzerThread:
-    """An analyzer behind one thread. After a failure the instrument is let go of and opened anew for the next job."""
+    """An analyzer used by one thread only. After a failure it is closed, and opened again for the next job."""
 
     def __init__(self, resource: str, open_analyzer: Callable[[str], Analyzer]) -> None:
         self._resource = resource
         self._open = open_analyzer
         self._analyzer: Analyzer | None = None
         self._last: Analyzer | None = None
-        """The one that was opened last; what it can do is known without asking it."""
+        """The analyzer opened last, whose capabilities are known without asking it."""
         self._thread = ThreadPoolExecutor(1, "analyzer")
 
     async def identify(self) -> Identity:
-        """Open the instrument and ask who it is. Raises InstrumentError."""
+        """Open the instrument and return its identity. Raises InstrumentError."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, lambda: self._opened().identify())
 
     async def measure(self, job: MeasurementJob, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
@@ -77,16 +77,16 @@ class AnalyzerThread:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._measure, job, report)
 
     async def let_go(self) -> None:
-        """Let go of the instrument, once what runs has come to its end; the next job opens it again."""
+        """Close the connection to the instrument after the running job; the next job opens it again."""
         await asyncio.get_running_loop().run_in_executor(self._thread, self._let_go)
 
     async def close(self) -> None:
-        """Let go of the instrument for good."""
+        """Close the connection to the instrument and end the thread."""
         await self.let_go()
         self._thread.shutdown()
 
     def seconds(self, plan: SweepPlan) -> float:
-        """Return how long a plan will take. Raises PlanError where the analyzer cannot do it."""
+        """Return the estimated seconds of a plan. Raises PlanError if the analyzer cannot do it."""
         return 0.0 if self._last is None else self._last.estimated_seconds(plan)
 
     def _opened(self) -> Analyzer:
@@ -94,7 +94,7 @@ class AnalyzerThread:
             self._analyzer = self._last = self._open(self._resource)
             try:
                 self._analyzer.identify()
-                self._analyzer.make_safe()  # before anything else: a daemon that was killed may have left a bias on
+                self._analyzer.make_safe()  # first, because a killed daemon may have left a bias on
             except InstrumentError:
                 self._let_go()
                 raise
@@ -114,12 +114,12 @@ class AnalyzerThread:
         if analyzer is not None:
             try:
                 analyzer.close()
-            except InstrumentError as error:  # it is gone already; the reason was told when that was found
+            except InstrumentError as error:  # the connection is lost already, which was reported then
                 log.warning("instrument %s: %s", self._resource, error)
 
 
 class Acquisition:
-    """Measures one job after the other and publishes what comes of it."""
+    """Measures one job after the other and publishes the results."""
 
     def __init__(
         self,
@@ -140,11 +140,11 @@ class Acquisition:
 
     @property
     def is_busy(self) -> bool:
-        """Whether something is measured, or waits to be."""
+        """Whether a measurement runs or waits."""
         return self.current is not None or bool(self.waiting)
 
     def seconds(self, plan: SweepPlan) -> float:
-        """Return how long a plan will take. Raises PlanError where the analyzer cannot do it."""
+        """Return the estimated seconds of a plan. Raises PlanError if the analyzer cannot do it."""
         return self._analyzer.seconds(plan)
 
     def add(self, job: MeasurementJob) -> None:
@@ -154,30 +154,30 @@ class Acquisition:
         self._more.set()
 
     async def let_go(self) -> None:
-        """Let go of the instrument until the next job: somebody else takes it."""
+        """Close the connection to the instrument until the next job, so that another tool can use it."""
         await self._analyzer.let_go()
 
     def cancel(self, measurement: str | None) -> MeasurementJob | None:
-        """Cancel a job, the running one where none is named; return it, None where there was none."""
+        """Cancel a job, by default the running one; return it, or None if there is none."""
         jobs = [job for job in (self.current, *self.waiting) if job is not None]
         if measurement is None:
             jobs = [] if self.current is None else [self.current]
-        found = next((job for job in jobs if measurement in (None, job.measurement)), None)
-        if found is not None:
-            found.cancelled.set()
-        return found
+        cancelled = next((job for job in jobs if measurement in (None, job.measurement)), None)
+        if cancelled is not None:
+            cancelled.cancelled.set()
+        return cancelled
 
     def cancel_all(self) -> None:
-        """Cancel what runs and what waits."""
+        """Cancel the running job and all that wait."""
         for job in (self.current, *self.waiting):
             if job is not None:
                 job.cancelled.set()
 
     async def work(self) -> None:
-        """Measure for ever. Raises JournalError: what cannot be recorded is not measured on."""
+        """Measure until cancelled. Raises JournalError if the journal fails, because results must not be lost."""
         while True:
             while self.waiting:
-                await self._ready()  # the journal, to take what will be measured
+                await self._ready()  # until the journal can take the result
                 self.current = self.waiting.popleft()
                 await self._do(self.current)
                 self.current = None
@@ -230,7 +230,7 @@ class Acquisition:
         self._publish(event, ())
 
     def _reporter(self, job: MeasurementJob) -> Callable[[Progress], None]:
-        """Return what the analyzer's thread calls: it hands progress to the loop, not more often than is read."""
+        """Return a function for the analyzer's thread that passes progress to the event loop at a limited rate."""
         loop = asyncio.get_running_loop()
         last = -PROGRESS_EVERY
 

@@ -1,4 +1,4 @@
-"""What `pzctl doctor` looks at: this machine, its data folder, the ways to an instrument, and a whole measurement."""
+"""The checks of `pzctl doctor`: this machine, its data folder, connections to instruments, a complete measurement."""
 
 import os
 import shutil
@@ -29,40 +29,40 @@ NEEDED = ("numpy", "scipy", "nlopt", "pyzmq", "pyvisa", "pyvisa-py", "msgspec")
 ENOUGH_BYTES = 500_000_000
 """Room for some ten thousand sweeps."""
 DEVICES = ("ttyUSB*", "ttyACM*", "usbtmc*", "gpib*")
-"""Device files behind which a GPIB adapter may sit (Linux)."""
+"""Device files of GPIB adapters (Linux)."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     name: str
     status: Status
-    """`note` is worth knowing and stops nothing; with a `fault`, something that pzctl needs does not work."""
+    """`note`: worth knowing, but no obstacle; `fault`: something that pzctl needs does not work."""
     says: str
     remedy: str = ""
-    """What to do about it."""
+    """What the user can do."""
 
 
-def checkup(resource: str | None = None, heard: Callable[[str], None] = lambda _: None) -> list[Check]:
-    """Look at everything and return what was found; nothing raises. `heard` is told what is looked at.
+def checkup(resource: str | None = None, progress: Callable[[str], None] = lambda _: None) -> list[Check]:
+    """Run all checks and return the results; none raises. `progress` is called with the name of each check.
 
-    `resource`: an analyzer that is to be asked who it is, and to sweep; without it, instruments are searched.
+    The analyzer at `resource` is identified and makes a short sweep; without `resource`, instruments are searched.
     """
-    heard("this machine")
-    found = [_software(), _folder(), _journal(), _daemon()]
-    heard("devices and VISA libraries")
-    found += _devices(Path("/dev"))
-    found += _instrument(resource) if resource else _instruments(discover())
-    heard("a measurement on the simulated bench, through every part")
-    return [*found, _rehearsal()]
+    progress("this machine")
+    checks = [_software(), _folder(), _journal(), _daemon()]
+    progress("devices and VISA libraries")
+    checks += _devices(Path("/dev"))
+    checks += _instrument(resource) if resource else _instruments(discover())
+    progress("a measurement on the simulated bench, through every part")
+    return [*checks, _rehearsal()]
 
 
 def _software() -> Check:
     try:
         words = ", ".join(f"{name} {version(name)}" for name in NEEDED)
     except PackageNotFoundError as error:
-        return Check("software", "fault", f"{error.name} is not installed", "install pzctl anew with pip")
+        return Check("software", "fault", f"{error.name} is not installed", "reinstall pzctl with pip")
     return Check("software", "ok", f"pzctl {version('pzctl')} on Python {sys.version.split()[0]}; {words}")
 
 
@@ -82,38 +82,38 @@ def _folder() -> Check:
 
 def _journal() -> Check:
     try:
-        archive = open_journal()
+        journal = open_journal()
         try:
-            wrong, events = archive.verify(), archive.size
+            wrong, events = journal.verify(), journal.size
         finally:
-            archive.close()
+            journal.close()
     except NoSamplesError:
         return Check("journal", "ok", "empty: nothing was measured yet")
     except PzctlError as error:
-        return Check("journal", "fault", str(error), "bring back the folder from a backup, or move it away")
+        return Check("journal", "fault", str(error), "restore the folder from a backup, or move it away")
     if wrong:
-        return Check("journal", "fault", f"{len(wrong)} of {events} events are damaged: {wrong[0]}", "see the disk")
-    return Check("journal", "ok", f"{events} events, each array compared with its hash")
+        return Check("journal", "fault", f"{len(wrong)} of {events} events are damaged: {wrong[0]}", "check the disk")
+    return Check("journal", "ok", f"{events} events, each array checked against its hash")
 
 
 def _daemon() -> Check:
-    where = find(home())
-    if where is None:
+    location = find(home())
+    if location is None:
         return Check("daemon", "ok", "none runs; `pzctl measure` starts one")
-    return Check("daemon", "ok", f"runs as process {where.pid} and owns {where.resource}")
+    return Check("daemon", "ok", f"runs as process {location.pid} and owns {location.resource}")
 
 
 def _devices(folder: Path) -> list[Check]:
     """Return a note for each adapter's device file that this user may not open."""
-    there = sorted(path for pattern in DEVICES for path in folder.glob(pattern))
+    adapters = sorted(path for pattern in DEVICES for path in folder.glob(pattern))
     return [
         Check(
             "permission",
             "note",
-            f"{path} is there, and you may not read and write it",
+            f"you have no permission to read and write {path}",
             f"join its group: sudo usermod -aG {_group(path)} $USER, then log in again",
         )
-        for path in there
+        for path in adapters
         if not os.access(path, os.R_OK | os.W_OK)
     ]
 
@@ -126,52 +126,53 @@ def _group(path: Path) -> str:
 
 
 def _instruments(discovery: Discovery) -> list[Check]:
-    found = [
-        Check("instrument", "ok" if one.idn else "note", f"{one.resource}: {one.idn or one.says}")
-        for one in discovery.found
+    checks = [
+        Check("instrument", "ok" if found.idn else "note", f"{found.resource}: {found.idn or found.says}")
+        for found in discovery.found
     ]
-    if not any(one.idn for one in discovery.found):
+    if not any(found.idn for found in discovery.found):
         says, remedy = "none answered", "name it: pzctl doctor --resource HOST:5025; see docs/connecting-a-4294A.md"
-        found.append(Check("instrument", "note", says, remedy))
-    return found + [Check("not looked at", "note", what) for what in discovery.not_scanned]
+        checks.append(Check("instrument", "note", says, remedy))
+    return checks + [Check("not scanned", "note", what) for what in discovery.not_scanned]
 
 
 def _instrument(resource: str) -> list[Check]:
-    """Ask who is there, and take a short and weak sweep: every part of the path is used. A daemon's is left to it."""
-    where = find(home())
-    if where is not None and where.resource == resource:
-        return [Check("instrument", "ok", f"{resource} is the daemon's, and was not touched; ask `pzctl status`")]
+    """Identify the analyzer and make a short, weak sweep that uses the whole path; skip an analyzer of the daemon."""
+    location = find(home())
+    if location is not None and location.resource == resource:
+        return [Check("instrument", "ok", f"the daemon owns {resource}, so it was not used; see `pzctl status`")]
     try:
         analyzer = open_analyzer(resource)
         try:
             identity = analyzer.identify()
-            found = [Check("instrument", "ok", f"{identity.name}: {identity.idn}")]
+            checks = [Check("instrument", "ok", f"{identity.name}: {identity.idn}")]
             if isinstance(analyzer, OnALine):
-                found.append(_path(analyzer, analyzer.hears_requests))
+                checks.append(_path(analyzer, analyzer.hears_requests))
         finally:
             analyzer.close()
     except PzctlError as error:
         return [Check("instrument", "fault", str(error), "see docs/connecting-a-4294A.md")]
-    return found
+    return checks
 
 
 def _path(analyzer: Analyzer, hears_requests: bool) -> Check:
     begun = time.monotonic()
     (sweep,) = analyzer.measure(_short(analyzer.capabilities))
-    told = "by its service request" if hears_requests else "by asking for the status byte"
+    signal = "by its service request" if hears_requests else "by polling the status byte"
     says = f"{sweep.frequency.size} points swept and read in {time.monotonic() - begun:.1f} s, settings read back"
-    return Check("path", "note" if sweep.notes else "ok", "; ".join((says, f"its end is told {told}", *sweep.notes)))
+    notes = (says, f"the end of a sweep is seen {signal}", *sweep.notes)
+    return Check("path", "note" if sweep.notes else "ok", "; ".join(notes))
 
 
 def _short(can: Capabilities) -> SweepPlan:
-    """Return a sweep that harms nothing and lasts some hundredths of a second."""
+    """Return the plan of a harmless sweep that lasts some hundredths of a second."""
     start = min(max(1e6, can.frequency_Hz[0]), can.frequency_Hz[1] / 2)
     level = min(max(0.1, can.oscillator_V[0]), can.oscillator_V[1])
     return SweepPlan((Segment(start, 2 * start, 11),), oscillator_V=level, bandwidth=can.bandwidths[0])
 
 
 def _rehearsal() -> Check:
-    """Measure and fit the simulated disk through daemon, VISA, journal, sockets and fitter, in a folder of its own."""
+    """Measure and fit the simulated disk through daemon, VISA, journal, sockets and fitter, in a temporary folder."""
     from ..client.client import connect
     from ..files.builds.build_file import THESIS_BUILD, read_build
     from ..files.daemon_options import DaemonOptions
@@ -181,8 +182,8 @@ def _rehearsal() -> Check:
     build = read_build(THESIS_BUILD)
     try:
         with _own_folder():
-            where = start(DaemonOptions(fitters=("mason",), simulator={"time_scale": 0.0}))
-            with connect(where.events, where.requests) as lab:
+            location = start(DaemonOptions(fitters=("mason",), simulator={"time_scale": 0.0}))
+            with connect(location.events, location.requests) as lab:
                 try:
                     measurement = lab.measure(build, "disk")
                     fitted = lab.wait_fit("mason", measurement.id).constants["disk.c33D"]
@@ -190,11 +191,11 @@ def _rehearsal() -> Check:
                 finally:
                     lab.shutdown()
     except (PzctlError, OSError) as error:
-        return Check("rehearsal", "fault", str(error), "if you see nothing wrong here, this is a defect of pzctl")
+        return Check("rehearsal", "fault", str(error), "if nothing is wrong on your side, this is a defect of pzctl")
     off = abs(fitted.re - true) / (fitted.u_re or true)
     says = (
-        f"a simulated disk measured, kept, published and fitted in {time.monotonic() - begun:.1f} s; "
-        f"c33D is {off:.1f} standard uncertainties from the truth"
+        f"a simulated disk was measured, recorded, published and fitted in {time.monotonic() - begun:.1f} s; "
+        f"c33D is {off:.1f} standard uncertainties from its true value"
     )
     if off > 4:
         return Check("rehearsal", "fault", says, "this is a defect of pzctl")
@@ -203,7 +204,7 @@ def _rehearsal() -> Check:
 
 @contextmanager
 def _own_folder() -> Generator[None]:
-    """Work in a data folder of one's own, which is removed afterwards."""
+    """Use a temporary data folder, which is removed afterwards."""
     with (
         tempfile.TemporaryDirectory(prefix="pzctl-doctor-", ignore_cleanup_errors=True) as folder,
         in_folder(Path(folder)),

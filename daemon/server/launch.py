@@ -1,4 +1,4 @@
-"""Start a daemon in the background, and wait until it answers."""
+"""Starting a daemon in the background, and waiting until it answers."""
 
 import subprocess
 import sys
@@ -23,39 +23,39 @@ from .service import run
 from .workers.subprocesses import last_line
 
 PATIENCE = 60.0
-"""Seconds within which a daemon answers, or does not."""
+"""Seconds within which a started daemon has to answer."""
 
 
 def running() -> Location | None:
-    """Return where the daemon of the user's data folder is, if one answers there."""
-    where = find(home())
-    if where is None:
+    """Return the location of the daemon of the user's data folder, or None if none answers."""
+    location = find(home())
+    if location is None:
         return None
     try:
-        with Client(where.events, where.requests, where.key) as client:
-            return where if client.hello().run == where.run else None
+        with Client(location.events, location.requests, location.key) as client:
+            return location if client.hello().run == location.run else None
     except DaemonError:
         return None
 
 
 def start(options: DaemonOptions | None = None) -> Location:
-    """Start a daemon in the background and return where it is; one that runs already is returned as it is.
+    """Start a daemon in the background and return its location, or that of the daemon that runs already.
 
-    Raises DaemonError with the daemon's own sentence where it does not start, FolderError.
+    Raises DaemonError with the daemon's own sentence if it does not start, FolderError.
     """
     wanted = options or DaemonOptions()
     deadline = time.monotonic() + PATIENCE
     while find(home()) is None and is_written(journal_folder(home())) and time.monotonic() < deadline:
-        time.sleep(0.05)  # one is just starting, or ending
-    found = running()
-    if found is not None:
-        if wanted.resource is not None and not same_resource(wanted.resource, found.resource):
+        time.sleep(0.05)  # a daemon is just starting or ending
+    present = running()
+    if present is not None:
+        if wanted.resource is not None and not same_resource(wanted.resource, present.resource):
             raise DaemonError(
-                f"a daemon runs already (process {found.pid}) and measures with {found.resource}, "
+                f"a daemon runs already (process {present.pid}) and measures with {present.resource}, "
                 f"not {wanted.resource}; end it first",
                 "other-resource",
             )
-        return found
+        return present
     log = log_file(writable_home(), "daemon")
     with log.open("ab") as output:
         process = subprocess.Popen(
@@ -65,16 +65,16 @@ def start(options: DaemonOptions | None = None) -> Location:
             stderr=output,
             start_new_session=True,
         )
-    with suppress(BrokenPipeError), cast("IO[bytes]", process.stdin) as told:
-        told.write(to_json(asdict(wanted)))  # not as an argument: everybody can read those, and a URL's password
-    threading.Thread(target=process.wait, daemon=True).start()  # it outlives us; if it does not, no zombie stays
+    with suppress(BrokenPipeError), cast("IO[bytes]", process.stdin) as stdin:
+        stdin.write(to_json(asdict(wanted)))  # arguments would show a URL's password to every user of this machine
+    threading.Thread(target=process.wait, daemon=True).start()  # leaves no zombie if it ends before this process
     while time.monotonic() < deadline:
-        where = find(home())
-        if where is not None and where.pid == process.pid and (found := running()) is not None:
-            return found
+        location = find(home())
+        if location is not None and location.pid == process.pid and (present := running()) is not None:
+            return present
         if process.poll() is not None:
-            if (found := running()) is not None:  # somebody else was quicker
-                return found
+            if (present := running()) is not None:  # another process started one at the same time
+                return present
             raise DaemonError(f"{last_line(log)} (log: {log})", "not-started")
         time.sleep(0.05)
     process.terminate()
@@ -82,7 +82,7 @@ def start(options: DaemonOptions | None = None) -> Location:
 
 
 def main() -> None:
-    """Run a daemon with the options given as JSON on standard input; used by `start`."""
+    """Run a daemon with the options given as JSON on standard input; called by `start`."""
     begin_log(file=log_file(writable_home(), "daemon"))
     try:
         run(msgspec.json.decode(sys.stdin.buffer.read(), type=DaemonOptions))

@@ -1,4 +1,4 @@
-"""The daemon's log: lines for people, or one JSON object a line for programs."""
+"""The daemon's log: lines of text for people, or one JSON object per line for programs."""
 
 import json
 import logging
@@ -14,34 +14,34 @@ from typing import Literal
 from ...models.base.names import shown
 
 LARGEST_LOG = 10 << 20
-"""Bytes of the log of a daemon in the background; then a new file is begun."""
+"""Greatest size in bytes of a background daemon's log file; then a new file is started."""
 
 LOGS_KEPT = 3
-"""Full ones, as `daemon.log.1` and so on."""
+"""Number of full log files to keep, `daemon.log.1` and so on."""
 
 MINUTE = 60.0
 
 REPEATED = 5
-"""Warnings of one kind in a minute, each with a line of its own; the others are counted."""
+"""Number of warnings of one kind per minute that are logged; further ones are only counted."""
 
 
-def _later(seconds: float, do: Callable[[], None]) -> None:
-    """Do something later, unless the process has ended by then."""
-    timer = threading.Timer(seconds, do)
+def _later(seconds: float, action: Callable[[], None]) -> None:
+    """Call a function later, unless the process has ended by then."""
+    timer = threading.Timer(seconds, action)
     timer.daemon = True
     timer.start()
 
 
 class TextLines(logging.Formatter):
-    """`time level message`, on one line whatever the message is; a traceback follows on lines of its own."""
+    """`time level message` on one line, whatever the message holds; a traceback follows on separate lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
-        """Return the line, what cannot be printed escaped."""
+        """Return the line with characters that cannot be printed escaped."""
         return shown(super().formatMessage(record))
 
 
 class JsonLines(logging.Formatter):
-    """`{"time", "level", "logger", "message"}`, and `trace` where there is an exception."""
+    """`{"time", "level", "logger", "message"}`, and `trace` if there is an exception."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the record as one line."""
@@ -57,7 +57,7 @@ class JsonLines(logging.Formatter):
 
 
 class RotatingLog(RotatingFileHandler):
-    """A file that standard output and standard error go to as well; full, all of them go on in a new one."""
+    """A rotating log file that standard output and standard error are redirected to as well."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, maxBytes=LARGEST_LOG, backupCount=LOGS_KEPT, encoding="utf-8")
@@ -65,9 +65,9 @@ class RotatingLog(RotatingFileHandler):
             self._point_at(self.stream.fileno())
 
     def doRollover(self) -> None:
-        """Begin a new file."""
+        """Start a new file."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        self._point_at(nowhere)  # Windows renames no file that is open
+        self._point_at(nowhere)  # Windows cannot rename an open file
         os.close(nowhere)
         super().doRollover()
         if self.stream is not None:
@@ -80,7 +80,7 @@ class RotatingLog(RotatingFileHandler):
 
 
 class RepeatLimit(logging.Handler):
-    """Passes on at most some warnings of one kind in a minute; how many more there were is said when it is over."""
+    """Passes on a limited number of warnings of one kind per minute, then logs how many more there were."""
 
     def __init__(self, to: logging.Handler, later: Callable[[float, Callable[[], None]], None] = _later) -> None:
         super().__init__()
@@ -102,7 +102,7 @@ class RepeatLimit(logging.Handler):
             self._to.handle(record)
 
     def _sum_up(self, first: logging.LogRecord) -> None:
-        """Say how many of a kind were left out."""
+        """Log how many warnings of a kind were left out."""
         with self.lock or nullcontext():
             more = self._counts.pop((first.name, str(first.msg)), 0) - REPEATED
         if more > 0:
@@ -111,7 +111,7 @@ class RepeatLimit(logging.Handler):
 
 
 def begin_log(form: Literal["text", "json"] = "text", file: Path | None = None) -> None:
-    """Log from now on, from level INFO: to standard error, or to a file that takes its place and does not grow on."""
+    """Start logging from level INFO to standard error, or to a rotating file that replaces it."""
     handler = logging.StreamHandler() if file is None else RotatingLog(file)
     handler.setFormatter(JsonLines() if form == "json" else TextLines("%(asctime)s %(levelname)s %(message)s"))
     logging.basicConfig(level=logging.INFO, handlers=[RepeatLimit(handler)])

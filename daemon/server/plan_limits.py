@@ -1,4 +1,4 @@
-"""What may be asked to be swept, besides what the analyzer itself can do: checked before a measurement is accepted."""
+"""Limits of sweep plans beyond those of the analyzer, checked before a measurement is accepted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,22 +7,22 @@ from ...models.build import Build
 from ...models.sweep_plan import LevelLimits, PlanError, SweepPlan
 
 MOST_POINTS = 200_000
-"""In one measurement: 3.2 MB of impedances, which are held in memory several times over."""
+"""Greatest number of points of one measurement: 3.2 MB of impedances, held in memory several times."""
 MOST_SEGMENTS = 500
 LONGEST_SECONDS = 24 * 3600.0
-"""Of one measurement; nobody else measures meanwhile."""
+"""Longest duration of one measurement, during which nobody else can measure."""
 
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """What the bench allows, set by who runs the daemon; what a sample does is said by its build."""
+    """The limits of the bench, from the daemon's settings, and of a sample, from its build."""
 
     bench: LevelLimits
 
     def check(self, build: Build, plan: SweepPlan, seconds: Callable[[SweepPlan], float]) -> None:
-        """Raise PlanError where a plan is beyond these limits, those of the sample or of the analyzer.
+        """Raise PlanError if a plan exceeds the limits of the bench, the sample or the analyzer.
 
-        `seconds` knows how long the analyzer takes.
+        `seconds` estimates the duration of a plan and raises PlanError if the analyzer cannot do it.
         """
         if len(plan.segments) > MOST_SEGMENTS:
             raise PlanError(f"sweep plan: {len(plan.segments)} segments; at most {MOST_SEGMENTS} are allowed")

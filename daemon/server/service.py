@@ -1,7 +1,7 @@
-"""The daemon: owns the analyzer and the journal, answers requests, publishes what happened.
+"""The daemon, which owns the analyzer and the journal, answers requests and publishes events.
 
-One asyncio loop owns the journal and answers requests, one thread owns the analyzer, one the events socket, each
-fitter is a process.
+One asyncio loop owns the journal and answers requests, one thread owns the analyzer, another one the events socket, and
+each fitter runs in a process of its own.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ from .publishing.spool import Spool
 from .requests.request_handlers import RequestHandlers
 from .requests.request_server import RequestServer
 from .simulated_analyzer import simulated_instrument
-from .sockets import bind_events, bind_requests, from_here, gate_for, port_of
+from .sockets import access_control_for, bind_events, bind_requests, from_here, port_of
 from .workers.job_runner import JobRunner, WorkerJob
 from .workers.pending_results import PendingResults
 from .workers.supervisor import Supervisor, WorkerExit
@@ -56,20 +56,20 @@ from .workers.visitors import Visitors
 log = logging.getLogger(__name__)
 
 BEAT = 1.0
-"""Seconds between two life signs."""
+"""Seconds between two beat events."""
 
 SIMULATED_SECONDS = 30.0
-"""How long an answer of the daemon's own simulated instrument may take: it is there, but the machine may be busy."""
+"""Seconds to wait for an answer of the daemon's own simulated instrument, as the machine may be busy."""
 
 DEATHS = 2
-"""How often a fitter may die over a measurement before its answer is that it cannot."""
+"""Number of crashes of a fitter over one measurement after which the daemon answers in its place."""
 
 
 def run(options: DaemonOptions) -> None:
-    """Run a daemon on the user's data folder until it is told to end (SIGTERM, SIGINT, or a request).
+    """Run a daemon on the user's data folder until it is stopped by SIGTERM, SIGINT or a request.
 
-    Raises FolderError, EndpointError, JournalError or InstrumentError where it cannot start, JournalError where the
-    disk fails.
+    Raises FolderError, EndpointError, JournalError or InstrumentError if it cannot start, JournalError if the disk
+    fails.
     """
     folder = writable_home()
     open_analyzer: Callable[[str], Analyzer] = open_visa
@@ -82,101 +82,110 @@ def run(options: DaemonOptions) -> None:
 
 
 async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[str], Analyzer]) -> None:
-    """Open everything, serve, and close everything in the opposite order, whatever happens."""
+    """Open everything, serve, and close everything in reverse order, whatever happens."""
     resource = options.resource or ""
     async with AsyncExitStack() as stack:
         journal = JournalWriter(journal_folder(folder), options.journal, options.station)
-        stack.callback(journal.close)  # last of all: its lock keeps the next daemon out until all is let go of
-        withdraw(folder)  # what a killed daemon left
+        stack.callback(journal.close)  # closed last: its lock keeps the next daemon out until everything is released
+        withdraw(folder)  # in case a killed daemon left its file
         stack.callback(withdraw, folder)
         context = zmq.asyncio.Context()
         stack.callback(context.term)
-        gate = gate_for((options.events, options.requests), keys_folder(folder))
-        stack.callback(gate.start(context).stop)
+        access = access_control_for((options.events, options.requests), keys_folder(folder))
+        stack.callback(access.start(context).stop)
         allow_many_files()
         plain: zmq.Context[zmq.Socket[bytes]] = zmq.Context(shadow=context)
-        events, heard_at = bind_events(plain, options.events, gate)
+        events, events_endpoint = bind_events(plain, options.events, access)
         stack.callback(events.close)
-        requests, asked_at = bind_requests(context, options.requests, gate)
+        requests, requests_endpoint = bind_requests(context, options.requests, access)
         stack.callback(requests.close)
         metrics = Metrics()
-        most = {port_of(heard_at): MOST_SUBSCRIBED, port_of(asked_at): LARGEST_MESSAGE}
-        intake = ConnectionGuard(most, metrics.counts)
-        voice = EventPublisher(plain, events)
-        stack.callback(voice.close, lambda: intake.cut(port_of(heard_at), "the daemon ends"))
+        most = {port_of(events_endpoint): MOST_SUBSCRIBED, port_of(requests_endpoint): LARGEST_MESSAGE}
+        guard = ConnectionGuard(most, metrics.counts)
+        event_publisher = EventPublisher(plain, events)
+        stack.callback(event_publisher.close, lambda: guard.cut(port_of(events_endpoint), "the daemon ends"))
         analyzer = AnalyzerThread(resource, open_analyzer)
         stack.push_async_callback(analyzer.close)
         identity = await analyzer.identify()
         instrument = InstrumentInfo(**asdict(identity), simulated=options.bench is not None)
-        endpoints = (heard_at, asked_at)
+        endpoints = (events_endpoint, requests_endpoint)
         daemon = Daemon(
-            journal, voice, requests, intake, metrics, analyzer, instrument, options, folder, endpoints, gate
+            journal, event_publisher, requests, guard, metrics, analyzer, instrument, options, folder, endpoints, access
         )
         where = Location(
             pid=os.getpid(),
             run=journal.run,
             version=version("pzctl"),
-            events=from_here(heard_at),
-            requests=from_here(asked_at),
+            events=from_here(events_endpoint),
+            requests=from_here(requests_endpoint),
             resource=resource,
             bench=options.bench,
             log=str(log_file(folder, "daemon")),
             journal=options.journal,
             station=options.station,
-            key=gate.local,
+            key=access.local,
         )
         announce(folder, where)
-        log.info("%s at %s; requests %s, events %s; data %s", instrument.idn, resource, asked_at, heard_at, folder)
+        log.info(
+            "%s at %s; requests %s, events %s; data %s",
+            instrument.idn,
+            resource,
+            requests_endpoint,
+            events_endpoint,
+            folder,
+        )
         await daemon.serve()
 
 
 class Daemon:
-    """The parts of a daemon, and what ties them together."""
+    """The parts of a daemon and their connections."""
 
     def __init__(
         self,
         journal: JournalWriter,
-        voice: EventPublisher,
+        event_publisher: EventPublisher,
         requests: zmq.asyncio.Socket,
-        intake: ConnectionGuard,
+        guard: ConnectionGuard,
         metrics: Metrics,
         analyzer: AnalyzerThread,
         instrument: InstrumentInfo,
         options: DaemonOptions,
         folder: Path,
         endpoints: tuple[str, str],
-        gate: AccessControl,
+        access: AccessControl,
     ) -> None:
         self._journal = journal
-        self._voice = voice
-        self._intake = intake
+        self._event_publisher = event_publisher
+        self._guard = guard
         self._heard_at = port_of(endpoints[0])
-        self._gate = gate
+        self._access = access
         self._options = options
         self._folder = folder
         self._stop = asyncio.Event()
         self._deaths: dict[tuple[str, str], int] = {}
-        around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), gate.local)
+        around = (folder, from_here(endpoints[0]), from_here(endpoints[1]), access.local)
         self._metrics = metrics
-        self._publisher = DurablePublisher(journal, Spool(unsaved_folder(folder)), self._metrics, voice.say, self._said)
+        self._publisher = DurablePublisher(
+            journal, Spool(unsaved_folder(folder)), self._metrics, event_publisher.say, self._said
+        )
         self.publish = self._publisher.publish
         check = CompensationCheck(compensation_file(folder), options.compensation_days)
         self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there, check)
-        self._ledger = PendingResults(options.fitters)
+        self._pending = PendingResults(options.fitters)
         self._supervisor = Supervisor(
             *around,
             limits=options.limits,
-            ledger=self._ledger,
+            pending=self._pending,
             changed=self._fitter_changed,
             died=self._fitter_died,
             visitors=Visitors((*options.fitters, DIAGNOSIS)),
         )
-        self._errands = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
-        desk = RequestHandlers(
+        self._jobs = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
+        handlers = RequestHandlers(
             journal=journal,
             acquisition=self._acquisition,
             supervisor=self._supervisor,
-            errands=self._errands,
+            jobs=self._jobs,
             instrument=instrument,
             endpoints=endpoints,
             bench=options.bench,
@@ -186,28 +195,28 @@ class Daemon:
             metrics=self._metrics,
             plan_limits=PlanLimits(LevelLimits(options.max_bias_V, options.max_oscillator_V)),
         )
-        self._reception = RequestServer(requests, desk, gate, intake)
+        self._request_server = RequestServer(requests, handlers, access, guard)
 
     def _said(self, event: Event) -> None:
-        """Take note of what was said."""
+        """Update the daemon's state after an event was published."""
         self._metrics.note(event)
-        self._ledger.note(event)
+        self._pending.note(event)
         if isinstance(event, FitEvent):
             self._follow_up(event)
         if isinstance(event, StateEvent):
             log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)
 
     def _follow_up(self, fit: FitEvent) -> None:
-        """Have a fit that leaves a mismatch diagnosed, once for each measurement, in the background."""
+        """Start the diagnosis of a fit with a significant misfit, once for each measurement, in the background."""
         report = fit.report
         if report is None or not is_significant(report.chi2_per_dof, fit.fitter, asdict(self._options)):
             return
         known = self._journal.measurement(fit.measurement)
         if known is not None and not self._journal.answers(known.id, DIAGNOSIS):
-            self._errands.begin(WorkerJob(known.id, None), known, self._journal.sweep_ids(known.id))
+            self._jobs.begin(WorkerJob(known.id, None), known, self._journal.sweep_ids(known.id))
 
     async def serve(self) -> None:
-        """Serve until told to end. Raises JournalError where the journal fails."""
+        """Serve until stopped. Raises JournalError if the journal fails."""
         _on_signals(self._end)
         self._publisher.catch_up()
         self.publish(StateEvent(state="started", says=_limits(self._options), client=LOCAL), ())
@@ -215,9 +224,9 @@ class Daemon:
             says = "the daemon ended before this measurement did; measure again"
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
         gc.collect()
-        gc.freeze()  # what is there now stays: to look through it again and again would hold up answers
+        gc.freeze()  # present objects stay for ever; collecting them again and again would delay answers
         acquiring = asyncio.create_task(self._acquisition.work())
-        others = [self._reception.serve(), self._intake.watch(), self._publisher.mend(), self._beat()]
+        others = [self._request_server.serve(), self._guard.watch(), self._publisher.mend(), self._beat()]
         others += [self._supervisor.keep(name) for name in self._options.fitters]
         tasks = [acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())
@@ -225,24 +234,24 @@ class Daemon:
             await self._until_stopped(stop, acquiring, {*tasks})
         finally:
             self._acquisition.cancel_all()
-            await self._errands.end()
+            await self._jobs.end()
             for task in (*tasks, stop):
                 task.cancel()
             await asyncio.wait((*tasks, stop))
 
     def _end(self) -> None:
-        """Begin to end; from now on nobody should find this daemon."""
+        """Start stopping; from now on no client finds this daemon."""
         withdraw(self._folder)
         self._stop.set()
 
     async def _until_stopped(
         self, stop: "asyncio.Task[Any]", acquiring: "asyncio.Task[None]", tasks: "set[asyncio.Task[None]]"
     ) -> None:
-        """Wait until told to end; then let the running measurement come to its end. A task that failed raises."""
+        """Wait until stopped, then for the end of the running measurement. Raise the error of a failed task."""
         while not stop.done():
             done, _ = await asyncio.wait({stop, *tasks}, return_when=asyncio.FIRST_COMPLETED)
             for task in done & tasks:
-                task.result()  # a fitter that is broken is done; anything else that is done has failed
+                task.result()  # only the task of a broken fitter may end; any other has failed
                 tasks.discard(task)
         self.publish(StateEvent(state="stopping"), ())
         self._acquisition.cancel_all()
@@ -253,41 +262,41 @@ class Daemon:
     async def _beat(self) -> None:
         while True:
             beat = BeatEvent(run=self._journal.run, seq=self._journal.last_seq, time=now_utc())
-            self._voice.say(encode(beat))
+            self._event_publisher.say(encode(beat))
             self._supervisor.forget_silent()
-            if self._gate.somebody_was_barred():
-                # libzmq asks for a key at the handshake alone: all must come in again, and miss nothing by it
-                self._intake.cut(self._heard_at, "a key was revoked, and whose this is cannot be told")
+            if self._access.somebody_was_barred():
+                # libzmq checks keys at the handshake only: all clients must connect again, and lose nothing by it
+                self._guard.cut(self._heard_at, "a key was revoked, so all clients have to connect again")
             await asyncio.sleep(BEAT)
 
     def _fitter_changed(self, fitter: FitterState, says: str) -> None:
         self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
 
-    def _fitter_died(self, fate: WorkerExit) -> None:
-        """Answer in a fitter's place what it died over, so that nobody waits for it in vain.
+    def _fitter_died(self, exit_: WorkerExit) -> None:
+        """Answer a measurement in place of a fitter that crashed over it repeatedly, so that nobody waits in vain.
 
-        It takes one measurement after the other: the first open one is what it died over.
+        A fitter takes one measurement after the other, so it crashed over the first one that it has not answered.
         """
-        measurement = self._ledger.first(fate.fitter)
+        measurement = self._pending.first(exit_.fitter)
         known = self._journal.measurement(measurement) if measurement and not self._publisher.is_away else None
         if known is None:
             return
-        key = (fate.fitter, known.id)
+        key = (exit_.fitter, known.id)
         self._deaths[key] = self._deaths.get(key, 0) + 1
         if self._deaths[key] >= DEATHS:
             refusal = FitEvent(
                 measurement=known.id,
                 sample=known.sample,
-                fitter=fate.fitter,
+                fitter=exit_.fitter,
                 version="",
                 sweeps=self._journal.sweep_ids(known.id),
-                error=f"fitter {fate.fitter!r} died {self._deaths[key]} times over this measurement: {fate.says}",
+                error=f"fitter {exit_.fitter!r} crashed {self._deaths[key]} times over this measurement: {exit_.says}",
             )
             self.publish(refusal, ())
 
 
 def _limits(options: DaemonOptions) -> str:
-    """Return the settings that keep the sample and the instrument safe, as the journal keeps them."""
+    """Return the resource and the limits that protect sample and instrument, as a sentence for the journal."""
     return (
         f"on {options.resource}; bias up to {_most(options.max_bias_V)}, oscillator up to "
         f"{_most(options.max_oscillator_V)}"
@@ -295,11 +304,11 @@ def _limits(options: DaemonOptions) -> str:
 
 
 def _most(volts: float | None) -> str:
-    return "what the analyzer can" if volts is None else f"{volts:g} V"
+    return "the analyzer's limit" if volts is None else f"{volts:g} V"
 
 
 def _on_signals(stop: Callable[[], None]) -> None:
-    """Let SIGTERM and SIGINT end the daemon in good order."""
+    """Let SIGTERM and SIGINT stop the daemon in an orderly way."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         if sys.platform == "win32":

@@ -1,4 +1,4 @@
-"""A simulated 4294A in a child process, for a daemon that was given no instrument.
+"""A simulated 4294A in a child process, for a daemon without an instrument.
 
 python -m pzctl.daemon.server.simulated_analyzer '{"time_scale": 0}'
 """
@@ -18,7 +18,7 @@ from .workers.subprocesses import end_child, end_with_parent, last_line, start_c
 
 
 class Simulated(msgspec.Struct, frozen=True):
-    """Where a simulated instrument can be reached; what its process prints first."""
+    """The addresses of a simulated instrument, which its process prints first."""
 
     instrument: str
     """VISA resource."""
@@ -28,14 +28,14 @@ class Simulated(msgspec.Struct, frozen=True):
 
 @contextmanager
 def simulated_instrument(log: Path, options: Mapping[str, Any]) -> Generator[Simulated]:
-    """Run a simulated 4294A with these fields of `SimOptions`, all ports free ones unless given.
+    """Run a simulated 4294A with these fields of `SimOptions`; ports that are not given are free ones.
 
-    It ends with this process, however that ends. Raises InstrumentError where it does not start.
+    It ends with this process, however that ends. Raises InstrumentError if it does not start.
     """
-    wishes = to_json({"port": 0, "bench_port": 0, **options}).decode()
+    sim_options = to_json({"port": 0, "bench_port": 0, **options}).decode()
     with log.open("ab") as errors:
         process = start_child(
-            "pzctl.daemon.server.simulated_analyzer", [wishes], errors, stdout=subprocess.PIPE, environment={}
+            "pzctl.daemon.server.simulated_analyzer", [sim_options], errors, stdout=subprocess.PIPE, environment={}
         )
         try:
             yield _first_words(process, log)

@@ -1,4 +1,4 @@
-"""The daemon's two sockets, and who may reach them: only those with a key, from this machine too."""
+"""The daemon's two sockets; every client needs a key, on this machine too."""
 
 import ipaddress
 import socket
@@ -18,20 +18,20 @@ from ..wire.socket_options import HIGH_WATER, limit
 from .access.access_control import DOMAIN, AccessControl
 
 LARGEST_SUBSCRIPTION = 512
-"""Bytes; long enough for CURVE's handshake, which counts as well."""
+"""Greatest size of a subscription in bytes; large enough for CURVE's handshake, which this limits too."""
 
 REQUESTS_KEPT = 10
-"""Requests of one connection that wait to be read; its TCP connection holds back what comes then."""
+"""Greatest number of requests of one connection that wait to be read; TCP holds back further ones."""
 
 RECEIVE_BUFFER = 128 << 10
-"""Bytes of one connection that the kernel holds: one thread of libzmq's reads all of them, and the next one waits."""
+"""Bytes that the kernel buffers for one connection; libzmq's thread reads a whole buffer before the next connection."""
 
 ANSWERS_KEPT = 50
-"""Answers kept for who asks and does not read; one of them may carry 50 sweeps."""
+"""Greatest number of answers to keep for a client that does not read them; one answer may hold 50 sweeps."""
 
 
 class EndpointError(PzctlError):
-    """An address the daemon cannot, or must not, be reached at."""
+    """An address that the daemon cannot, or must not, listen on."""
 
 
 def is_loopback(endpoint: str) -> bool:
@@ -43,23 +43,23 @@ def is_loopback(endpoint: str) -> bool:
         return False
     try:
         return ipaddress.ip_address(host).is_loopback
-    except ValueError:  # a name, `*`, an interface: all that it means must be loopback
+    except ValueError:  # a name, `*` or an interface: all its addresses must be loopback
         try:
-            found = socket.getaddrinfo(host, None)
+            addresses = socket.getaddrinfo(host, None)
         except OSError:
             return False
-        return all(ipaddress.ip_address(a[4][0]).is_loopback for a in found)
+        return all(ipaddress.ip_address(a[4][0]).is_loopback for a in addresses)
 
 
-def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
-    """Return what guards these endpoints.
+def access_control_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
+    """Return the access control for these endpoints.
 
-    Raises EndpointError for what is no endpoint, where the keys cannot be used, and where other machines can reach an
+    Raises EndpointError if an endpoint is not valid, if the keys cannot be used, or if other machines can reach an
     endpoint and there are no keys for them.
     """
     for endpoint in endpoints:
         if not endpoint.startswith(("tcp://", "ipc://", "inproc://")):
-            raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for a port that is free")
+            raise EndpointError(f"endpoint {endpoint!r}: tcp://HOST:PORT is needed, with * for any free port")
         port = endpoint.rpartition(":")[2]
         if endpoint.startswith("tcp://") and port != "*" and not is_port(port):  # libzmq takes 99999 for 34463
             raise EndpointError(f"endpoint {endpoint!r}: port {port!r} does not exist; 0 to 65535 or * is allowed")
@@ -70,7 +70,7 @@ def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
         return AccessControl(keys, outside=bool(outside))
     except KeyFileError as error:
         if not outside:
-            raise EndpointError(f"endpoint {endpoints[0]!r} cannot be guarded: {error}") from None
+            raise EndpointError(f"endpoint {endpoints[0]!r}: its keys cannot be used: {error}") from None
         raise EndpointError(
             f"endpoint {outside[0]!r} can be reached from other machines; that needs keys (`pzctl keys server`, then "
             f"`pzctl keys client NAME`): {error}"
@@ -78,51 +78,51 @@ def gate_for(endpoints: Sequence[str], keys: Path) -> AccessControl:
 
 
 def from_here(endpoint: str) -> str:
-    """Return a bound address as it is reached from this machine."""
+    """Return the address of a bound endpoint for programs on this machine."""
     return endpoint.replace("//0.0.0.0:", "//127.0.0.1:").replace("//[::]:", "//[::1]:")
 
 
 def bind_events(
-    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, gate: AccessControl
+    context: "zmq.Context[zmq.Socket[bytes]]", endpoint: str, access: AccessControl
 ) -> tuple["zmq.Socket[bytes]", str]:
-    """Bind the socket that publishes; return it and the address it got. Raises EndpointError."""
+    """Bind the socket that publishes events; return it and its address. Raises EndpointError."""
     events = context.socket(zmq.PUB)
     events.set(zmq.XPUB_WELCOME_MSG, WELCOME)
-    return events, _bind(events, endpoint, gate, longest=LARGEST_SUBSCRIPTION)
+    return events, _bind(events, endpoint, access, longest=LARGEST_SUBSCRIPTION)
 
 
-def bind_requests(context: zmq.asyncio.Context, endpoint: str, gate: AccessControl) -> tuple[zmq.asyncio.Socket, str]:
-    """Bind the socket that is asked; return it and the address it got. Raises EndpointError."""
+def bind_requests(context: zmq.asyncio.Context, endpoint: str, access: AccessControl) -> tuple[zmq.asyncio.Socket, str]:
+    """Bind the socket that receives requests; return it and its address. Raises EndpointError."""
     requests = context.socket(zmq.ROUTER)
     plain: zmq.Socket[bytes] = zmq.Socket(shadow=requests)
-    return requests, _bind(plain, endpoint, gate, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
+    return requests, _bind(plain, endpoint, access, kept=ANSWERS_KEPT, waiting=REQUESTS_KEPT)
 
 
 def port_of(endpoint: str) -> int:
-    """Return the port of a bound address; 0 where it has none."""
+    """Return the port of a bound address, or 0 if it has none."""
     return urlsplit(endpoint).port or 0
 
 
 def _bind(
     any_socket: "zmq.Socket[bytes]",
     endpoint: str,
-    gate: AccessControl,
+    access: AccessControl,
     *,
     kept: int = HIGH_WATER,
     waiting: int = HIGH_WATER,
     longest: int = LARGEST_FRAME,
 ) -> str:
-    """Bind, or close the socket and say why not."""
+    """Configure and bind a socket; return its address. On failure, close it and raise EndpointError."""
     limit(any_socket)
     any_socket.set(zmq.SNDHWM, kept)
     any_socket.set(zmq.RCVHWM, waiting)
     any_socket.set(zmq.MAXMSGSIZE, longest)
     any_socket.set(zmq.RCVBUF, RECEIVE_BUFFER)
     any_socket.set(zmq.CURVE_SERVER, 1)
-    any_socket.set(zmq.CURVE_SECRETKEY, gate.server.secret.encode())
+    any_socket.set(zmq.CURVE_SECRETKEY, access.server.secret.encode())
     any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())
-    any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)  # also turns away the unversioned ZMTP that an HTTP request can imitate
-    any_socket.set(zmq.LINGER, 500)  # the last words of a daemon that ends are still sent
+    any_socket.set(zmq.ZAP_ENFORCE_DOMAIN, 1)  # also refuses the unversioned ZMTP that an HTTP request can imitate
+    any_socket.set(zmq.LINGER, 500)  # ms, so that a stopping daemon still sends its last messages
     try:
         any_socket.bind(endpoint)
     except zmq.ZMQError as error:

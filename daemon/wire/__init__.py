@@ -1,1 +1,1 @@
-"""Messages on the two sockets: their types, frames, ids and keys."""
+"""The messages on the two sockets: types, frames, ids and keys."""

@@ -1,4 +1,4 @@
-"""Every event the daemon publishes: its header, its topic, its frames. The words are in docs/wire.md.
+"""The events that the daemon publishes: headers, topics and frames, as specified in docs/wire.md.
 
 An event is a multipart message: topic, JSON header, then one raw frame for each of `columns`.
 """
@@ -17,20 +17,20 @@ from .frames import MOST_FRAMES, Array, ColumnHeader, WireError, from_json, pack
 from .result_messages import FitReport
 
 WIRE = 1
-"""Counts breaking changes of the wire. Readers ignore unknown fields and refuse an unknown number."""
+"""Version of the wire, raised by breaking changes. Readers ignore unknown fields and refuse an unknown version."""
 
 WELCOME = b"welcome."
-"""What the events socket says first to whoever subscribes to it."""
+"""The first message of the events socket to a new subscriber."""
 
 Payload: TypeAlias = tuple[bytes, ...]
 """Raw frames, in the order of a header's `columns`."""
 
 
 class InstrumentInfo(msgspec.Struct, frozen=True):
-    """Who measured."""
+    """The analyzer that measured."""
 
     name: str
-    """The resource string."""
+    """Its resource string."""
     idn: str
     model: str
     serial: str
@@ -39,20 +39,20 @@ class InstrumentInfo(msgspec.Struct, frozen=True):
 
 
 class SampleStep(msgspec.Struct, frozen=True):
-    """What was measured: the build's name, and the gluing step."""
+    """A sample at a step: the build's name and the gluing step."""
 
     name: str
     step: str
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
-    """What all events say. `run`, `seq`, `id` and `time` are given by the journal."""
+    """The fields of all events. The journal sets `run`, `seq`, `id` and `time`."""
 
     v: int = WIRE
     run: str = ""
     """uuid7 of the daemon's run; new at each start."""
     seq: int = 0
-    """Rises by one per event over all runs; a beat repeats the last one."""
+    """Number of the event, counted over all runs; a beat repeats the last one."""
     id: str = ""
     """uuid7."""
     time: str = ""
@@ -61,12 +61,12 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def topic(self) -> bytes:
-        """The first frame: kind and names, escaped, each followed by a dot."""
+        """The first frame: kind and names, escaped, each with a dot after it."""
         return topic(str(self.__struct_config__.tag), *self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What stands in the topic behind the kind."""
+        """The names in the topic, after the kind."""
         return ()
 
 
@@ -74,7 +74,7 @@ class Sampled(Event, frozen=True, kw_only=True):
     """An event that belongs to one measurement of one sample."""
 
     measurement: str
-    """uuid7; the same for all segments and all results of one measurement."""
+    """uuid7, the same for all segments and all results of one measurement."""
     sample: SampleStep
 
     @property
@@ -88,25 +88,25 @@ class SweepEvent(Sampled, frozen=True, kw_only=True, tag="sweep"):
 
     instrument: InstrumentInfo
     build: Build
-    """The transducer, so that whoever hears the sweep needs nothing else to fit it."""
+    """The transducer, so that a fitter needs nothing else."""
     segment: int
     """1 .. segments."""
     segments: int
     started: str
-    """When the sweep began, RFC 3339, UTC."""
+    """Start of the sweep, RFC 3339, UTC."""
     settings: dict[str, Any]
     """As read back from the instrument."""
     notes: tuple[str, ...] = ()
     decides: str | None = None
-    """The measurement whose diagnosis this one is to decide; it is no record of its step then."""
+    """The measurement whose diagnosis this one helps to decide; such a sweep does not count as the step's own."""
     client: str | None = None
-    """Who asked for the measurement: the name of their key."""
+    """Name of the key of the client that requested the measurement."""
     by: str | None = None
-    """For whom that client asked, as it said itself."""
+    """The user for whom the client asked, as the client states."""
 
 
 class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
-    """How far a measurement is."""
+    """The progress of a measurement."""
 
     fraction: float
     seconds_left: float
@@ -114,12 +114,12 @@ class ProgressEvent(Sampled, frozen=True, kw_only=True, tag="progress"):
 
 
 class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
-    """Something began or ended.
+    """A change of state.
 
-    Of the daemon: `started`, `shutdown` (asked for), `stopping`, `bench` (a command of the simulated bench), `leased`,
-    `released`. Of a measurement: `queued`, `measuring`, `cancelling`, then one of `measured`, `measured-aside`
-    (complete, but made to decide another one's diagnosis), `failed`, `cancelled`, `abandoned`, and later, maybe,
-    `withdrawn`. Of a fitter: `fitter-ready`, `fitter-ended`, `fitter-broken`.
+    The daemon's states: `started`, `shutdown` (requested), `stopping`, `bench` (a command to the simulated bench),
+    `leased`, `released`. A measurement's states: `queued`, `measuring`, `cancelling`, then one of `measured`,
+    `measured-aside` (complete, but made to decide the diagnosis of another), `failed`, `cancelled`, `abandoned`, and
+    possibly `withdrawn` later. A fitter's states: `fitter-ready`, `fitter-ended`, `fitter-broken`.
     """
 
     state: str
@@ -129,21 +129,21 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     sample: SampleStep | None = None
     fitter: str | None = None
     client: str | None = None
-    """Who asked for it: the name of their key. None for what happened by itself."""
+    """Name of the key of the client that requested it; None if nobody did."""
     by: str | None = None
-    """For whom that client asked, as it said itself."""
+    """The user for whom the client asked, as the client states."""
 
 
 class FitEvent(Sampled, frozen=True, kw_only=True, tag="fit"):
-    """What a fitter answered; for each of `curves` the columns `K.frequency K.measured K.start K.fitted`."""
+    """A fitter's answer; for each of `curves` the columns `K.frequency K.measured K.start K.fitted`."""
 
     fitter: str
     version: str
     sweeps: tuple[str, ...]
-    """Ids of the sweeps that were used."""
+    """Ids of the sweeps used."""
     report: FitReport | None = None
     error: str | None = None
-    """Why there is no report, in one sentence."""
+    """The reason if there is no report, in one sentence."""
     curves: tuple[str, ...] = ()
     """The step that curve K belongs to."""
 
@@ -154,9 +154,9 @@ class FitEvent(Sampled, frozen=True, kw_only=True, tag="fit"):
 
 
 class DiagnosisEvent(Sampled, frozen=True, kw_only=True, tag="diagnosis"):
-    """What a diagnosis found: the object that `pzctl diagnose --json` prints.
+    """A diagnosis: the object that `pzctl diagnose --json` prints.
 
-    Columns as of a fit: `K.start` is the model without what was found, `K.fitted` the one with it.
+    Columns as for a fit: `K.start` is the model without the findings, `K.fitted` the model with them.
     """
 
     fitter: str
@@ -168,14 +168,14 @@ class DiagnosisEvent(Sampled, frozen=True, kw_only=True, tag="diagnosis"):
 
 
 class BeatEvent(Event, frozen=True, kw_only=True, tag="beat"):
-    """Life sign, every second; `seq` is that of the last event. Not in the journal."""
+    """A sign of life every second, with the `seq` of the last event. Not in the journal."""
 
 
 AnyEvent: TypeAlias = SweepEvent | ProgressEvent | StateEvent | FitEvent | DiagnosisEvent | BeatEvent
 
 
 class Envelope(msgspec.Struct, frozen=True):
-    """What is read first, so that a later wire or an unknown kind is met with words, not with a parse error."""
+    """The fields to read first, so that another wire version or an unknown kind gives a clear error."""
 
     KINDS: ClassVar[frozenset[str]] = frozenset({"sweep", "progress", "state", "fit", "diagnosis", "beat"})
     v: int
@@ -186,13 +186,13 @@ class Envelope(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class ReceivedEvent:
-    """An event that was read: header and arrays."""
+    """A received event: header and arrays."""
 
     event: AnyEvent
     arrays: dict[str, Array]
 
     def sweep(self) -> Sweep:
-        """Return the recording of a sweep event. Raises WireError where it is none."""
+        """Return the recording of a sweep event. Raises WireError if it is another kind or not valid."""
         if not isinstance(self.event, SweepEvent):
             raise WireError(f"message: {type(self.event).__name__} holds no sweep")
         try:
@@ -209,7 +209,7 @@ _event = msgspec.json.Decoder(AnyEvent)
 
 
 def topic(kind: str, *names: str) -> bytes:
-    """Return `kind.name.name.`; all but letters, digits, `_` and `-` is percent-escaped, so a dot only ends a name."""
+    """Return `kind.name.name.`; other characters than letters, digits, `_` and `-` in a name are percent-escaped."""
     return "".join(
         quote(name, safe="").replace(".", "%2E").replace("~", "%7E") + "." for name in (kind, *names)
     ).encode()
@@ -227,20 +227,22 @@ def encode(event: Event, payload: Sequence[bytes] = ()) -> list[bytes]:
 
 
 def envelope(frames: Sequence[bytes]) -> Envelope:
-    """Return run, seq and kind. Raises WireError where it is no event, or one of another wire."""
+    """Return the envelope of an event. Raises WireError if it is not an event, or has another wire version."""
     if not 2 <= len(frames) <= MOST_FRAMES:
         raise WireError(f"message: {len(frames)} frame(s); an event has 2 to {MOST_FRAMES}")
-    found = from_json(frames[1], _envelope)
-    if found.v != WIRE:
-        raise WireError(f"message: this is pzctl wire {found.v}, and wire {WIRE} is read here: upgrade the older side")
-    return found
+    header = from_json(frames[1], _envelope)
+    if header.v != WIRE:
+        raise WireError(
+            f"message: it has wire version {header.v}; this program reads version {WIRE}; upgrade the older side"
+        )
+    return header
 
 
 def decode(frames: Sequence[bytes]) -> ReceivedEvent:
-    """Return the event. Raises WireError with a sentence, whatever the bytes are."""
-    found = envelope(frames)
-    if found.kind not in Envelope.KINDS:
-        raise WireError(f"message: kind {found.kind!r}; known are {', '.join(sorted(Envelope.KINDS))}")
+    """Return the event. Raises WireError if the frames are not a valid event, whatever they contain."""
+    header = envelope(frames)
+    if header.kind not in Envelope.KINDS:
+        raise WireError(f"message: kind {header.kind!r}; known are {', '.join(sorted(Envelope.KINDS))}")
     event = from_json(frames[1], _event)
     if not (event.run and event.time) or event.seq < 0:
         raise WireError("message: the header lacks run or time, or its seq is negative")

@@ -1,4 +1,4 @@
-"""Raw columns behind a JSON header: packed little-endian, unpacked without trusting what the header claims."""
+"""Raw columns after a JSON header: packed little-endian, unpacked without trusting the header."""
 
 import math
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from ...models.base.errors import PzctlError
 
 MOST_FRAMES = 256
-"""Frames in one message; more is no message of ours."""
+"""Greatest number of frames of one message."""
 
 LARGEST_HEADER = 1 << 20
-"""Bytes of one JSON header that comes from anybody."""
+"""Greatest size in bytes of a JSON header from an untrusted sender."""
 
 LARGEST_FRAME = 8 << 20
-"""Bytes; libzmq ends the connection of whoever sends a longer frame, before it is read. An answer's header may be as
-long: it comes from the daemon."""
+"""Greatest size of a frame in bytes; libzmq closes the connection of a sender of a longer one before reading it. The
+header of an answer may be as long, since it comes from the daemon."""
 
 Array: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
 """One column: real or complex doubles."""
@@ -27,11 +27,11 @@ T = TypeVar("T")
 
 
 class WireError(PzctlError):
-    """Bytes that are no message of this wire."""
+    """A message is not valid on this wire."""
 
 
 class ColumnHeader(msgspec.Struct, frozen=True):
-    """What one raw frame holds: C order, little-endian; `<c16` is pairs of doubles re, im, re, im ..."""
+    """The content of one raw frame: C order, little-endian; `<c16` is pairs of doubles re, im, re, im ..."""
 
     name: str
     unit: str
@@ -40,18 +40,18 @@ class ColumnHeader(msgspec.Struct, frozen=True):
 
 
 def pack(name: str, unit: str, array: Array) -> tuple[ColumnHeader, bytes]:
-    """Return the description of an array and its bytes."""
+    """Return the header of an array's column, and its bytes."""
     dtype: Literal["<f8", "<c16"] = "<c16" if np.iscomplexobj(array) else "<f8"
     return ColumnHeader(name, unit, dtype, array.shape), np.ascontiguousarray(array, dtype=dtype).tobytes()
 
 
 def unpack(columns: Sequence[ColumnHeader], frames: Sequence[bytes]) -> dict[str, Array]:
-    """Return the arrays by name, read-only views of the frames. Raises WireError.
+    """Return the arrays by name, as read-only views of the frames. Raises WireError.
 
-    Sizes are compared as whole numbers before an array is made: what a header claims is never allocated.
+    Sizes are compared before an array is made, so that a header cannot cause an allocation.
     """
     if len(columns) != len(frames):
-        raise WireError(f"message: {len(frames)} raw frame(s) behind a header that names {len(columns)} column(s)")
+        raise WireError(f"message: {len(frames)} raw frame(s) after a header that names {len(columns)} column(s)")
     arrays: dict[str, Array] = {}
     for column, frame in zip(columns, frames, strict=True):
         claimed = math.prod(column.shape) * np.dtype(column.dtype).itemsize
@@ -67,26 +67,26 @@ def unpack(columns: Sequence[ColumnHeader], frames: Sequence[bytes]) -> dict[str
 
 
 def to_json(header: Any) -> bytes:
-    """Return a header as UTF-8 JSON; numbers of NumPy count as numbers, one that is not finite becomes null."""
+    """Return a header as UTF-8 JSON; NumPy's numbers become numbers, and a number that is not finite becomes null."""
     return msgspec.json.encode(header, enc_hook=_plain)
 
 
 def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]", most: int = LARGEST_HEADER) -> T:
-    """Return the header. Raises WireError with the path of what is wrong."""
+    """Return the decoded header. Raises WireError with the path of the fault."""
     if len(text) > most:
         raise WireError(f"message: header of {len(text)} bytes; at most {most} are allowed")
     try:
         return decoder.decode(text)
     except RecursionError:
-        raise WireError("message: the header is nested too deep") from None
+        raise WireError("message: the header is nested too deeply") from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise WireError(f"message: the header is not what it should be: {error}") from None
-    except PzctlError as error:  # a value that its own type refuses: a segment that stops before it starts
+        raise WireError(f"message: the header is not valid: {error}") from None
+    except PzctlError as error:  # a value that its type refuses, such as a segment that stops before it starts
         raise WireError(f"message: {error}") from None
 
 
 def _plain(value: object) -> Any:
-    """Turn what msgspec does not know into what it does: NumPy's numbers and arrays."""
+    """Return NumPy's numbers and arrays as plain Python values for msgspec."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -1,4 +1,4 @@
-"""What the daemon counts and times, readable by request."""
+"""The daemon's counters and times, which clients can request."""
 
 import time
 from collections import Counter, deque
@@ -9,20 +9,20 @@ import msgspec
 from .events import Event, FitEvent, StateEvent
 
 KEPT = 1000
-"""Latest durations of each kind that the figures are taken from."""
+"""Number of latest durations of each kind that the statistics use."""
 
 
 class TimingSummary(msgspec.Struct, frozen=True):
-    """How long something took lately; seconds."""
+    """Statistics of the latest durations of one kind, in seconds."""
 
     count: int
-    """How many of the latest were looked at."""
+    """Number of durations."""
     median: float | None
     p99: float | None
 
 
 class Metrics:
-    """Counters since the start of the daemon, and durations of late."""
+    """Counters since the start of the daemon, and the latest durations."""
 
     def __init__(self) -> None:
         self.began = time.monotonic()
@@ -31,11 +31,11 @@ class Metrics:
         self._measured: dict[str, float] = {}
 
     def lasted(self, what: str, seconds: float) -> None:
-        """Note how long something took."""
+        """Record a duration of the kind `what`."""
         self._durations.setdefault(what, deque(maxlen=KEPT)).append(seconds)
 
     def note(self, event: Event) -> None:
-        """Count an event; of a fit, note how long after the end of its measurement it came."""
+        """Count an event; for a fit, also record how long after the end of its measurement it came."""
         kind = str(event.__struct_config__.tag)
         self.counts[kind if not isinstance(event, StateEvent) else f"state-{event.state}"] += 1
         if isinstance(event, StateEvent) and event.state == "measured" and event.measurement:
@@ -46,8 +46,8 @@ class Metrics:
             self.lasted("fit", time.monotonic() - self._measured[event.measurement])
 
     def spreads(self) -> dict[str, TimingSummary]:
-        """Return the figures of every kind of duration."""
-        return {what: _spread(found) for what, found in self._durations.items()}
+        """Return the statistics of each kind of duration."""
+        return {what: _spread(durations) for what, durations in self._durations.items()}
 
 
 def _spread(durations: Iterable[float]) -> TimingSummary:

@@ -1,6 +1,6 @@
-"""What the daemon answers to what `requests` asks. The words are in docs/wire.md.
+"""The daemon's answers to the `requests`, as specified in docs/wire.md.
 
-An answer carries the `id` of its request; `ok` says whether it is one, or a refusal.
+An answer has the `id` of its request; `ok` is false for a refusal.
 """
 
 from typing import Any
@@ -12,32 +12,32 @@ from .metrics import TimingSummary
 
 
 class FitterState(msgspec.Struct, frozen=True):
-    """One fitter the daemon keeps, or one that said hello."""
+    """The state of a fitter that the daemon keeps running, or of one that said hello."""
 
     name: str
     state: str
-    """`starting`, `ready`, `ended` (it will be started again) or `broken` (it will not)."""
+    """`starting`, `ready`, `ended` (will be restarted) or `broken` (will not)."""
     version: str | None = None
     says: str = ""
 
 
 class LeaseState(msgspec.Struct, frozen=True):
-    """Who has the instrument to themselves."""
+    """The current lease of the instrument."""
 
     owner: str
     until: str
-    """RFC 3339, UTC; it expires then."""
+    """Time at which it expires, RFC 3339, UTC."""
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """What all answers say; this alone where there is nothing to add."""
+    """The fields of all answers; an answer without further content has only these."""
 
     id: str | None
     ok: bool = True
 
 
 class ErrorBody(msgspec.Struct, frozen=True):
-    """Why not: a word for programs, a sentence for people, and what to do."""
+    """The reason of a refusal: a code for programs, a sentence for people, and a hint what to do."""
 
     code: str
     message: str
@@ -45,14 +45,14 @@ class ErrorBody(msgspec.Struct, frozen=True):
 
 
 class Refusal(Answer, frozen=True, kw_only=True):
-    """The answer to a request that cannot be met; `ok` is false."""
+    """The answer to a request that is refused; `ok` is false."""
 
     ok: bool = False
     error: ErrorBody
 
 
 class HelloAnswer(Answer, frozen=True, kw_only=True):
-    """Who is there."""
+    """The daemon, its instrument, endpoints and fitters."""
 
     wire: int
     version: str
@@ -67,7 +67,7 @@ class HelloAnswer(Answer, frozen=True, kw_only=True):
 
 
 class StatusAnswer(Answer, frozen=True, kw_only=True):
-    """What is going on."""
+    """The current measurement, the queue and the fitters."""
 
     run: str
     seq: int
@@ -76,56 +76,56 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     queue: tuple[str, ...]
     fitters: tuple[FitterState, ...]
     garbage: int
-    """Messages that were no request."""
+    """Number of invalid messages."""
     lease: LeaseState | None = None
-    """None where nobody has the instrument to themselves."""
+    """None if the instrument is not leased."""
 
 
 class MetricsAnswer(Answer, frozen=True, kw_only=True):
-    """What was counted and timed since the daemon began."""
+    """Counters since the daemon started, and latest durations."""
 
     uptime: float
-    """Seconds."""
+    """Seconds since the daemon started."""
     counts: dict[str, int]
     """Events by kind (`sweep`, `state-measured` ...), `requests`, `refused`, `garbage`, `replayed` events, `cut-off`
     connections."""
     queue: int
     errands: int
     seconds: dict[str, TimingSummary]
-    """Lately: `publish` (an event kept and said), `request` (until its answer), `fit` (after its sweep)."""
+    """Latest durations: `publish` (write and send an event), `request` (until its answer), `fit` (after its sweep)."""
 
 
 class SettingsAnswer(Answer, frozen=True, kw_only=True):
-    """How the daemon was started."""
+    """The settings that the daemon was started with."""
 
     settings: dict[str, Any]
 
 
 class MeasureAnswer(Answer, frozen=True, kw_only=True):
-    """Accepted."""
+    """The id of the accepted measurement."""
 
     measurement: str
 
 
 class LeaseAnswer(Answer, frozen=True, kw_only=True):
-    """The instrument is yours."""
+    """The lease that was granted."""
 
     lease: str
-    """To be named by `measure`, `lease` and `release`; keep it to yourself."""
+    """Id of the lease for `measure`, `lease` and `release`; keep it secret."""
     until: str
 
 
 class JobAnswer(Answer, frozen=True, kw_only=True):
-    """Accepted, or answered before: what the events that carry the answer are known by."""
+    """The job was accepted or is answered already; these fields identify the event with the answer."""
 
     measurement: str
     fitter: str
     version: str | None
-    """None where it is known only once the fitter has been loaded."""
+    """None if it is known only after the fitter has been loaded."""
 
 
 class MissingEvents(msgspec.Struct, frozen=True):
-    """Events that the journal no longer holds, both ends included, and why."""
+    """A range of events that the journal no longer holds, both ends included, and the reason."""
 
     first: int
     last: int
@@ -133,19 +133,19 @@ class MissingEvents(msgspec.Struct, frozen=True):
 
     @property
     def sentence(self) -> str:
-        """What people are told."""
+        """A sentence for people."""
         which = f"event {self.first} is" if self.first == self.last else f"events {self.first} to {self.last} are"
         return f"{which} no longer in the journal: {self.says}"
 
 
 class EventsAnswer(Answer, frozen=True, kw_only=True):
-    """Events as they were published: behind this header stand all their frames, `frames[k]` of them for event k."""
+    """Events as they were published: their frames follow this header, `frames[k]` of them for event k."""
 
     frames: tuple[int, ...]
     more: bool = False
-    """The journal holds further events of what was asked for."""
+    """Whether the journal holds further requested events."""
     missing: tuple[MissingEvents, ...] = ()
-    """Of a replay: what was asked for and is no longer there."""
+    """For a replay: the requested events that are no longer in the journal."""
 
 
 class MeasuredStep(msgspec.Struct, frozen=True):
@@ -157,18 +157,18 @@ class MeasuredStep(msgspec.Struct, frozen=True):
     time: str
     sweeps: tuple[str, ...]
     fitters: tuple[str, ...]
-    """Those that answered with a result."""
+    """The fitters that answered with a result."""
 
 
 class SampleHistory(msgspec.Struct, frozen=True):
-    """All that was measured of one sample, oldest first."""
+    """All measurements of one sample, oldest first."""
 
     name: str
     measurements: tuple[MeasuredStep, ...]
 
 
 class SamplesAnswer(Answer, frozen=True, kw_only=True):
-    """Which samples were measured."""
+    """The samples and their measurements."""
 
     samples: tuple[SampleHistory, ...]
 
@@ -180,6 +180,6 @@ class MeasurementsAnswer(Answer, frozen=True, kw_only=True):
 
 
 class BenchAnswer(Answer, frozen=True, kw_only=True):
-    """What the bench answered."""
+    """The bench's answer."""
 
     answer: dict[str, Any]

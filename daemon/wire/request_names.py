@@ -1,4 +1,4 @@
-"""The names in a request, held to the one rule for names: they end on screens, in logs, files and tables."""
+"""Checks of the names in a request, since they appear on screens, in logs, files and tables."""
 
 from collections.abc import Iterator
 
@@ -8,14 +8,14 @@ from . import requests as ask
 from .frames import WireError
 
 LONGEST_OWNER = 200
-"""Characters of what a person is called."""
+"""Greatest number of characters of a person's name."""
 
 LONGEST_VERSION = 4000
-"""Characters; the version of a diagnosis names the measurements that decided it."""
+"""Greatest number of characters of a version; that of a diagnosis names further measurements."""
 
 
 def check_names(request: ask.Request) -> None:
-    """Raise WireError where what a request calls a sample, step, layer, fitter or person is no name."""
+    """Raise WireError if the name of a sample, step, layer, fitter or person in a request is not allowed."""
     try:
         for name, what, longest in _names(request):
             check_name(name, f"request: {what}", longest)
@@ -24,7 +24,7 @@ def check_names(request: ask.Request) -> None:
 
 
 def _names(request: ask.Request) -> Iterator[tuple[str, str, int]]:
-    """Yield each name with what it is of, and the most characters that it may have."""
+    """Yield each name with the field it is from and its greatest length."""
     if request.by is not None:
         yield request.by, "by", LONGEST_OWNER
     if isinstance(request, ask.WithdrawRequest):

@@ -1,6 +1,6 @@
-"""What can be asked of the daemon; `replies` is what it answers. The words are in docs/wire.md.
+"""The requests to the daemon, as specified in docs/wire.md; `replies` holds the answers.
 
-A request is a multipart message: one JSON header, then raw columns where it has any. The answer carries its `id`.
+A request is a multipart message: one JSON header, then raw columns if there are any. The answer has the same `id`.
 """
 
 from typing import Annotated, Any, TypeAlias
@@ -14,40 +14,40 @@ from .frames import ColumnHeader
 from .result_messages import FitReport
 
 MOST_EVENTS = 50
-"""Events in one answer to `replay`."""
+"""Greatest number of events in one answer to `replay`."""
 
 LONGEST_REASON = 1000
-"""Characters of why a measurement is withdrawn."""
+"""Greatest number of characters of the reason for withdrawing a measurement."""
 
 Id: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="request"):
-    """What all requests say. The same `id` asked again is answered again, and done once."""
+    """The fields of all requests. One repeated with the same `id` is answered again, but carried out only once."""
 
     id: Id
     v: int = WIRE
     by: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
-    """For whom a client asks that serves several people, as the live page does. The client says so, nobody checks."""
+    """The user for whom a client with several users asks, such as the live page. It is not checked."""
 
 
 class HelloRequest(Request, frozen=True, kw_only=True, tag="hello"):
-    """Ask who is there. A fitter gives its name and version, and is then listed as ready."""
+    """Ask for the daemon's version, instrument and endpoints. A fitter gives its name and version to be listed."""
 
     fitter: str | None = None
     version: str | None = None
 
 
 class StatusRequest(Request, frozen=True, kw_only=True, tag="status"):
-    """Ask what is going on."""
+    """Ask for the current measurement, the queue and the fitters."""
 
 
 class MetricsRequest(Request, frozen=True, kw_only=True, tag="metrics"):
-    """Ask what was counted and timed since the daemon began."""
+    """Ask for counters since the daemon started, and latest durations."""
 
 
 class SettingsRequest(Request, frozen=True, kw_only=True, tag="settings"):
-    """Ask how the daemon was started."""
+    """Ask for the settings that the daemon was started with."""
 
 
 class MeasureRequest(Request, frozen=True, kw_only=True, tag="measure"):
@@ -56,49 +56,50 @@ class MeasureRequest(Request, frozen=True, kw_only=True, tag="measure"):
     build: Build
     step: str
     plan: SweepPlan | None = None
-    """The build's own plan where none is given."""
+    """None: the build's own plan."""
     priority: Annotated[int, msgspec.Meta(ge=-10, le=10)] = 0
-    """Higher ones go first; what is being measured is finished."""
+    """Higher ones go first; a running measurement is not interrupted."""
     lease: str | None = None
     """Needed while the instrument is leased."""
     decides: str | None = None
-    """The measurement of this step whose diagnosis it is to decide: kept, but no record of the step, and not fitted."""
+    """The measurement of this step whose diagnosis this one helps to decide. Such a measurement is kept, but does not
+    count as the step's own and is not fitted."""
 
 
 class LeaseRequest(Request, frozen=True, kw_only=True, tag="lease"):
-    """Have the instrument to oneself for some seconds, or for longer; the daemon lets go of it meanwhile.
+    """Lease the instrument for exclusive use, or extend a lease; the daemon closes its connection meanwhile.
 
-    Whoever holds the lease may talk to the instrument directly, or measure by requests that name it.
+    The holder of the lease may use the instrument directly, or measure by requests that name the lease.
     """
 
     owner: Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
-    """Who it is, for people."""
+    """Name of the owner, for people."""
     seconds: Annotated[float, msgspec.Meta(gt=0, le=3600)]
     lease: str | None = None
-    """The one that is held, to hold it for longer."""
+    """Id of the current lease, to extend it."""
 
 
 class ReleaseRequest(Request, frozen=True, kw_only=True, tag="release"):
-    """Give a lease back."""
+    """Return a lease."""
 
     lease: str
 
 
 class CancelRequest(Request, frozen=True, kw_only=True, tag="cancel"):
-    """Cancel a measurement, queued or running; the running one where none is named."""
+    """Cancel a queued or running measurement; by default the running one."""
 
     measurement: str | None = None
 
 
 class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
-    """Mark a complete measurement as withdrawn, in the name of `by`; for the daemon's own account alone."""
+    """Mark a complete measurement as withdrawn, in the name of `by`; only the daemon's own account may do so."""
 
     measurement: str
     why: Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_REASON)]
 
 
 class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
-    """The events `since` .. `until` (both included) once more; at most `max` in one answer."""
+    """Ask for the events `since` .. `until` (both included) again, at most `max` in one answer."""
 
     since: Annotated[int, msgspec.Meta(ge=1)]
     until: int | None = None
@@ -106,20 +107,20 @@ class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
 
 
 class SamplesRequest(Request, frozen=True, kw_only=True, tag="samples"):
-    """Ask which samples were measured, at which steps."""
+    """Ask for the measurements of all samples."""
 
     name: str | None = None
-    """Only this one."""
+    """Only this sample."""
 
 
 class SweepsRequest(Request, frozen=True, kw_only=True, tag="sweeps"):
-    """The sweeps of a measurement, after those of the latest measurement of each earlier step of the same sample."""
+    """Ask for the sweeps of the latest measurement of each earlier step of a sample, then those of this measurement."""
 
     measurement: str
 
 
 class FitsRequest(Request, frozen=True, kw_only=True, tag="fits"):
-    """What the fitters answered to a measurement."""
+    """Ask for the fits and diagnoses of a measurement."""
 
     measurement: str
 
@@ -127,7 +128,7 @@ class FitsRequest(Request, frozen=True, kw_only=True, tag="fits"):
 class FitRequest(Request, frozen=True, kw_only=True, tag="fit"):
     """Fit a complete measurement with any installed fitter; answered as soon as it is accepted.
 
-    What comes of it is a `fit` event, as from a fitter the daemon keeps.
+    The result is a `fit` event, as from a fitter that the daemon keeps running.
     """
 
     measurement: str
@@ -137,20 +138,20 @@ class FitRequest(Request, frozen=True, kw_only=True, tag="fit"):
 class DiagnoseRequest(Request, frozen=True, kw_only=True, tag="diagnose"):
     """Diagnose a complete measurement; answered as soon as it is accepted.
 
-    What comes of it is a `diagnosis` event, or a `fit` event with the `error` that says why there is none.
+    The result is a `diagnosis` event, or a `fit` event whose `error` says why there is none.
     """
 
     measurement: str
     effects: tuple[str, ...] | None = None
-    """Consider only these of the catalogue; all where none is given."""
+    """Consider only these effects of the catalogue; None: all."""
     also: Annotated[tuple[Id, ...], msgspec.Meta(max_length=20)] = ()
-    """Measurements that were made to decide it, whose sweeps count as further recordings of their step."""
+    """Further measurements made to decide it, whose sweeps are used as further recordings of the step."""
     propose: bool = False
-    """Whether to say which measurements would decide what stays open: `would_measure` in the diagnosis."""
+    """Whether to propose measurements that would decide what is open: `would_measure` in the diagnosis."""
 
 
 class UnansweredRequest(Request, frozen=True, kw_only=True, tag="unanswered"):
-    """The measurements of this run that this fitter has not answered yet."""
+    """Ask for the measurements of this run that this fitter has not answered yet."""
 
     fitter: str
 
@@ -170,13 +171,13 @@ class SubmitRequest(Request, frozen=True, kw_only=True, tag="submit"):
 
 
 class BenchRequest(Request, frozen=True, kw_only=True, tag="bench"):
-    """A command for the simulator's virtual bench, passed on as it is."""
+    """A command for the simulator's bench, passed on unchanged."""
 
     command: dict[str, Any]
 
 
 class ShutdownRequest(Request, frozen=True, kw_only=True, tag="shutdown"):
-    """End: cancel what runs, bias off, let go of the instrument."""
+    """Stop the daemon: cancel the running measurement, turn the bias off, release the instrument."""
 
 
 AnyRequest: TypeAlias = (

@@ -1,4 +1,4 @@
-"""What a fitter found, as JSON: the object of `pzctl fit --json`; the curves travel as raw columns."""
+"""A fit result as JSON, the object of `pzctl fit --json`, with its curves as raw columns."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
@@ -10,13 +10,13 @@ from ...fitters.interface import Budget, Constant, Curve, FitResult, Noise
 from .frames import Array, ColumnHeader, WireError, pack
 
 CURVE_PARTS = ("frequency", "measured", "start", "fitted")
-"""The columns of one curve; Hz, then ohm."""
+"""The columns of one curve: frequency in Hz, impedances in ohm."""
 
 T = TypeVar("T")
 
 
 class NoiseReport(msgspec.Struct, frozen=True):
-    """Relative noise per point, and where the figure is from."""
+    """Relative noise per point, and the source of this value."""
 
     relative: float
     source: str = msgspec.field(name="from")
@@ -40,9 +40,9 @@ class FitReport(msgspec.Struct, frozen=True):
     seconds: float
     says: tuple[str, ...] = ()
     budget: Budget | None = None
-    """What makes up the uncertainties; None where the fitter does not tell."""
+    """The contributions to the uncertainties; None if the fitter gives none."""
     chosen: dict[str, Any] | None = None
-    """Of a fit by hand: `by`, `free`, `values`, `bands` (Hz), `effects`."""
+    """The choices of a manual fit: `by`, `free`, `values`, `bands` (Hz), `effects`."""
 
 
 def report_of(result: FitResult) -> FitReport:
@@ -52,7 +52,7 @@ def report_of(result: FitResult) -> FitReport:
 
 
 def result_of(report: FitReport, curves: Sequence[Curve] = ()) -> FitResult:
-    """Return the report and its curves as the fitter's own type."""
+    """Return the report and its curves as a fit result."""
     fields: dict[str, Any] = {name: getattr(report, name) for name in FitReport.__struct_fields__}
     fields["noise"] = Noise(report.noise.relative, report.noise.source)
     return FitResult(**fields, curves=tuple(curves))
@@ -69,7 +69,7 @@ def curve_columns(curves: Sequence[Curve]) -> tuple[tuple[ColumnHeader, ...], tu
 
 
 def curves_of(steps: Sequence[str], arrays: Mapping[str, Array]) -> tuple[Curve, ...]:
-    """Return the curves. Raises WireError where a column is missing, or of another length than its frequencies."""
+    """Return the curves. Raises WireError if a column is missing, or differs in length from its frequencies."""
     curves: list[Curve] = []
     for k, step in enumerate(steps):
         missing = [part for part in CURVE_PARTS if f"{k}.{part}" not in arrays]

@@ -1,4 +1,4 @@
-"""What every socket of this wire sets: limits, life signs, and a client's key."""
+"""Options of every socket of this wire: limits, heartbeats, and a client's key."""
 
 import zmq
 
@@ -6,11 +6,11 @@ from .curve_keys import ClientKey
 from .frames import LARGEST_FRAME
 
 HIGH_WATER = 1000
-"""Messages kept for a slow reader; what comes then is dropped for that reader, who finds the hole by `seq`."""
+"""Greatest number of messages to keep for a slow reader; it loses further ones, which it notices by `seq`."""
 
 
 def limit(any_socket: "zmq.Socket[bytes]") -> None:
-    """Set limits, life signs, and no waiting at the end."""
+    """Set limits and heartbeats, and let the socket close without waiting."""
     any_socket.set(zmq.LINGER, 0)
     any_socket.set(zmq.SNDHWM, HIGH_WATER)
     any_socket.set(zmq.RCVHWM, HIGH_WATER)
@@ -21,7 +21,7 @@ def limit(any_socket: "zmq.Socket[bytes]") -> None:
 
 
 def unlock(any_socket: "zmq.Socket[bytes]", key: ClientKey | None) -> None:
-    """Set the key that lets a client's socket in, where the daemon asks for one."""
+    """Set the keys of a client's socket, if there are any."""
     if key is not None:
         any_socket.set(zmq.CURVE_SERVERKEY, key.server.encode())
         any_socket.set(zmq.CURVE_PUBLICKEY, key.public.encode())

@@ -1,4 +1,4 @@
-"""Ids that sort by time (RFC 9562, version 7); Python has them from 3.14 on."""
+"""Ids that sort by time (RFC 9562, version 7), which Python has from version 3.14 on."""
 
 import os
 import time

@@ -1,1 +1,1 @@
-"""Where model and recording differ: which physics was left out, how sure that is, and what would decide."""
+"""Diagnosis of a misfit: missing physics, its probability, and the measurements that would decide."""

@@ -1,38 +1,38 @@
-"""Every number that decides in a diagnosis, with where it comes from."""
+"""Every threshold of a diagnosis, with its origin."""
 
 ODDS = 0.08
-"""Prior odds of an effect of the catalogue at one place: of two dozen places, one or two have one in a laboratory."""
+"""Prior odds of a catalogue effect at one place: a laboratory sample has one or two effects at two dozen places."""
 COARSENED = 0.2
-"""Of the evidence that the best explanation lacks, the part that counts as one nat: fitted by log score on generated
-recordings with effects taken out of the catalogue."""
+"""Share of the best explanation's missing ln evidence that is added to the coarsening factor (see
+`hypothesis.coarseness`); fitted by log score on generated recordings with effects removed from the catalogue."""
 NAMED = 0.5
-"""Posterior probability from which an effect is named: it is then more likely there than not."""
+"""Posterior probability from which an effect is named: it is then more likely present than absent."""
 CLASS = 0.9
-"""Correlation of what two effects do, less what constants and errors imitate, from which they are look-alikes."""
+"""Correlation of two effects, after projecting out constants and errors, from which they count as look-alikes."""
 CLASS_NATS = 3.0
-"""Or: difference of ln evidence up to which a recording does not tell one from the other (odds of twenty)."""
+"""Difference of ln evidence within which a recording does not distinguish two look-alikes (odds of twenty)."""
 SOFT, WORTH = 10.0, 3.0
-"""Gain in ln likelihood from which an effect is fitted: where all that is left counts as noise, and beside errors (the
-odds against an effect are about as much)."""
+"""Gain in ln likelihood from which an effect is fitted: when the whole residual counts as noise, and beside an error
+model. The prior odds against an effect are about as much."""
 FITTED_FIRST, FITTED_LATER, POLISHED = 8, 4, 2
-"""How many effects are fitted alone, and beside what is there; and how many are fitted to the end. A budget."""
+"""Budget: effects fitted alone, effects fitted beside others, and hypotheses fitted to convergence."""
 UNFINISHED = 5
-"""How many of the best are fitted on where they had not come to an end. A budget."""
+"""Budget: number of best hypotheses whose fits continue if they have not converged."""
 NEAR = 12.0
-"""ln of odds within which explanations are kept in sight: what is further off is below 1e-5."""
+"""ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 PARENTS = 3
-"""How many of the best are grown by one more effect. A budget."""
+"""Budget: number of best hypotheses that are extended by one more effect."""
 SUBSTITUTES = 2
-"""How many others are fitted in place of each effect of the best. A budget."""
+"""Budget: substitutes fitted for each effect of the best hypothesis."""
 RIVALS = 6
-"""Explanations with another effect in place of a named one that are held against it. A budget."""
+"""Budget: hypotheses with another effect in place of a named one that are compared with it."""
 MOST = 4
-"""Effects at once. A budget."""
+"""Budget: largest number of effects at once."""
 INSTRUMENT = 8e-4
-"""Error of the instrument, root mean square of ln Z, where nothing else is told."""
+"""Instrument error, rms of ln Z, unless stated otherwise."""
 TOLERATED = 2.0
-"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is no
-more than that, where the instrument shows errors: one fixture in twenty has more."""
+"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is
+attributed to the fixture, if the recordings show instrument errors; one fixture in twenty has more."""
 LEFT = 1.5e-3
-"""Root mean square of ln Z that the imperfections of a good device make, all together: weak lines, scatter of its
-thickness, losses that change over the band. More of the model's own error than that has a cause."""
+"""Rms of ln Z that the imperfections of a good device cause together: weak lines, scatter of thickness, losses that
+change over the band. A larger model error has a cause of its own."""

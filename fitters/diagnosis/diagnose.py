@@ -1,4 +1,4 @@
-"""The whole diagnosis of a build: gates, hypotheses, proof, what stays open, and a verdict."""
+"""The complete diagnosis of a build: data checks, hypotheses, validation, open questions, verdict."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -30,7 +30,7 @@ from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
 from .validation.residual_summary import in_words, remainder
 
-_NOT_CARRIED = "A finite diameter is not carried over to another sample: diagnose that one by itself."
+_NOT_CARRIED = "A finite diameter cannot be tested on another sample: diagnose that sample by itself."
 
 
 def diagnose(
@@ -40,12 +40,13 @@ def diagnose(
     hold_out: str = BANDS,
     others: Mapping[str, FitTask] | None = None,
 ) -> Diagnosis:
-    """Say where recordings and model differ, which physics was left out, and what cannot be decided.
+    """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
-    `effects` names those of the catalogue to consider; None considers all. `hold_out` is what is put to the proof:
-    one of `heldout.KINDS`. `others` are further samples by name, which what was found is carried over to. Raises
-    FitError where the recordings cannot be fitted at all or have nothing of that kind, EffectError for an effect that
-    is not known.
+    `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
+    data
+    reserved for validation. `others` are further samples by name, on which the findings are tested. Raises FitError if
+    the
+    recordings cannot be fitted or contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
     progress("checking the data")
@@ -56,7 +57,7 @@ def diagnose(
     search = GreedySearch(problem, (*choice, *flaws(problem)), progress)
     search.run()
     found = conclude(search)
-    progress("proving on what took no part")
+    progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
     if found.something_left and any(one.effect.name == lateral.NAME for one in choice):
@@ -73,7 +74,7 @@ def diagnose(
         findings.append(_unknown(final, held_after, left))
     constants = constants_of(problem, found.final)
     proofs = tuple(carried_over(problem, final, name, other, progress) for name, other in (others or {}).items())
-    progress("asking what stays open")
+    progress("searching for effects that the constants would hide")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     return Diagnosis(
         verdict=verdict,
@@ -95,11 +96,12 @@ def diagnose(
 
 
 def _nearest(found: Conclusion) -> tuple[str, ...]:
-    """Return a sentence on the effect that explains most, but not so well that it could be named."""
+    """Return a sentence on the effect that explains most of the misfit without being probable enough to be named."""
     if found.nearest is None:
         return ()
     one, share = found.nearest
-    return (f"Nearest comes {one.effect.name} at {one.where}: it takes away {100 * share:.0f} % of the misfit.",)
+    name = f"{one.effect.name} at {one.where}"
+    return (f"The closest explanation is {name}: it explains {100 * share:.0f} % of the misfit.",)
 
 
 def _in_two_dimensions(
@@ -111,7 +113,7 @@ def _in_two_dimensions(
     began: float,
     others: bool,
 ) -> Diagnosis:
-    """Return the diagnosis of a disk whose finite diameter explains what a plate does not."""
+    """Return the diagnosis of a disk whose finite diameter explains what a plate model does not."""
     null, held_before = baseline
     own = [lateral.finding_of(wide, null, held_before)]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *own]
@@ -149,7 +151,7 @@ def _finding(
     twins = [other.where for other in named.same_as if other.effect == candidate.effect.name]
     says += "".join(f" At {place} it would look the same." for place in twins)
     if candidate in unforeseen(problem, final):
-        says += " It lies within what was held out, which therefore proves the rest of the fit but not this."
+        says += " It shows in the held-out data only, which therefore validate the rest of the fit but not this effect."
     return Finding(
         effect=candidate.effect.name,
         where=candidate.where,
@@ -170,7 +172,7 @@ def _finding(
 
 
 def _sizes(candidate: Candidate, final: Hypothesis) -> dict[str, Size]:
-    """Return the effect_parameters of an effect as people are shown them, with standard uncertainties."""
+    """Return the parameters of an effect as shown to the user, with standard uncertainties."""
     names = final.objective.coordinates.parameters
     covariance = covariance_of(final)
     values = shown(final.values, candidate)
@@ -200,7 +202,7 @@ def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
         held_out_before=held,
         held_out_after=held,
         alternatives=(),
-        says="Something is there that no effect of the catalogue explains; look at the bands before using constants. "
+        says="No effect of the catalogue explains the misfit; find its cause before you use the constants. "
         f"{in_words(left)}".rstrip(),
     )
 
@@ -208,8 +210,8 @@ def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
 def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:
     first = {
         "no-mismatch": "Model and recording agree to within the noise.",
-        "explained": "Model and recording differ, and what was left out explains all of it.",
-        "partly-explained": "Model and recording differ; what was found explains most of it, but something is left.",
-        "unexplained": "Model and recording differ, and nothing in the catalogue explains it.",
+        "explained": "Model and recording differ; the effects found explain the whole difference.",
+        "partly-explained": "Model and recording differ; the effects found explain most of the difference, not all.",
+        "unexplained": "Model and recording differ, and no effect of the catalogue explains the difference.",
     }[verdict]
     return (first, *(f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings))

@@ -1,4 +1,4 @@
-"""What a diagnosis answers: DESIGN's `pzctl diagnose --json`, and what its pictures need."""
+"""Results of a diagnosis: the content of `pzctl diagnose --json`, and the data for its figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from .data_quality.data_issues import DataCheck
 Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
 Bands = tuple[tuple[float, float], ...]
 _BORNE_OUT = 1.6
-"""Misfit per degree of freedom up to which another sample shows what was found, and nothing else."""
+"""Misfit per degree of freedom up to which another sample confirms the findings completely."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """A parameter of an effect as it was found."""
+    """Estimate of one parameter of an effect."""
 
     value: float
     u: float
@@ -24,7 +24,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Alternative:
-    """An effect that this recording cannot tell apart well enough."""
+    """An effect that the recordings do not distinguish well enough from a finding."""
 
     effect: str
     where: str
@@ -33,14 +33,14 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Finding:
-    """Physics that was left out."""
+    """Physics that the model lacked."""
 
     effect: str
     where: str
     step: str
     probability: float
     bands_Hz: Bands
-    """Where the mismatch that it explains sits."""
+    """Bands of the misfit that the effect explains."""
     parameters: Mapping[str, Size]
     chi2_per_dof_before: float
     chi2_per_dof_after: float
@@ -49,37 +49,37 @@ class Finding:
     alternatives: tuple[Alternative, ...]
     says: str
     share: float = float("nan")
-    """Part of the misfit that it takes."""
+    """Part of the misfit that it explains."""
     same_as: tuple[Alternative, ...] = ()
-    """Look-alikes that the recordings cannot tell from it."""
+    """Look-alikes that the recordings cannot distinguish from it."""
     moves: float = float("nan")
-    """What it does to ln Z that no constant could do, root mean square."""
+    """Rms change of ln Z that it causes beyond what the constants could do."""
 
 
 @dataclass(frozen=True)
 class Remaining:
-    """What is left of ln Z, root mean square, relative."""
+    """Residual of ln Z, relative rms."""
 
     total: float
     instrument: float
-    """How much of it the instrument's own error accounts for."""
+    """Part of it that the instrument's own error accounts for."""
 
 
 @dataclass(frozen=True)
 class NotDecidable:
-    """An effect that may be there unseen, because the constants absorb it."""
+    """An effect that may be present undetected because the constants absorb it."""
 
     effect: str
     where: str
     upper_limit: Mapping[str, Size]
     shifts: Mapping[str, float]
-    """Relative change of each constant that an effect of that size would cause; `NAME.im`: of its imaginary part."""
+    """Relative change of each constant that an effect of that size would cause; `NAME.im` for its imaginary part."""
     would_decide: str
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """One side of before and after."""
+    """The fit before or after the effects were added."""
 
     chi2_per_dof: float
     held_out: float
@@ -88,19 +88,19 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Pole:
-    """A resonance that would describe much of what is left."""
+    """A resonance that would describe much of the residual."""
 
     frequency_Hz: float
     q: float
     capacitance: float
-    """F; size of its residue as that of a branch beside the device."""
+    """F; size of its residue, as the capacitance of a branch in parallel with the device."""
     takes: float
-    """Fall of chi2."""
+    """Decrease of chi2."""
 
 
 @dataclass(frozen=True)
 class Texture:
-    """What is left, as a Gaussian process over frequency."""
+    """The residual as a Gaussian process over frequency."""
 
     amplitude: float
     """Standard deviation of Re and Im of ln Z."""
@@ -110,66 +110,66 @@ class Texture:
 
 @dataclass(frozen=True)
 class Leftover:
-    """What nothing explains."""
+    """Residual that nothing explains."""
 
     bands_Hz: Bands
-    """With more in them than noise, the surest first."""
+    """Bands with more than noise, most significant first."""
     chi2_per_dof: float
     step: str
-    """Where most is left; poles and texture are of the worst recording of this step."""
+    """Step with the largest residual; poles and texture describe its worst recording."""
     poles: tuple[Pole, ...]
     texture: Texture | None
-    """None where there is nothing but noise."""
+    """None where only noise is left."""
 
 
 @dataclass(frozen=True)
 class OtherSample:
-    """What another sample says of effects that were found in the first."""
+    """Test of the findings on another sample."""
 
     sample: str
     steps: tuple[str, ...]
     effects: tuple[str, ...]
-    """Those of the findings that have a place in its steps."""
+    """Findings that have a place in its steps."""
     chi2_per_dof_before: float
-    """Misfit per degree of freedom without effects, its own constants free."""
+    """Misfit per degree of freedom without effects, with the sample's own constants free."""
     chi2_per_dof_after: float
-    """The same with the effects as large as they were found in the first sample, no more uncertain than there."""
+    """The same with the effects, whose sizes have the first sample's posterior as their prior."""
 
     @property
     def says(self) -> str:
-        """A sentence for people."""
+        """The result as a sentence."""
         if not self.effects:
-            return f"Nothing was found here that sample {self.sample} could bear out."
+            return f"None of the effects found can be tested on sample {self.sample}."
         names = " and ".join(self.effects)
-        fall = f"its own constants free, chi2/dof {self.chi2_per_dof_before:.3g} -> {self.chi2_per_dof_after:.3g}"
+        fall = f"with its own constants free, chi2/dof {self.chi2_per_dof_before:.3g} -> {self.chi2_per_dof_after:.3g}"
         if max(self.chi2_per_dof_before, self.chi2_per_dof_after) < _BORNE_OUT:
-            return f"Sample {self.sample} cannot tell whether it has {names}: {fall}."
+            return f"Sample {self.sample} neither confirms nor contradicts {names}: {fall}."
         if self.chi2_per_dof_after >= self.chi2_per_dof_before:
-            return f"Sample {self.sample} does not have {names} as found here: {fall}."
-        shown = "bears it out" if self.chi2_per_dof_after < _BORNE_OUT else "bears part of it out"
+            return f"Sample {self.sample} contradicts {names} as found here: {fall}."
+        shown = "confirms this" if self.chi2_per_dof_after < _BORNE_OUT else "confirms part of this"
         return f"Sample {self.sample} {shown}: with {names} as found here, {fall}."
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Where model and recording differ, and why."""
+    """Result of a diagnosis: where and why model and recording differ."""
 
     verdict: Verdict
     baseline: Fitted
     final: Fitted
     findings: tuple[Finding, ...]
-    """In the order of their weight."""
+    """Largest effect first."""
     not_decidable: tuple[NotDecidable, ...]
     leftover: Leftover
     says: tuple[str, ...]
     before: tuple[Curve, ...]
-    """Measured and fitted by the baseline; `start` is the baseline too."""
+    """Measured and baseline curves; `start` is the baseline too."""
     after: tuple[Curve, ...]
     data: tuple[DataCheck, ...]
-    """What the gates found of each recording."""
+    """Data checks, one per recording."""
     seconds: float
     held_out_Hz: tuple[Bands, ...] = ()
-    """By recording, as `before` and `after`: where it took no part in the fits that prove the explanation."""
+    """Held-out bands of each recording, in the order of `before` and `after`."""
     others: tuple[OtherSample, ...] = ()
     remaining: Remaining | None = None
     remarks: tuple[Finding, ...] = ()

@@ -1,4 +1,4 @@
-"""What fitters of a bare piezo disk have in common: which recordings they use."""
+"""Selection of the recordings of a bare piezo disk, common to all its fitters."""
 
 import math
 from collections.abc import Sequence
@@ -29,22 +29,22 @@ RADIAL_UNITS = {
     "e31p": "C/m2",
 }
 _GENERIC_SPEED = 2900.0
-# m/s: sqrt(c11p/density) of soft PZT, for a disk of which no radial constant is known
+# m/s: sqrt(c11p/density) of soft PZT, for a disk without known radial constants
 _FIRST_ETA = 2.07
 # First root of J(eta) = 1 - sigma for sigma 0.33
 
 
 @dataclass(frozen=True, eq=False)
 class BareDisk:
-    """The recordings of a step that holds nothing but one piezo disk."""
+    """The recordings of a step with a single piezo disk."""
 
     build: Build
     step: str
     layer: LayerSpec
     sweeps: tuple[Sweep, ...]
-    """Repeats of one grid are averaged into one."""
+    """Repeats on one frequency grid are averaged into one."""
     noises: tuple[Reals, ...]
-    """Standard deviation of Re and Im of ln Z at each point of each sweep."""
+    """Standard deviation of Re and Im of ln Z at each point of each sweep, shape (N,)."""
     noise: Noise
 
     @property
@@ -54,13 +54,13 @@ class BareDisk:
 
     @property
     def expected_thickness_mode(self) -> float:
-        """Antiresonance of the thickness mode that build and library lead to expect, Hz."""
+        """Expected antiresonance of the thickness mode from build and library, Hz."""
         v = self.layer.values
         return math.sqrt(v["c33D"].re / v["density"].re) / (2 * v["thickness"].re)
 
     @property
     def expected_radial_mode(self) -> float:
-        """First radial resonance that build and library lead to expect, Hz."""
+        """Expected first radial resonance from build and library, Hz."""
         v, speed = self.layer.values, _GENERIC_SPEED
         if "s11E" in v and "s12E" in v:
             s11, s12 = v["s11E"].re, v["s12E"].re
@@ -69,15 +69,15 @@ class BareDisk:
 
     @property
     def radius(self) -> float:
-        """Of the disk, m."""
+        """Radius of the disk, m."""
         return math.sqrt(self.build.area.re / math.pi)
 
     def size_name(self, size: str) -> str:
-        """Return the full name of a size: the area is the transducer's, the others are the layer's."""
+        """Return the full name of a size: the area belongs to the transducer, the others to the layer."""
         return size if size == "area" else f"{self.layer.name}.{size}"
 
     def between(self, low: float, high: float) -> "BareDisk":
-        """Return the recordings between two frequencies (Hz); what has fewer than ten points there is left out."""
+        """Return the recordings between two frequencies (Hz), without those that have fewer than ten points there."""
         kept: list[tuple[Sweep, Reals]] = []
         for sweep, noise in zip(self.sweeps, self.noises, strict=True):
             there = (sweep.frequency >= low) & (sweep.frequency <= high)
@@ -88,25 +88,25 @@ class BareDisk:
 
     @property
     def bands(self) -> str:
-        """The recordings' bands, for a sentence."""
+        """The recordings' bands in words."""
         return ", ".join(f"{s.frequency[0] / 1e3:.5g}-{s.frequency[-1] / 1e3:.5g} kHz" for s in self.sweeps)
 
     def drawn_sizes(self, rng: np.random.Generator) -> dict[str, float]:
-        """Return the sizes as they may as well be, within their standard uncertainties."""
+        """Return random sizes, distributed according to their standard uncertainties."""
         return {name: max(0.1 * q.re, rng.normal(q.re, q.u)) for name, q in self.sizes.items()}
 
     def regenerated(self, model: Model) -> "BareDisk":
-        """Return the same recordings as the model would have given them, without noise."""
+        """Return the same recordings computed from the model, without noise."""
         sweeps = tuple(replace(sweep, impedance=model.impedance(sweep.frequency)) for sweep in self.sweeps)
         return replace(self, sweeps=sweeps)
 
     def curves(self, model: Model) -> tuple[Curve, ...]:
-        """Return measured and model impedance; there is no start but the answer itself."""
-        made = [(sweep, model.impedance(sweep.frequency)) for sweep in self.sweeps]
-        return tuple(Curve(self.step, sweep.frequency, sweep.impedance, Z, Z) for sweep, Z in made)
+        """Return measured and model impedance; the start curve is the result itself."""
+        pairs = [(sweep, model.impedance(sweep.frequency)) for sweep in self.sweeps]
+        return tuple(Curve(self.step, sweep.frequency, sweep.impedance, Z, Z) for sweep, Z in pairs)
 
     def misfit(self, model: Model, parameters: int) -> tuple[float, float]:
-        """Return chi2 per degree of freedom, and the root mean square of |ln(Z_model/Z_measured)|."""
+        """Return chi2 per degree of freedom, and the rms of |ln(Z_model/Z_measured)|."""
         ratios = [log_ratio(model.impedance(sweep.frequency), sweep.impedance) for sweep in self.sweeps]
         weighted = sum(
             float(np.sum(np.abs(ratio / noise) ** 2)) for ratio, noise in zip(ratios, self.noises, strict=True)
@@ -116,7 +116,7 @@ class BareDisk:
 
 
 def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareDisk:
-    """Return the recordings of the bare disk among those given. Raises FitError where there are none.
+    """Return the recordings of the bare disk among those given. Raises FitError if there are none.
 
     `round_one`: the fitter needs a disk known to be round; `frees`: it can hold some constants and free others.
     """
@@ -149,7 +149,7 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
 
 
 def _merged(sweeps: Sequence[Sweep], sigmas: Sequence[Reals]) -> list[tuple[Sweep, Reals]]:
-    """Return the sweeps with repeats of one grid averaged."""
+    """Return the sweeps with repeats on one frequency grid averaged."""
     groups: list[list[int]] = []
     for k, sweep in enumerate(sweeps):
         for group in groups:
@@ -159,10 +159,10 @@ def _merged(sweeps: Sequence[Sweep], sigmas: Sequence[Reals]) -> list[tuple[Swee
                 break
         else:
             groups.append([k])
-    made: list[tuple[Sweep, Reals]] = []
+    merged: list[tuple[Sweep, Reals]] = []
     for group in groups:
         first = sweeps[group[0]]
         Z = np.mean([sweeps[k].impedance for k in group], axis=0)
         sigma = np.sqrt(np.mean([sigmas[k] ** 2 for k in group], axis=0) / len(group))
-        made.append((Sweep(first.frequency, Z, first.settings, first.time, first.id), sigma))
-    return made
+        merged.append((Sweep(first.frequency, Z, first.settings, first.time, first.id), sigma))
+    return merged

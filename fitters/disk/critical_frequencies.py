@@ -1,8 +1,8 @@
 """Critical frequencies of a resonance in a noisy recording, with their standard uncertainties.
 
-Sherrit's method reads six frequencies off Y/w and wZ: the top of the real part, and the extremes of the imaginary part
-beside it, each component by itself. Near each of them the component is described by a weighted polynomial over the
-widest window in which it fits to the known noise: wide where noise is large, narrow where the shape is known well.
+Sherrit's method reads six frequencies off Y/w and wZ: the maximum of the real part and the extremes of the imaginary
+part beside it, each component separately. Near each of them a weighted polynomial is fitted to the component over the
+widest window in which it agrees with the known noise: wide if the noise is large, narrow if the shape is known well.
 """
 
 from collections.abc import Sequence
@@ -17,21 +17,21 @@ from ...models.sweep import Sweep
 from ..interface import FitError
 
 FEW_POINTS = 20.0
-"""Points per linewidth below which a person is told (imaginary parts suffer first)."""
+"""Points per linewidth below which a warning is given (imaginary parts suffer first)."""
 TOO_FEW = 5.0
-"""Points per linewidth below which nothing is answered."""
+"""Points per linewidth below which the recording is rejected."""
 _ABOVE_NOISE = 10.0
 _WINDOWS = (1.3, 1.0, 0.8, 0.6, 0.45)
-# Half-widths of the window in half linewidths. A resonance is 1/(1 + jx), x = 1 at half a linewidth: a series about a
+# Half-widths of the window in half linewidths. A resonance is 1/(1 + jx), x = 1 at half a linewidth: its series about a
 # real x converges within sqrt(1 + x^2).
 _DEGREES = (6, 5, 4, 3, 2)
 _FITS = 1.2
-# chi2 per degree of freedom up to which a polynomial is said to describe the noise about it.
+# chi2 per degree of freedom up to which a polynomial counts as describing the points.
 
 
 @dataclass(frozen=True, eq=False)
 class ImmittanceTrace:
-    """One complex curve with its noise: Y/w or wZ of one sweep."""
+    """A complex curve with its noise: Y/w or wZ of one sweep."""
 
     frequency: Frequencies
     values: Complexes
@@ -42,17 +42,17 @@ class ImmittanceTrace:
 
 @dataclass(frozen=True)
 class Critical:
-    """The critical frequencies of one peak, how well they are known, and how well the recording resolves them."""
+    """Critical frequencies of one peak, with their uncertainties and the resolution of the recording."""
 
     at: CriticalFrequencies
     u_top: float
-    """Hz; so are u_plus and u_minus."""
+    """Standard uncertainty, Hz, as are u_plus and u_minus."""
     u_plus: float
     u_minus: float
     points_per_linewidth: float
 
     def drawn(self, rng: np.random.Generator) -> complex:
-        """Return the complex frequency of one noise draw, Hz."""
+        """Return a random complex frequency according to the noise, Hz."""
         top, plus, minus = rng.normal(
             (self.at.top, self.at.plus, self.at.minus), (self.u_top, self.u_plus, self.u_minus)
         ).tolist()
@@ -72,24 +72,25 @@ def impedance_trace(sweep: Sweep, noise: Reals) -> ImmittanceTrace:
 
 
 def tops(traces: Sequence[ImmittanceTrace], low: float, high: float) -> list[tuple[ImmittanceTrace, int, float]]:
-    """Return the interior maxima of the real part between `low` and `high` (Hz) that stand out of the noise.
+    """Return the interior maxima of the real part between `low` and `high` (Hz) above the noise, largest first.
 
-    Each is a trace, the index of its maximum, and its prominence; the largest comes first.
+    Each is a trace, the index of its maximum, and its prominence.
     """
-    found: list[tuple[ImmittanceTrace, int, float]] = []
+    maxima: list[tuple[ImmittanceTrace, int, float]] = []
     for trace in traces:
         peaks, prominences = prominent_peaks(trace.values.real, _ABOVE_NOISE * trace.sigma)
         for k, prominence in zip(peaks.tolist(), prominences.tolist(), strict=True):
             if low <= trace.frequency[k] <= high:
-                found.append((trace, int(k), float(prominence)))
-    return sorted(found, key=lambda peak: -peak[2])
+                maxima.append((trace, int(k), float(prominence)))
+    return sorted(maxima, key=lambda peak: -peak[2])
 
 
 def critical(trace: ImmittanceTrace, top: int, what: str) -> Critical:
     """Return the critical frequencies of the peak whose maximum is at index `top`.
 
-    `what` names it in errors. Raises FitError where the peak is cut off by an end of the sweep, or where fewer than
-    five points lie in its linewidth.
+    `what` names it in errors. Raises FitError if an end of the sweep cuts the peak off, or if fewer than five points
+    lie
+    in its linewidth.
     """
     f = trace.frequency
     low, high = linewidth(trace, top, what)
@@ -122,7 +123,7 @@ def critical(trace: ImmittanceTrace, top: int, what: str) -> Critical:
 
 
 def linewidth(trace: ImmittanceTrace, top: int, what: str) -> tuple[float, float]:
-    """Return where the real part has fallen to half on either side, Hz."""
+    """Return the frequencies on either side where the real part has fallen to half, Hz."""
     f, values = trace.frequency, trace.values.real
     under = values < values[top] / 2
     below, above = np.flatnonzero(under[:top]), np.flatnonzero(under[top:])
@@ -140,7 +141,7 @@ def linewidth(trace: ImmittanceTrace, top: int, what: str) -> tuple[float, float
 
 
 def _crossing(f: Frequencies, values: Reals, k: int, level: float) -> float:
-    """Return where the straight line from point k to k + 1 meets the level."""
+    """Return where the straight line from point k to k + 1 crosses the level."""
     return float(f[k] + (f[k + 1] - f[k]) * (level - values[k]) / (values[k + 1] - values[k]))
 
 
@@ -150,17 +151,17 @@ def _first(where: np.ndarray[tuple[int], np.dtype[np.bool_]], values: Reals, f: 
 
 
 def _extremum(f: Frequencies, values: Reals, sigma: Reals, start: float, half: float, what: str) -> tuple[float, float]:
-    """Return the place of the maximum near `start` and its standard uncertainty, Hz."""
+    """Return the frequency of the maximum near `start` and its standard uncertainty, Hz."""
     best: tuple[float, float] | None = None
     for degree in _DEGREES:
         for window in _WINDOWS:
             inside = np.flatnonzero(np.abs(f - start) <= window * half)
             if inside.size < degree + 3:
                 continue
-            found, chi2 = _peak_of_polynomial((f[inside] - start) / half, values[inside], sigma[inside], degree)
-            if found is None:
+            peak, chi2 = _peak_of_polynomial((f[inside] - start) / half, values[inside], sigma[inside], degree)
+            if peak is None:
                 continue
-            best = start + half * found[0], half * found[1]
+            best = start + half * peak[0], half * peak[1]
             if chi2 < _FITS:
                 return best
         if best is not None:
@@ -169,9 +170,9 @@ def _extremum(f: Frequencies, values: Reals, sigma: Reals, start: float, half: f
 
 
 def _peak_of_polynomial(x: Reals, y: Reals, sigma: Reals, degree: int) -> tuple[tuple[float, float] | None, float]:
-    """Return the maximum of a weighted polynomial and its standard uncertainty, and chi2 per degree of freedom.
+    """Return the maximum of a weighted polynomial with its standard uncertainty, and chi2 per degree of freedom.
 
-    None for the first where the polynomial has no maximum inside the points.
+    The first is None if the polynomial has no maximum within the points.
     """
     basis = np.vander(x, degree + 1, increasing=True)
     weighted = basis / sigma[:, None]

@@ -1,4 +1,4 @@
-"""What methods that read constants off a curve have in common: uncertainties by seeded draws, and the answer."""
+"""Common parts of direct methods, which read constants off a curve: uncertainties by random draws, and the result."""
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -14,7 +14,7 @@ _DRAWS = 400
 
 
 def spreads(draws: Sequence[Mapping[str, complex]]) -> dict[str, tuple[float, float]]:
-    """Return the standard deviation of real and imaginary part of each constant over draws of noise and sizes."""
+    """Return the standard deviation of real and imaginary part of each constant over random draws."""
 
     def deviation(parts: list[float]) -> float:
         return float(np.std(np.array(parts), ddof=1))
@@ -28,9 +28,9 @@ def spreads(draws: Sequence[Mapping[str, complex]]) -> dict[str, tuple[float, fl
 def with_method_error(
     u: Mapping[str, tuple[float, float]], found: Mapping[str, complex], again: Mapping[str, complex]
 ) -> dict[str, tuple[float, float]]:
-    """Return uncertainties that hold the error of the method, too.
+    """Return uncertainties that include the error of the method.
 
-    `again`: what the method makes of a spectrum that was computed from the constants it `found`.
+    `again`: result of the method for a spectrum computed from the constants it `found`.
     """
     return {
         name: (
@@ -42,26 +42,28 @@ def with_method_error(
 
 
 def drawn(make: Callable[[np.random.Generator], Mapping[str, complex]]) -> dict[str, tuple[float, float]]:
-    """Return the spread of what `make` makes over seeded draws; draws that are no material are left out.
+    """Return the spread of the results of `make` over seeded draws, without draws that are no possible material.
 
-    Raises FitError where most of them are none: the recording does not determine the constants then.
+    Raises FitError if most of them are impossible: then the recording does not determine the constants.
     """
     rng = np.random.default_rng(0)
-    made: list[Mapping[str, complex]] = []
+    draws: list[Mapping[str, complex]] = []
     for _ in range(_DRAWS):
         try:
             draw = make(rng)
         except (ZeroDivisionError, OverflowError, FitError):
             continue
         if all(map(np.isfinite, draw.values())):
-            made.append(draw)
-    if len(made) < _DRAWS // 2:
-        raise FitError("the critical frequencies are known too badly: within their noise most are those of no material")
-    return spreads(made)
+            draws.append(draw)
+    if len(draws) < _DRAWS // 2:
+        raise FitError(
+            "the critical frequencies are too uncertain: most values within their noise belong to no possible material"
+        )
+    return spreads(draws)
 
 
 def size_constants(disk: BareDisk) -> dict[str, Constant]:
-    """Return thickness, density and area as they were taken; they are not fitted."""
+    """Return thickness, density and area as used; they are not fitted."""
     units = {"thickness": "m", "density": "kg/m3", "area": "m2"}
     return {
         disk.size_name(name): Constant(q.re, 0.0, q.u, 0.0, units[name], free=False) for name, q in disk.sizes.items()
@@ -78,9 +80,9 @@ def method_answer(
     says: tuple[str, ...],
     seconds: float,
 ) -> FitResult:
-    """Return the answer of a method that reads constants off the curve; `numbers` is how many it reads.
+    """Return the result of a direct method; `numbers` is how many numbers it reads off the curve.
 
-    Of the constants `made`, those named in `own` are its own; the others are derived.
+    Among the constants `made`, those named in `own` are its primary ones; the others are derived.
     """
     chi2, rms = disk.misfit(model, numbers)
     return FitResult(

@@ -1,9 +1,9 @@
-"""Coordinates of thickness- and radial-mode constants of one disk together, passive wherever an optimiser goes.
+"""Joint coordinates of thickness- and radial-mode constants of one disk, passive everywhere.
 
-In the plane the disk's law is T1 + T2 = C S - 2 H D, E = -H S + D/eps33p with S = S1 + S2, C = c11pD + c12pD and
-H = h31p; its energy is a quadratic form of S and D, and passive where (Im H)^2 <= Im C Im(1/eps33p)/2. The clamped
+In the plane the disk obeys T1 + T2 = C S - 2 H D, E = -H S + D/eps33p with S = S1 + S2, C = c11pD + c12pD and
+H = h31p; its energy is a quadratic form of S and D, and passive if (Im H)^2 <= Im C Im(1/eps33p)/2. The clamped
 permittivity is that of the thickness mode: 1/eps33p = 1/eps33S - h33^2/c33D, whose imaginary part is positive for
-every passive plate. Shear in the plane has c11p - c12p = 1/(s11E - s12E) to itself.
+every passive plate. Shear in the plane involves only c11p - c12p = 1/(s11E - s12E).
 """
 
 import numpy as np
@@ -16,16 +16,17 @@ ARM_CONSTANTS = ("s11E", "s12E", "d31")
 _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
 _H_UNIT = 1e7
-# V/m. h31p moves as a logarithm above it, as all it goes with does: sizes scale every constant by a power of their own,
-# so along what they leave open a fit goes straight.
+# V/m. Above it the coordinate of h31p is logarithmic, like those of the constants that it is correlated with: sizes
+# scale each constant by a power, so the valleys that they leave open are straight.
 _PLATE = thickness_constants("")
 
 
 def both_modes_constants(layer: str) -> Block:
-    """Return c33D h33 eps33S s11E s12E d31 of a disk, passive whatever the coordinates are; Pa V/m F/m 1/Pa C/N.
+    """Return c33D h33 eps33S s11E s12E d31 of a disk, passive for all coordinates; Pa V/m F/m 1/Pa C/N.
 
-    x = those of `thickness_constants`, then ln C', ln(C''/C'), ln M', ln(M''/M'), asinh(H'/1e7), angle, M = c11p - c12p
-    and H'' = -sin(angle) sqrt(C'' (1/eps33p)''/2). The last six make all three radial constants together.
+    x = those of `thickness_constants`, then ln C', ln(C''/C'), ln M', ln(M''/M'), asinh(H'/1e7), angle, with M = c11p -
+    c12p
+    and H'' = -sin(angle) sqrt(C'' (1/eps33p)''/2). The last six together determine the three radial constants.
     """
     names = (*PLATE_CONSTANTS, *ARM_CONSTANTS)
     return Block(
@@ -38,7 +39,7 @@ def both_modes_constants(layer: str) -> Block:
 
 
 def _elastance(values: Reals, J: Reals) -> tuple[complex, Complexes]:
-    """Return 1/eps33p of the plate's six real values, and its derivatives by what `J` differentiates them by."""
+    """Return 1/eps33p from the plate's six real values, and its derivatives by the coordinates of `J`."""
     c, h, e = (complex(values[k], values[k + 1]) for k in (0, 2, 4))
     dc, dh, de = (J[k] + 1j * J[k + 1] for k in (0, 2, 4))
     return 1 / e - h**2 / c, np.asarray(-de / e**2 - 2 * h / c * dh + (h / c) ** 2 * dc, np.complex128)
@@ -60,9 +61,9 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
     dN = C * dbeta + beta * dC - 4 * H * dH
     plus, minus, d31 = beta / N, 1 / M, H / N
     dplus, dminus, dd31 = dbeta / N - plus / N * dN, -dM / M**2, dH / N - d31 / N * dN
-    made = [((plus + minus) / 2, (dplus + dminus) / 2), ((plus - minus) / 2, (dplus - dminus) / 2), (d31, dd31)]
-    values = np.concatenate([plate, *([value.real, value.imag] for value, _ in made)])
-    return values, np.vstack([wide, *(part for _, slope in made for part in (slope.real, slope.imag))])
+    pairs = [((plus + minus) / 2, (dplus + dminus) / 2), ((plus - minus) / 2, (dplus - dminus) / 2), (d31, dd31)]
+    values = np.concatenate([plate, *([value.real, value.imag] for value, _ in pairs)])
+    return values, np.vstack([wide, *(part for _, slope in pairs for part in (slope.real, slope.imag))])
 
 
 def _inverse(values: Reals) -> Reals:

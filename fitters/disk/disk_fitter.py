@@ -40,8 +40,8 @@ from .sherrit_thickness import thickness_pair
 
 DISK_CONSTANTS = (*PLATE_CONSTANTS, *ARM_CONSTANTS)
 _SPLIT = 0.4
-# Of the thickness antiresonance: below, a recording is taken as one of the radial modes, above as one of the
-# thickness mode; each part has a misfit of its own.
+# In units of the thickness antiresonance: below, a recording counts as one of the radial modes, above as one of the
+# thickness mode; each part has its own misfit.
 
 
 class DiskFitter:
@@ -54,7 +54,7 @@ class DiskFitter:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit all constants of both modes to the recordings of the bare disk.
 
-        Raises FitError where one of the modes is not in the recordings.
+        Raises FitError if one of the modes is missing in the recordings.
         """
         began = time.perf_counter()
         whole = bare_disk(task, self.name, round_one=True, frees=True)
@@ -68,7 +68,7 @@ class DiskFitter:
 def disk_answer(
     fitter: Named, disk: BareDisk, descent: Descent, of: tuple[BothModes, tuple[float, float]], seconds: float
 ) -> FitResult:
-    """Return the answer of a descent `of` a `disk_model` with its references (Hz)."""
+    """Return the result of a descent `of` a `disk_model` with its reference frequencies (Hz)."""
     layer, (model, references) = disk.layer, of
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
@@ -76,13 +76,13 @@ def disk_answer(
         return plate | derived_of(layer, values) | radial_named(layer.name, _radial(model, values, references[0]))
 
     values, _ = descent.objective.coordinates.forward(descent.x)
-    found, c33D = _radial(model, values, references[0]), _complex(values, f"{layer.name}.c33D")
+    radial, c33D = _radial(model, values, references[0]), _complex(values, f"{layer.name}.c33D")
     says = (
         f"Radial constants and eps33T at {references[0] / 1e3:.5g} kHz, thickness-mode constants at "
-        f"{references[1] / 1e6:.5g} MHz, with causal losses between. Planar coupling kp {found.kp.real:.4f} (data "
-        f"sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
-        passivity_says(found),
-        *few_points(disk.sweeps, references[0], 1 / found.Qm),
+        f"{references[1] / 1e6:.5g} MHz, with causal losses between. Planar coupling kp {radial.kp.real:.4f} (data "
+        f"sheets), kp_IEEE {radial.kp_IEEE.real:.4f}: defined differently.",
+        passivity_says(radial),
+        *few_points(disk.sweeps, references[0], 1 / radial.Qm),
         *few_points(disk.sweeps, references[1], c33D.imag / c33D.real),
     )
     return planar_answer(fitter, disk, descent, make, says, seconds)
@@ -93,7 +93,7 @@ def _complex(values: Mapping[str, float], name: str) -> complex:
 
 
 def disk_start(disk: BareDisk) -> tuple[BothModes, tuple[float, float]]:
-    """Return the model with constants from the peaks, and the frequencies (Hz) that radial and others stand at."""
+    """Return the model with constants from the peaks, and the reference frequencies (Hz) of radial and other ones."""
     peaks = radial_peaks(disk)
     fs1, name = peaks.frequencies[0], disk.layer.name
     radial = radial_start(radial_band(disk, peaks), peaks)
@@ -107,9 +107,9 @@ def disk_start(disk: BareDisk) -> tuple[BothModes, tuple[float, float]]:
 def disk_model(
     disk: BareDisk, radial: Radial, plate: Mapping[str, float], references: tuple[float, float]
 ) -> BothModes:
-    """Return the causal disk of both modes; `plate`: parameters of its stack that are not the build's.
+    """Return the causal disk of both modes; `plate`: parameters of its stack that differ from the build's.
 
-    `references`: Hz, where radial and thickness-mode constants are what they say. Raises RadialError.
+    `references`: Hz, at which radial and thickness-mode constants have their stated values. Raises RadialError.
     """
     stack = stack_of(disk.build, disk.build.step(disk.step)).replace(plate)
     (layer,) = stack.layers
@@ -142,7 +142,7 @@ def _stack_of(model: BothModes, values: Mapping[str, float]) -> Stack:
 
 
 def disk_split(disk: BareDisk) -> float:
-    """Return the frequency (Hz) at which a recording is parted into one of the radial modes and one of thickness."""
+    """Return the frequency (Hz) that divides a recording into one of the radial modes and one of the thickness mode."""
     return _SPLIT * disk.expected_thickness_mode
 
 
@@ -159,8 +159,9 @@ def _descend(disk: BareDisk, model: BothModes, free: tuple[str, ...] | None) -> 
         for sweep, noise in zip(part.sweeps, part.noises, strict=True)
     ]
     priors = disk_priors(disk, DISK_CONSTANTS)
-    # Sizes and thickness correction join last: far from the minimum they would take other constants' errors upon
-    # themselves, and a density that has drifted off by ten standard uncertainties comes back slowly.
+    # Sizes and thickness correction are freed last: far from the minimum they would absorb other constants' errors, and
+    # a
+    # density that is ten standard uncertainties off returns slowly.
     held = coordinates.without(*plate, *sizes)
     first = descend(Objective(recordings, held, priors), held.x, ROUGH)
     last = settle(recordings, coordinates, priors, coordinates.inverse(held.forward(first.x)[0]))

@@ -1,4 +1,4 @@
-"""The answer of least squares on a bare disk: constants with uncertainties carried along to all that follows."""
+"""Result of least squares on a bare disk: constants, and uncertainties propagated to derived constants."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -32,22 +32,22 @@ PLANAR_UNITS = {**_TENSOR_UNITS, **UNITS, **DERIVED_UNITS, **RADIAL_ALL_UNITS, "
 _DERIVED = (*DERIVED_UNITS, "kp_IEEE", "e31p", "Qm_radial", "tan_delta_T")
 _ALPHA, _U_ALPHA = 0.75, 0.09
 _D33F, _U_D33F = 1.3e-10, 0.2e-10
-# c13E/c33E is 0.64 to 0.75 and e33/c33E 1.05e-10 to 1.43e-10 C/N for the ceramics of the library. Thickness and radial
-# mode of a thin disk do not tell them, so that a library value is known no better than these.
+# c13E/c33E is 0.66 to 0.83 and e33/c33E 1.05e-10 to 1.45e-10 C/N for the ceramics of the library. Two sets of the same
+# ceramic differ by as much, so a library value is no better known.
 _MISFIT = 1.5
 _STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class Named:
-    """Who answers."""
+    """Name and version of the fitter that gives the result."""
 
     name: str
     version: str
 
 
 def plate_priors(disk: BareDisk) -> dict[str, float]:
-    """Return c13E/c33E and e33/c33E (C/N) as library or build have them, else those of the usual ceramics."""
+    """Return c13E/c33E and e33/c33E (C/N) from library or build, else those of usual ceramics."""
     v = disk.layer.values
     known = "c33E" in v
     return {
@@ -57,7 +57,7 @@ def plate_priors(disk: BareDisk) -> dict[str, float]:
 
 
 def disk_priors(disk: BareDisk, constants: tuple[str, ...]) -> tuple[Prior, ...]:
-    """Return what is known beforehand of sizes, of `constants`, and of motion through the thickness."""
+    """Return the priors of sizes, of `constants`, and of the motion through the thickness."""
     at = disk.layer.name
     plate = plate_priors(disk)
     priors = [
@@ -81,12 +81,12 @@ def planar_coordinates(
     together: tuple[str, ...],
     free: tuple[str, ...] | None,
 ) -> Coordinates:
-    """Return the coordinates of a fit of the disk's `constants`, its sizes, and motion through the thickness.
+    """Return the coordinates of a fit of the disk's `constants`, its sizes, and the motion through the thickness.
 
-    `together`: constants in whose place a combination moves, such as Poisson's ratio for s12E; they have no bounds.
+    `together`: constants that move in combination, such as s12E as Poisson's ratio; they have no bounds.
 
-    What is held stands where the build has it, not where the recording's peaks would. Raises FitError for a name that
-    the fitter does not have, or a bound that it cannot keep.
+    Held constants keep the build's value, not that of the recording's peaks. Raises FitError for an unknown name or an
+    unsupported bound.
     """
     at, plate = disk.layer.name, _plate(disk)
     quantities = {f"{at}.{name}": disk.layer.values[name] for name in constants if name in disk.layer.values}
@@ -118,7 +118,7 @@ def _plate(disk: BareDisk) -> tuple[str, str]:
 
 
 def radial_of(values: Mapping[str, float], layer: str) -> Radial:
-    """Return the radial constants among model parameters."""
+    """Return the radial constants from model parameters."""
     return Radial(
         *(complex(values[f"{layer}.{n}.re"], values[f"{layer}.{n}.im"]) for n in ("s11E", "s12E", "d31", "eps33T"))
     )
@@ -126,9 +126,9 @@ def radial_of(values: Mapping[str, float], layer: str) -> Radial:
 
 def radial_named(layer: str, found: Radial) -> dict[str, complex]:
     """Return all radial constants by full name, SI; `Qm_radial` is c11p'/c11p'', `tan_delta_T` that of eps33T."""
-    own = {name: complex(getattr(found, "eps33p" if name == "eps33P" else name)) for name in RADIAL_UNITS}
-    own |= {"Qm_radial": complex(found.Qm), "tan_delta_T": complex(-found.eps33T.imag / found.eps33T.real)}
-    return {f"{layer}.{name}": value for name, value in own.items()}
+    named = {name: complex(getattr(found, "eps33p" if name == "eps33P" else name)) for name in RADIAL_UNITS}
+    named |= {"Qm_radial": complex(found.Qm), "tan_delta_T": complex(-found.eps33T.imag / found.eps33T.real)}
+    return {f"{layer}.{name}": value for name, value in named.items()}
 
 
 def propagated(
@@ -137,7 +137,7 @@ def propagated(
     names: tuple[str, ...],
     covariance: Reals,
 ) -> dict[str, tuple[float, float]]:
-    """Return the standard uncertainties of real and imaginary part of all that `make` makes of the parameters."""
+    """Return the standard uncertainties of real and imaginary part of all results of `make`."""
     there = make(values)
     gradients = {name: np.zeros(len(names), np.complex128) for name in there}
     for k, name in enumerate(names):
@@ -145,8 +145,8 @@ def propagated(
             continue
         step = min(_STEP * abs(values[name]) or _STEP, math.sqrt(covariance[k, k]))
         up, down = (make({**values, name: values[name] + side * step}) for side in (1, -1))
-        for made in there:
-            gradients[made][k] = (up[made] - down[made]) / (2 * step)
+        for constant in there:
+            gradients[constant][k] = (up[constant] - down[constant]) / (2 * step)
 
     def size(g: Reals) -> float:
         return math.sqrt(max(0.0, float(g @ covariance @ g)))
@@ -162,7 +162,7 @@ def planar_answer(
     says: tuple[str, ...],
     seconds: float,
 ) -> FitResult:
-    """Return the answer; `make` makes all complex constants of the model's parameters."""
+    """Return the result; `make` computes all complex constants from the model's parameters."""
     objective, result = descent.objective, estimate(descent)
     coordinates = objective.coordinates
     chi2 = chi2_beside_instrument(objective.recordings, objective.log_ratios(result.x), result.x.size)
@@ -170,14 +170,16 @@ def planar_answer(
     values, _ = coordinates.forward(result.x)
     names = coordinates.parameters
     u = propagated(make, values, names, result.covariance)
-    made: dict[str, Constant] = {}
+    constants: dict[str, Constant] = {}
     for name, x in make(values).items():
-        made[name] = Constant(x.real, x.imag, *u[name], PLANAR_UNITS[name.split(".")[1]], free=u[name][0] > 0)
+        constants[name] = Constant(x.real, x.imag, *u[name], PLANAR_UNITS[name.split(".")[1]], free=u[name][0] > 0)
     for k, name in enumerate(names):
         if name.split(".")[-1] in PLANAR_UNITS:
             spread = math.sqrt(max(0.0, float(result.covariance[k, k])))
-            made[name] = Constant(values[name], 0.0, spread, 0.0, PLANAR_UNITS[name.split(".")[-1]], free=spread > 0)
-    derived = {name for name in made if name.split(".")[-1] in _DERIVED}
+            constants[name] = Constant(
+                values[name], 0.0, spread, 0.0, PLANAR_UNITS[name.split(".")[-1]], free=spread > 0
+            )
+    derived = {name for name in constants if name.split(".")[-1] in _DERIVED}
     return FitResult(
         build=disk.build.name,
         fitter=fitter.name,
@@ -185,24 +187,24 @@ def planar_answer(
         steps=(disk.step,),
         noise=disk.noise,
         chi2_per_dof=result.chi2_per_dof,
-        constants={name: c for name, c in made.items() if name not in derived},
-        derived={name: c for name, c in made.items() if name in derived},
+        constants={name: c for name, c in constants.items() if name not in derived},
+        derived={name: c for name, c in constants.items() if name in derived},
         correlation=strong_correlations(names, result.covariance),
         rms_log_error=result.rms_log_error,
         converged=result.converged,
         evaluations=descent.evaluations,
         seconds=seconds,
-        says=(*says, *strange(disk.build, disk.layer, made), *_verdict(result, disk)),
+        says=(*says, *strange(disk.build, disk.layer, constants), *_verdict(result, disk)),
         curves=curves_of(objective, descent.start, result.x),
     )
 
 
 def passivity_says(found: Radial) -> str:
-    """Return what Holland's condition says of the constants, in a sentence."""
+    """Return a sentence on Holland's passivity condition."""
     margin = passivity_margin(found.law)
     if margin >= -1e-9:
-        return f"Passive: the least loss is {margin:.2g} of a loss tangent (Holland)."
-    return f"NOT passive: the least loss is {margin:.2g} (Holland). No material is so: an imaginary part is wrong."
+        return f"Passivity check passed: the smallest loss tangent is {margin:.2g} (Holland)."
+    return f"Passivity check FAILED: the smallest loss is {margin:.2g} (Holland). An imaginary part must be wrong."
 
 
 def _verdict(result: Estimate, disk: BareDisk) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
-"""Fitter `radial`: least squares on the radial modes of a round disk, of finite thickness, with causal losses.
+"""Fitter `radial`: least squares on the radial modes of a round disk, with finite thickness and causal losses.
 
 Unlike the thin disk of IEEE Std 176 the model also moves through its thickness (`models/disk/radial.py`), and its
-constants carry the dispersion that causality demands of their losses. Both shift the overtone, in opposite directions.
+constants have the dispersion that causality requires for their losses. Both shift the overtone, in opposite directions.
 """
 
 import math
@@ -36,11 +36,11 @@ from .radial_coordinates import RADIAL_CONSTANTS, plate_blocks, radial_constants
 from .radial_modes import Peaks, radial_peaks, second_missing
 
 RADIAL_TOGETHER = ("s12E", "d31")
-"""Constants in whose place Poisson's ratio and the coupling move."""
+"""Constants represented by Poisson's ratio and the coupling."""
 _BELOW_THICKNESS_MODE = 0.4
 _OVERTONES = 4.6
-# Highest frequency over fs1: the third resonance is at 4.2 fs1. Above, wavelengths are no longer long against the
-# thickness of most disks.
+# Highest frequency over fs1: the third resonance is at 4.2 fs1. Above it, wavelengths are no longer long compared with
+# the thickness of most disks.
 
 
 class RadialLeastSquares:
@@ -53,7 +53,7 @@ class RadialLeastSquares:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the radial constants to all recordings of the bare disk.
 
-        Raises FitError where they show no radial resonance, or the first alone and nothing is known of s12E.
+        Raises FitError if they show no radial resonance, or only the first one and nothing is known of s12E.
         """
         began = time.perf_counter()
         whole = bare_disk(task, self.name, round_one=True, frees=True)
@@ -66,36 +66,36 @@ class RadialLeastSquares:
 
 
 def radial_answer(fitter: Named, disk: BareDisk, descent: Descent, reference: float, seconds: float) -> FitResult:
-    """Return the answer of a descent of `radial_model`; `reference` in Hz."""
+    """Return the result of a descent of `radial_model`; `reference` in Hz."""
     layer = disk.layer.name
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
         return radial_named(layer, radial_of(values, layer))
 
-    found = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+    radial = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer)
     says = (
         f"Constants at {reference / 1e3:.5g} kHz, with causal losses. Planar coupling kp "
-        f"{found.kp.real:.4f} (data sheets), kp_IEEE {found.kp_IEEE.real:.4f}: two numbers, not one.",
-        passivity_says(found),
-        *few_points(disk.sweeps, reference, 1 / found.Qm),
+        f"{radial.kp.real:.4f} (data sheets), kp_IEEE {radial.kp_IEEE.real:.4f}: defined differently.",
+        passivity_says(radial),
+        *few_points(disk.sweeps, reference, 1 / radial.Qm),
     )
     return planar_answer(fitter, disk, descent, make, says, seconds)
 
 
 def radial_top(disk: BareDisk, first: float) -> float:
-    """Return up to which frequency the model holds, Hz; `first`: the first resonance, Hz."""
+    """Return the upper frequency limit of the model, Hz; `first`: the first resonance, Hz."""
     return min(_BELOW_THICKNESS_MODE * disk.expected_thickness_mode, _OVERTONES * first)
 
 
 def radial_band(disk: BareDisk, peaks: Peaks) -> BareDisk:
-    """Return what the recordings hold of the radial modes, far below the thickness mode."""
+    """Return the part of the recordings with the radial modes, far below the thickness mode."""
     return disk.between(0.0, radial_top(disk, peaks.frequencies[0]))
 
 
 def radial_start(disk: BareDisk, peaks: Peaks) -> Radial:
-    """Return constants to start from: Sherrit's closed form on the peaks, every loss that of the first resonance.
+    """Return start constants: Sherrit's closed form applied to the peaks, with every loss that of the first resonance.
 
-    The peaks are moved to where those of a thin disk of the same constants would be.
+    The peaks are first shifted to those of a thin disk with the same constants.
     """
     fs1, fp1, fs2 = peaks.frequencies
     ratio = fs2 / fs1 * _slowed(disk, 2.06) / _slowed(disk, 5.4) if fs2 is not None else _ratio_beforehand(disk, fs1)
@@ -105,26 +105,26 @@ def radial_start(disk: BareDisk, peaks: Peaks) -> Radial:
     f = np.concatenate([sweep.frequency for sweep in disk.sweeps])
     Z = np.concatenate([sweep.impedance for sweep in disk.sweeps])
     away = np.argmax(np.abs(np.log(f / fs1))) if f.min() > 0.8 * fs1 else np.argmin(f)
-    made = radial_constants(
+    constants = radial_constants(
         fs1 * turn, ratio * fs1 * turn, fp1 * turn, 1e-8 / loss, disk.radius, disk.sizes["density"].re
     )
     try:
-        shape = radial_model(disk, made, fs1)
+        shape = radial_model(disk, constants, fs1)
     except RadialError as error:
         raise FitError(f"the radial resonances found are those of no material: {error}") from None
     level = abs(shape.impedance(f[away : away + 1])[0] / Z[away])
     root = math.sqrt(level)
-    return Radial(made.s11E, made.s12E, made.d31 * root, made.eps33T * level)
+    return Radial(constants.s11E, constants.s12E, constants.d31 * root, constants.eps33T * level)
 
 
 def _slowed(disk: BareDisk, eta: float) -> float:
-    """Return by what finite thickness multiplies the resonance at `eta`: 1 - alpha^2 (t/D)^2 (eta^2/6 + 1/4)."""
+    """Return the factor of the resonance at `eta` due to finite thickness: 1 - alpha^2 (t/D)^2 (eta^2/6 + 1/4)."""
     alpha = plate_priors(disk)[f"{disk.layer.name}.alpha"]
     return 1 - (alpha * disk.sizes["thickness"].re / (2 * disk.radius)) ** 2 * (eta**2 / 6 + 0.25)
 
 
 def _ratio_beforehand(disk: BareDisk, fs1: float) -> float:
-    """Return fs2/fs1 from what is known of Poisson's ratio, by Sherrit's polynomial read backwards."""
+    """Return fs2/fs1 from the known Poisson's ratio, by inverting Sherrit's polynomial."""
     v = disk.layer.values
     if "s11E" not in v or "s12E" not in v or v["s12E"].u == 0:
         raise second_missing(disk, fs1)
@@ -134,7 +134,7 @@ def _ratio_beforehand(disk: BareDisk, fs1: float) -> float:
 
 
 def radial_model(disk: BareDisk, constants: Radial, reference: float) -> RadialDisk:
-    """Return the causal disk of finite thickness; `reference`: Hz, where the constants are what they say.
+    """Return the causal disk of finite thickness; its constants refer to the frequency `reference`, Hz.
 
     Raises RadialError for constants of no material.
     """
@@ -153,7 +153,7 @@ def _descend(disk: BareDisk, start: Radial, reference: float, free: tuple[str, .
         Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
     ]
     priors = disk_priors(disk, RADIAL_CONSTANTS)
-    # The thickness correction joins last: far from the minimum it would take the overtone's error upon itself.
+    # The thickness correction is freed last: far from the minimum it would absorb the overtone's error.
     held = coordinates.without(*plate)
     first = settle(recordings, held, priors, held.x)
     begin = coordinates.inverse(held.forward(first.x)[0])

@@ -1,9 +1,9 @@
-"""Coordinates of the radial-mode constants that stay stable and passive wherever an optimiser goes.
+"""Coordinates of the radial-mode constants, stable and passive everywhere.
 
 Compliance loss L = -Im s and Holland's condition (IEEE Trans. Sonics Ultrason. 14 (1967) 18) for a poled disk:
 |L12| <= L11 and 2 (Im d31)^2 <= (L11 + L12) (-Im eps33T). The real parts are stable for |sigma_p| < 1 and kp < 1.
-So the Poisson ratio and the planar coupling of the real parts move as hyperbolic tangents, and both losses that are
-bounded by others as the sine of an angle.
+Poisson's ratio and the planar coupling of the real parts are therefore hyperbolic tangents of coordinates, and the two
+losses that are bounded by others are sines of an angle.
 """
 
 import numpy as np
@@ -18,10 +18,11 @@ _RATIO_LIMIT = 0.999
 
 
 def radial_constants_block(layer: str) -> Block:
-    """Return s11E, s12E, d31 and eps33T of a piezo layer, stable and passive whatever the coordinates are.
+    """Return s11E, s12E, d31 and eps33T of a piezo layer, stable and passive for all coordinates.
 
-    x = ln s11', ln(L11/s11'), artanh sigma', angle of L12/L11, artanh kp', angle of d31'', ln eps', ln tan d. So who
-    holds s12E holds the Poisson ratio s12E'/s11E', and who holds d31 holds the planar coupling. 1/Pa, C/N, F/m.
+    x = ln s11', ln(L11/s11'), artanh sigma', angle of L12/L11, artanh kp', angle of d31'', ln eps', ln tan d. Holding
+    s12E
+    therefore holds Poisson's ratio s12E'/s11E', and holding d31 the planar coupling. 1/Pa, C/N, F/m.
     """
     return Block(
         tuple(f"{layer}.{name}{loss}" for name in RADIAL_CONSTANTS for loss in ("", ".loss")),
@@ -33,7 +34,7 @@ def radial_constants_block(layer: str) -> Block:
 
 
 def plate_blocks(layer: str) -> tuple[Block, Block]:
-    """Return what motion through the thickness needs: `alpha`, and `d33f` (C/N)."""
+    """Return the blocks of the motion through the thickness: `alpha`, and `d33f` (C/N)."""
     return linear(f"{layer}.alpha", 1.0), linear(f"{layer}.d33f", 1e-10)
 
 
@@ -56,7 +57,7 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
     J[4, 2] = -d / 2 * (1 + sigma)  # d ln(1 - sigma)/da = -(1 - sigma^2)/(1 - sigma)
     J[4, 4] = -unit * (1 - k**2)
     J[5, [0, 1, 6, 7]] = d_im / 2
-    # d sqrt(1 + sine) = cosine/(2 sqrt(1 + sine)), written so that nothing is divided by where 1 + sine vanishes
+    # d sqrt(1 + sine) = cosine/(2 sqrt(1 + sine)), written without a division by zero where 1 + sine vanishes
     J[5, 3] = np.sin(x[5]) * np.sqrt(L11 * e_im / 2) * np.sign(cosine) * np.sqrt(max(0.0, 1 - sine)) / 2
     J[5, 5] = np.cos(x[5]) * bound
     J[6, 6] = e

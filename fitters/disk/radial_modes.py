@@ -1,4 +1,4 @@
-"""Which peaks of a recording are the radial modes of a disk: found by where they must be, and by their ratio."""
+"""Identification of the radial modes among the peaks of a recording, by expected frequency and by their ratio."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,14 @@ from .bare_disk import BareDisk
 from .critical_frequencies import Critical, ImmittanceTrace, admittance_trace, critical, impedance_trace, tops
 
 _NEAR_EXPECTED = (0.6, 1.6)
-# First resonance over the expected one: its frequency is known to a few per cent for a known ceramic, and lies
-# within a third for any PZT of the stated diameter.
+# First resonance over the expected one: for a known ceramic its frequency is known to a few per cent, for any PZT of
+# the stated diameter to a third.
 _ANTIRESONANCE = (1.005, 1.5)
 # fp1/fs1: 1.15 at kp 0.6, 1.37 at kp 0.8.
 _SECOND = (2.35, 2.85)
-# fs2/fs1: 2.73 at sigma 0.2, 2.49 at sigma 0.5; finite thickness takes some per cent off.
+# fs2/fs1: 2.73 at sigma 0.2, 2.49 at sigma 0.5; finite thickness reduces it by some per cent.
 _USUAL_LOSS = 1 / 80
-# Of soft PZT, for a disk of which no radial constant is known.
+# Of soft PZT, for a disk without known radial constants.
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def _largest(traces: list[ImmittanceTrace], low: float, high: float) -> tuple[Im
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Where the radial modes' peaks are: a trace and the index of the maximum in it."""
+    """Peaks of the radial modes: a trace and the index of its maximum."""
 
     first: tuple[ImmittanceTrace, int]
     parallel: tuple[ImmittanceTrace, int]
@@ -48,13 +48,13 @@ class Peaks:
     @property
     def frequencies(self) -> tuple[float, float, float | None]:
         """Resonance, antiresonance, second resonance, Hz."""
-        (one, i), (anti, j) = self.first, self.parallel
+        (series, i), (anti, j) = self.first, self.parallel
         second = None if self.second is None else float(self.second[0].frequency[self.second[1]])
-        return float(one.frequency[i]), float(anti.frequency[j]), second
+        return float(series.frequency[i]), float(anti.frequency[j]), second
 
 
 def radial_peaks(disk: BareDisk) -> Peaks:
-    """Return the peaks of the radial modes. Raises FitError, saying where the first is expected."""
+    """Return the peaks of the radial modes. Raises FitError with the expected frequency of the first."""
     pairs = list(zip(disk.sweeps, disk.noises, strict=True))
     series = [admittance_trace(sweep, noise) for sweep, noise in pairs]
     parallel = [impedance_trace(sweep, noise) for sweep, noise in pairs]
@@ -81,21 +81,21 @@ def radial_peaks(disk: BareDisk) -> Peaks:
 def _refuse_overtone(
     disk: BareDisk, first: tuple[ImmittanceTrace, int], below: tuple[ImmittanceTrace, int] | None
 ) -> None:
-    """Refuse a peak as the first radial mode where the one below it that makes it the second is the stronger."""
+    """Reject a peak as the first radial mode if a stronger one below it makes it the second."""
     if below is None:
         return
-    (one, i), (other, k) = first, below
-    if other.values.real[k] > one.values.real[i]:
-        found, diameter = float(other.frequency[k]), 2e3 * disk.radius
+    (peak, i), (other, k) = first, below
+    if other.values.real[k] > peak.values.real[i]:
+        strongest, diameter = float(other.frequency[k]), 2e3 * disk.radius
         raise FitError(
-            f"the strongest radial resonance is at {found / 1e3:.4g} kHz, where the first is expected near "
+            f"the strongest radial resonance is at {strongest / 1e3:.4g} kHz, where the first is expected near "
             f"{disk.expected_radial_mode / 1e3:.3g} kHz for a diameter of {diameter:.4g} mm: a diameter of "
-            f"{diameter * disk.expected_radial_mode / found:.3g} mm would explain it"
+            f"{diameter * disk.expected_radial_mode / strongest:.3g} mm would explain it"
         )
 
 
 def _loss(disk: BareDisk) -> float:
-    """Return the loss tangent of the radial modes that build and library lead to expect."""
+    """Return the expected loss tangent of the radial modes from build and library."""
     s11E = disk.layer.values.get("s11E")
     return -s11E.im / s11E.re if s11E is not None and s11E.im < 0 else _USUAL_LOSS
 

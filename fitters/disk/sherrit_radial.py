@@ -32,13 +32,13 @@ _THICK = 40.0
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What was read off the recordings."""
+    """Readings from the recordings."""
 
     modes: RadialModes
     far: tuple[Frequencies, Complexes, float] | None
     """Frequency (Hz) and impedance (ohm) away from resonances, and the relative noise of their mean."""
     eps33T: complex
-    """What is said beforehand; used only where no frequency is far enough from a resonance."""
+    """Known permittivity; used only if no frequency is far enough from a resonance."""
 
 
 class SherritRadial:
@@ -49,10 +49,10 @@ class SherritRadial:
     summary = "radial-mode constants from nine critical frequencies on Y/w and wZ (Sherrit 1991), bare round disk"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Read the critical frequencies and return the constants they make.
+        """Read the critical frequencies and return the constants that follow from them.
 
-        Raises FitError where the first two radial resonances are not both in the recordings, or too few points are
-        in a linewidth.
+        Raises FitError if the first two radial resonances are not both in the recordings, or too few points lie in a
+        linewidth.
         """
         began = time.perf_counter()
         disk = bare_disk(task, self.name, round_one=True, frees=False)
@@ -93,7 +93,7 @@ def _read(disk: BareDisk) -> _Seen:
 
 
 def _far(disk: BareDisk, modes: RadialModes) -> tuple[Frequencies, Complexes, float] | None:
-    """Return the points that tell eps33T: well below the first resonance; else those that are least near one."""
+    """Return the points that determine eps33T: well below the first resonance, else those farthest from resonances."""
     f = np.concatenate([sweep.frequency for sweep in disk.sweeps])
     Z = np.concatenate([sweep.impedance for sweep in disk.sweeps])
     noise = float(np.median(np.concatenate(disk.noises)))
@@ -108,20 +108,20 @@ def _far(disk: BareDisk, modes: RadialModes) -> tuple[Frequencies, Complexes, fl
 def _constants(seen: _Seen, modes: tuple[complex, complex, complex], level: complex, sizes: dict[str, float]) -> Radial:
     """Return the constants; `level`: factor on the far impedance.
 
-    The resonance is still felt far below it, as (f/fs)^2; it is divided out by the shape that the frequencies give.
+    The resonance contributes even far below it, as (f/fs)^2; its contribution is divided out with the model's shape.
     """
     fs1, fs2, fp1 = modes
     radius = float(np.sqrt(sizes["area"] / np.pi))
-    found = radial_constants(fs1, fs2, fp1, seen.eps33T or 1e-8 + 0j, radius, sizes["density"])
+    constants = radial_constants(fs1, fs2, fp1, seen.eps33T or 1e-8 + 0j, radius, sizes["density"])
     if seen.far is not None:
         f, Z, _ = seen.far
         try:
-            shape = RadialDisk.of("disk", found, sizes["area"], sizes["thickness"], sizes["density"])
+            shape = RadialDisk.of("disk", constants, sizes["area"], sizes["thickness"], sizes["density"])
         except RadialError as error:
             raise FitError(f"the critical frequencies are those of no material: {error}") from None
         factor = complex(np.mean(shape.impedance(f) / (Z * level)))
-        found = radial_constants(fs1, fs2, fp1, found.eps33T * factor, radius, sizes["density"])
-    return found
+        constants = radial_constants(fs1, fs2, fp1, constants.eps33T * factor, radius, sizes["density"])
+    return constants
 
 
 def _model(disk: BareDisk, found: Radial) -> RadialDisk:
@@ -142,11 +142,11 @@ def _answer(
     seconds: float,
 ) -> FitResult:
     at = f"{disk.layer.name}."
-    made = {
+    constants = {
         name: Constant(x.real, x.imag, *u[name], RADIAL_ALL_UNITS[name.removeprefix(at)]) for name, x in values.items()
     }
     own = {at + name for name in (*RADIAL_CONSTANTS, *PLANAR)}
-    return method_answer(fitter, disk, model, 8, made, own, says, seconds)
+    return method_answer(fitter, disk, model, 8, constants, own, says, seconds)
 
 
 def _says(disk: BareDisk, seen: _Seen, found: Radial) -> tuple[str, ...]:
@@ -158,12 +158,12 @@ def _says(disk: BareDisk, seen: _Seen, found: Radial) -> tuple[str, ...]:
     frequencies = ", ".join(f"{name} {peak.at.top / 1e3:.6g} kHz" for name, peak in read)
     says = [
         f"Read: {frequencies}. Planar coupling kp {found.kp.real:.4f} (data sheets), kp_IEEE {found.kp_IEEE.real:.4f} "
-        "(Sherrit's k^p): two numbers, not one."
+        "(Sherrit's k^p, defined differently)."
     ]
     few = [f"{name} {peak.points_per_linewidth:.0f}" for name, peak in read if peak.points_per_linewidth < FEW_POINTS]
     if few:
         says.append(
-            f"Points per linewidth: {', '.join(few)}; {FEW_POINTS:.0f} are wanted. Imaginary parts suffer first."
+            f"Points per linewidth: {', '.join(few)}; {FEW_POINTS:.0f} are needed. Imaginary parts suffer first."
         )
     if seen.far is None:
         says.append("eps33T is not measured here: it was taken from build or library.")
@@ -172,6 +172,6 @@ def _says(disk: BareDisk, seen: _Seen, found: Radial) -> tuple[str, ...]:
     if aspect < _THICK:
         says.append(
             f"Diameter/thickness is {aspect:.3g}: finite thickness moves the overtone and makes sigma_p too large; the "
-            "uncertainties hold what it is for usual ceramics, the fitter `radial` takes it into account."
+            "uncertainties include this for usual ceramics, and the fitter `radial` corrects it."
         )
     return tuple(says)

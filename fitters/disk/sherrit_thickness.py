@@ -35,12 +35,12 @@ from .critical_frequencies import (
 from .direct_methods import drawn, method_answer, with_method_error
 
 _NEAR_EXPECTED = (0.55, 1.8)
-# Thickness antiresonance over the expected one: a stiffness three times off is another mode.
+# Thickness antiresonance over the expected one: a stiffness three times off belongs to another mode.
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What was read off the recording."""
+    """Readings from the recording."""
 
     fs: Critical
     fp: Critical
@@ -56,26 +56,26 @@ class SherritThickness:
     summary = "thickness-mode constants from six critical frequencies on Y/w and wZ (Sherrit 1992), bare disk"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Read the critical frequencies and return the constants they make.
+        """Read the critical frequencies and return the constants that follow from them.
 
-        Raises FitError where no thickness resonance is in the recording, or too few points are in its linewidth.
+        Raises FitError if the recording shows no thickness resonance, or too few points lie in its linewidth.
         """
         began = time.perf_counter()
         disk = bare_disk(task, self.name, round_one=False, frees=False)
         progress(f"reading the critical frequencies of {disk.step}")
         seen = _read(disk)
-        found = _made(disk, seen)
+        constants = _made(disk, seen)
 
         def draw(rng: np.random.Generator) -> dict[str, complex]:
             level = 1 + seen.far[2] * complex(rng.standard_normal(), rng.standard_normal())
             sizes = disk.drawn_sizes(rng)
             return _named(disk, _constants(seen.fs.drawn(rng), seen.fp.drawn(rng), seen.far, level, sizes), sizes)
 
-        u, model = drawn(draw), _model(disk, found)
-        values = _named(disk, found, _sizes(disk))
+        u, model = drawn(draw), _model(disk, constants)
+        values = _named(disk, constants, _sizes(disk))
         again = disk.regenerated(model)
         u = with_method_error(u, values, _named(disk, _made(again, _read(again)), _sizes(disk)))
-        return _answer(self, disk, model, values, u, _says(seen, found), time.perf_counter() - began)
+        return _answer(self, disk, model, values, u, _says(seen, constants), time.perf_counter() - began)
 
 
 def _sizes(disk: BareDisk) -> dict[str, float]:
@@ -87,7 +87,7 @@ def _made(disk: BareDisk, seen: _Seen) -> Thickness:
 
 
 def _model(disk: BareDisk, found: Thickness) -> Stack:
-    """Return the plate of these constants between the build's loads."""
+    """Return the plate with these constants between the build's loads."""
     parts: dict[str, float] = {}
     for name in PIEZO_CONSTANTS:
         value: complex = getattr(found, name)
@@ -108,30 +108,30 @@ def _read(disk: BareDisk) -> _Seen:
 def thickness_pair(disk: BareDisk, sweeps: Sequence[Sweep]) -> DiskStart:
     """Return the resonance pair of the thickness mode. Raises FitError."""
     expected, sizes = disk.expected_thickness_mode, disk.sizes
-    found: list[DiskStart] = []
+    starts: list[DiskStart] = []
     for sweep in sweeps:
         with suppress(FitError):
-            found += disk_starts(sweep, sizes["thickness"].re, sizes["density"].re, sizes["area"].re)
-    near = [start for start in found if _NEAR_EXPECTED[0] < start.fp / expected < _NEAR_EXPECTED[1]]
+            starts += disk_starts(sweep, sizes["thickness"].re, sizes["density"].re, sizes["area"].re)
+    near = [start for start in starts if _NEAR_EXPECTED[0] < start.fp / expected < _NEAR_EXPECTED[1]]
     if near:
         return min(near, key=lambda start: start.misfit)
     loss = disk.layer.values["c33D"]
     refuse_lost(sweeps, expected, loss.im / loss.re)
-    seen = f"; the pair at {found[0].fs / 1e6:.4g} and {found[0].fp / 1e6:.4g} MHz is another mode" if found else ""
+    seen = f"; the pair at {starts[0].fs / 1e6:.4g} and {starts[0].fp / 1e6:.4g} MHz is another mode" if starts else ""
     raise FitError(
         f"no thickness resonance in {disk.bands}: it is expected near {expected / 1e6:.3g} MHz for this thickness{seen}"
     )
 
 
 def _peak(traces: Sequence[ImmittanceTrace], near: float, what: str) -> Critical:
-    """Return the critical frequencies of the peak near a frequency, from the finest sweep that holds it."""
+    """Return the critical frequencies of the peak near a frequency, from the finest sweep that contains it."""
     there = tops(traces, 0.995 * near, 1.005 * near)
     trace, k, _ = min(there, key=lambda peak: float(np.median(np.diff(peak[0].frequency))))
     return critical(trace, k, what)
 
 
 def _far(bands: Sequence[tuple[Sweep, Reals]], fs: Critical, fp: Critical) -> tuple[Frequencies, Complexes, float]:
-    """Return the points that tell eps33S: about twice fp, where motion counts least; else the farthest there are."""
+    """Return the points that determine eps33S: near 2 fp, where motion contributes least, else the farthest ones."""
     f = np.concatenate([sweep.frequency for sweep, _ in bands])
     Z = np.concatenate([sweep.impedance for sweep, _ in bands])
     noise = float(np.median(np.concatenate([noise for _, noise in bands])))
@@ -165,13 +165,13 @@ def _constants(
 
 
 def _named(disk: BareDisk, found: Thickness, sizes: dict[str, float]) -> dict[str, complex]:
-    """Return the constants and what derives from them by full name."""
+    """Return the constants and the derived constants by full name."""
     layer = disk.layer
     values = {f"{layer.name}.{name}": sizes[name] for name in ("thickness", "density")}
-    made: dict[str, complex] = {f"{layer.name}.{name}": getattr(found, name) for name in PIEZO_CONSTANTS}
-    for name, value in made.items():
+    constants: dict[str, complex] = {f"{layer.name}.{name}": getattr(found, name) for name in PIEZO_CONSTANTS}
+    for name, value in constants.items():
         values |= {f"{name}.re": value.real, f"{name}.im": value.imag}
-    return made | derived_of(layer, values)
+    return constants | derived_of(layer, values)
 
 
 def _answer(
@@ -193,18 +193,18 @@ def _says(seen: _Seen, found: Thickness) -> tuple[str, ...]:
     says = [
         f"Read: fs {seen.fs.at.top / 1e6:.6g} MHz, fp {seen.fp.at.top / 1e6:.6g} MHz; half widths "
         f"{(seen.fs.at.minus - seen.fs.at.plus) / 1e3:.4g} and {(seen.fp.at.minus - seen.fp.at.plus) / 1e3:.4g} kHz. "
-        "The uncertainties hold noise, sizes, and what the method makes wrong of a spectrum of its own."
+        "The uncertainties include noise, sizes, and the error of the method."
     ]
     fewest = min(seen.fs.points_per_linewidth, seen.fp.points_per_linewidth)
     if fewest < FEW_POINTS:
         lie = "point lies" if round(fewest) == 1 else "points lie"
         says.append(
-            f"Only {fewest:.0f} {lie} in the linewidth; {FEW_POINTS:.0f} are wanted. Imaginary parts suffer first."
+            f"Only {fewest:.0f} {lie} in the linewidth; {FEW_POINTS:.0f} are needed. Imaginary parts suffer first."
         )
     margin = passivity_margin(found.law)
     if margin < 0:
         says.append(
-            f"These constants are not passive (least loss {margin:.2g}): no material is so. An imaginary part is "
+            f"These constants are not passive (smallest loss {margin:.2g}), unlike any material. An imaginary part is "
             "wrong, usually that of h33; real parts may still be right."
         )
     return tuple(says)

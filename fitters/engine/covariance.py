@@ -1,4 +1,4 @@
-"""Standard uncertainties of a least-squares fit, honest when the model does not describe the data."""
+"""Standard uncertainties of a least-squares fit, valid also when the model does not describe the data."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from .recording import Posterior, rms
 
 _SINGULAR = 1e-12
 _FLATTEST = 1e-6
-# Slope of a load below which its coordinate has run off: nothing is known there but that it is next to nothing.
+# Slope of a load below which its coordinate has diverged: the load is known to be practically zero and nothing more.
 _NOTHING = 1e-60
-# Information on a coordinate that counts as none, small enough to give an uncertainty that nobody overlooks.
+# Information on a coordinate that counts as none, small enough to give a conspicuously large uncertainty.
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,9 @@ class Estimate:
     """A minimum and its covariance."""
 
     x: Reals
-    """Moving coordinates, shape (M,)."""
+    """Free coordinates, shape (M,)."""
     covariance: Reals
-    """Of the model parameters in the order of `Coordinates.parameters`, shape (P, P), SI."""
+    """Covariance of the model parameters in the order of `Coordinates.parameters`, shape (P, P), SI."""
     chi2_per_dof: float
     rms_log_error: float
     """Root mean square of |ln(Z_model/Z_measured)|."""
@@ -32,28 +32,29 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """How an objective bends at its minimum, in the moving coordinates."""
+    """Curvature of an objective at its minimum, in the free coordinates."""
 
     rows: Reals
-    """d residual / d x of all residuals, shape (R, M); those of the recordings divided by the misfit left."""
+    """d residual / d x of all residuals, shape (R, M); rows of recordings are divided by the remaining misfit."""
     data: int
-    """How many of the rows are of recordings; the others are priors."""
+    """Number of rows of recordings; the others are priors."""
     spread: Reals
     """Standard deviation of each residual, shape (R,)."""
     half: Reals
-    """Shape (M, M); half half^T = (rows^T rows)^-1."""
+    """Root of the covariance, shape (M, M): half half^T = (rows^T rows)^-1."""
     scale: float
-    """What the rows of recordings were divided by."""
+    """Divisor of the rows of recordings."""
 
     @property
     def answer(self) -> Reals:
-        """How far each residual moves x, times its standard deviation, shape (M, R)."""
+        """Response of x to each residual, times its standard deviation, shape (M, R)."""
         return self.half @ (self.half.T @ (self.rows * self.spread[:, None]).T)
 
     def covariance(self, chain: Reals) -> Reals:
         """Return the covariance of parameters with d parameter / d x = `chain`, shape (P, M).
 
-        Where the weights are not the noise's own (the thesis's objective) it is the sandwich of P. J. Huber (1967).
+        If the weights differ from the noise (the thesis's objective), this is the sandwich estimator of P. J. Huber
+        (1967).
         """
         half = chain @ self.half
         uneven = np.flatnonzero(self.spread != 1)
@@ -62,13 +63,13 @@ class Curvature:
 
 
 def remaining(objective: Objective, x: Reals) -> float:
-    """Return the misfit per degree of freedom that weights do not account for, at least 1 (Birge ratio squared)."""
+    """Return the misfit per degree of freedom that the weights do not account for, at least 1 (Birge ratio squared)."""
     data = 2 * objective.points
     return max(1.0, float(np.sum(objective.residual(x)[:data] ** 2)) / max(1, data - x.size))
 
 
 def curvature(objective: Objective, x: Reals) -> Curvature:
-    """Return how the objective bends at its minimum `x`."""
+    """Return the curvature of the objective at its minimum `x`."""
     data, rows = 2 * objective.points, objective.jacobian(x).copy()
     scale = float(np.sqrt(remaining(objective, x)))
     rows[:data] /= scale
@@ -77,7 +78,7 @@ def curvature(objective: Objective, x: Reals) -> Curvature:
 
 
 def posterior(descent: Descent) -> Posterior:
-    """Return what a descent tells a later step: its minimum and all of its curvature."""
+    """Return the posterior of a descent as a prior for a later step: its minimum and its full curvature."""
     objective = descent.objective
     mean, slope = objective.straight(descent.x)
     rows = curvature(objective, descent.x).rows / np.maximum(slope, _FLATTEST)
@@ -85,10 +86,10 @@ def posterior(descent: Descent) -> Posterior:
 
 
 def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
-    """Return the covariance and the figures of merit at a minimum; `judged` has recordings of more than its last step.
+    """Return covariance and figures of merit at a minimum; `judged` is an objective over the recordings of all steps.
 
-    Misfit above the noise has been taken as noise by `descent.settle`; the little that remains widens the covariance
-    too (Birge ratio).
+    `descent.settle` has already counted misfit above the noise as noise; the remainder widens the covariance (Birge
+    ratio).
     """
     objective, x = descent.objective, descent.x
     _, chain = objective.coordinates.forward(x)
@@ -109,9 +110,10 @@ def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:
 
 
 def _inverse_root(rows: Reals) -> Reals:
-    """Return H with H H^T = (rows^T rows)^-1; directions that nothing determines get a variance too large to miss.
+    """Return H with H H^T = (rows^T rows)^-1; undetermined directions get a conspicuously large variance.
 
-    In two rounds: the square of the rows has half their digits, and the posterior of an earlier step needs them all.
+    Computed in two passes: the normal equations have half the digits, and the posterior of an earlier step needs them
+    all.
     """
     half = _whitening(rows)
     return half @ _whitening(rows @ half)

@@ -1,4 +1,4 @@
-"""Going downhill, and what to do where the model does not describe a recording to its noise."""
+"""Local descent, and the treatment of recordings that the model does not describe to their noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,26 +14,26 @@ from .recording import Posterior, Prior, Recording, along_curve
 
 _MAX_EVALUATIONS = 200
 ROUGH, _FINE, _FINEST = 1e-4, 1e-10, 1e-13
-# Relative tolerances: enough to see where a descent leads; enough for the minimum that is reported; and that where a
-# coordinate has run off, as that of a load does towards nothing: it shortens the steps of all others.
+# Relative tolerances: of an exploratory descent; of the reported minimum; and of a minimum where a coordinate has
+# diverged (such as a load that vanishes), which shortens the steps of all others.
 _SURE = 1e-2
-# Part of a tolerance below which a step is not taken: one that is, ends far nearer than it was.
+# Part of a tolerance below which a predicted decrease stops the descent without a further step.
 _FAR, _KEPT = 100.0, 0.75
-# Standard uncertainties that a step may be long, and part of the fall it promised that it must keep: MINPACK's radius
-# at its first step, and where it makes it larger.
+# Longest step, in standard uncertainties, and part of the predicted decrease that it must achieve: MINPACK's first
+# trust radius, and the ratio from which it enlarges it.
 _RUN_OFF = 1e3
 _TOO_MANY = 5
-# What MINPACK calls an end by the number of evaluations; 1 to 4 are its ways to converge, 6 to 8 to do so to rounding.
+# MINPACK's status at the evaluation limit; 1 to 4 mean convergence, 6 to 8 convergence to rounding.
 _ROUNDS = 8
 _DESCRIBED = 1.3
-# chi2 per degree of freedom up to which a recording counts as described: the noise estimate is good to a few per
-# cent, and 1600 residuals scatter by 3.5 %.
+# chi2 per degree of freedom up to which a recording counts as described: the noise estimate has a few per cent of
+# uncertainty, and 1600 residuals scatter by 3.5 %.
 _SETTLED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where a local descent began and ended."""
+    """Start and end of a local descent."""
 
     objective: Objective
     start: Reals
@@ -44,10 +44,11 @@ class Descent:
 
 
 def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int = _MAX_EVALUATIONS) -> Descent:
-    """Go downhill from `x`: by Gauss-Newton while it keeps what it promises, else by Levenberg-Marquardt.
+    """Minimise from `x`: by Gauss-Newton while steps achieve the predicted decrease, else by Levenberg-Marquardt.
 
-    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), as MINPACK's `lmder`. `leastsq`
-    calls it at once, where `least_squares` does as much work around it as a small recording takes.
+    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), in MINPACK's `lmder`. `leastsq`
+    calls
+    it directly; the overhead of `least_squares` costs as much as a small recording.
     """
     before = objective.evaluations
     if x.size == 0:
@@ -56,12 +57,12 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int 
     near, cost, converged = _straight_down(objective, x, tolerance, most)
     if converged:
         return Descent(objective, x, near, cost, converged, objective.evaluations - before)
-    # From zero, so that tolerances refer to the way travelled and not to logarithms of stiffnesses.
-    with np.errstate(over="ignore", invalid="ignore"):  # of a covariance that it makes too, which nobody asked for
-        way, _, found, _, ended = leastsq(
-            lambda way: objective.residual(near + way),
+    # Relative to `near`, so that tolerances refer to the shift and not to logarithms of stiffnesses.
+    with np.errstate(over="ignore", invalid="ignore"):  # of the covariance, which leastsq computes but nobody needs
+        shift, _, info, _, ended = leastsq(
+            lambda shift: objective.residual(near + shift),
             np.zeros_like(x),
-            Dfun=lambda way: objective.jacobian(near + way).T,
+            Dfun=lambda shift: objective.jacobian(near + shift).T,
             full_output=True,
             col_deriv=True,
             xtol=tolerance,
@@ -69,17 +70,16 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int 
             gtol=tolerance,
             maxfev=most,
         )
-    cost = float(np.sum(np.asarray(found["fvec"]) ** 2)) / 2
+    cost = float(np.sum(np.asarray(info["fvec"]) ** 2)) / 2
     tried = objective.evaluations - before
-    return Descent(objective, x, near + np.asarray(way), cost, ended not in (0, _TOO_MANY), tried)
+    return Descent(objective, x, near + np.asarray(shift), cost, ended not in (0, _TOO_MANY), tried)
 
 
 def _straight_down(objective: Objective, x: Reals, tolerance: float, most: int) -> tuple[Reals, float, bool]:
-    """Take Gauss-Newton steps: return where they end, the cost there, and whether that is the minimum.
+    """Take Gauss-Newton steps; return the last point, its cost, and whether it is the minimum.
 
-    They are the first steps that MINPACK would take, at a third of the time: normal equations instead of its QR, and
-    it is seen before the last evaluation that a step would gain nothing. What those equations are too coarse for,
-    or what bends, is left to MINPACK.
+    These are the steps that MINPACK would take first, at a third of the time: normal equations instead of QR, and no
+    evaluation for a step that would gain nothing. Badly conditioned or strongly curved problems are left to MINPACK.
     """
     r = objective.residual(x)
     cost = float(r @ r) / 2
@@ -114,11 +114,11 @@ def chi2_per_point(recording: Recording, ratio: Complexes) -> float:
 
 
 def with_model_discrepancy(recording: Recording, ratio: Complexes) -> Recording:
-    """Return the recording with the misfit that its residuals `ratio` call for taken as further noise.
+    """Return the recording with the excess of its residuals `ratio` over noise counted as further noise.
 
-    Where the model describes the recording, that is none. Elsewhere a model that is wrong must not be fitted as if
-    it were right to the last digit: it would drag well-known dimensions and earlier steps' constants away with it.
-    Correlated residuals count for what they are worth, (1 - rho)/(1 + rho) of the points.
+    The excess is zero where the model describes the recording. Elsewhere a wrong model must not be fitted as if it were
+    exact: it would pull well-known dimensions and earlier steps' constants away. Correlated residuals are weighted by
+    the effective number of points, (1 - rho)/(1 + rho) of them.
     """
     if chi2_per_point(recording, ratio) < _DESCRIBED:
         return replace(recording, misfit=0.0, correlation=1.0)
@@ -128,7 +128,7 @@ def with_model_discrepancy(recording: Recording, ratio: Complexes) -> Recording:
 
 
 def thinned(recording: Recording) -> Recording:
-    """Return the recording with a hundred points at most, closest at resonances."""
+    """Return the recording reduced to a hundred points at most, densest at resonances."""
     sweep = recording.sweep
     at = along_curve(sweep.impedance)
     few = replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at])
@@ -136,7 +136,7 @@ def thinned(recording: Recording) -> Recording:
 
 
 def lag_one(ratio: Complexes) -> float:
-    """Return the correlation of neighbouring residuals, Re and Im together."""
+    """Return the correlation of neighbouring residuals, of Re and Im together."""
     norm = float(np.sum(np.abs(ratio) ** 2))
     return float(np.real(np.sum(ratio[1:] * np.conj(ratio[:-1])))) / norm if norm > 0 else 0.0
 
@@ -151,9 +151,9 @@ def _settled(before: Sequence[Recording], after: Sequence[Recording]) -> bool:
 def settle(
     recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
 ) -> Descent:
-    """Go downhill from `x`, each recording softened by its own misfit, until the misfits no longer change.
+    """Minimise from `x`, reweighting each recording by its own misfit until the misfits no longer change.
 
-    Begins with the misfits the recordings come with; a large one makes the first descent a cautious one.
+    The initial misfits are those of the recordings; a large one makes the first descent cautious.
     """
     last = approach(recordings, coordinates, priors, x)
     evaluations = last.evaluations
@@ -171,7 +171,7 @@ def settle(
 def approach(
     recordings: Sequence[Recording], coordinates: Coordinates, priors: Sequence[Prior | Posterior], x: Reals
 ) -> Descent:
-    """Do the same with rough descents only; the objective is that of the misfits that the last of them left."""
+    """Do the same with rough descents only; the objective has the misfits after the last of them."""
     rough = descend(Objective(recordings, coordinates, priors), x, ROUGH)
     evaluations = rough.evaluations
     for _ in range(_ROUNDS):

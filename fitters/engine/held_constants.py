@@ -1,4 +1,4 @@
-"""What a fit holds as exact: how far each such value may be off, and what the recordings feel of it."""
+"""Constants held as exact: their tolerances, and the sensitivity of the recordings to them."""
 
 from collections.abc import Mapping
 
@@ -21,17 +21,17 @@ _TOLERANCE = {
 }
 _THICKNESS = 1e-6
 _LOSS = 0.3
-"""Relative standard tolerances of values taken as exact: a glue of unknown batch, a data sheet, a calliper; of a
-thickness never more than a micrometer."""
+"""Relative standard tolerances of values taken as exact: a glue of unknown batch, a data sheet, a calliper. That of a
+thickness is at most a micrometer."""
 
 
 def kind_of(name: str) -> str:
-    """Return the bare constant of a full name: `thickness` of `ml1.thickness@polished`."""
+    """Return the last part of a full name: `thickness` of `ml1.thickness@polished`."""
     return name.rpartition(".")[2].partition("@")[0]
 
 
 def held_constants(coordinates: Coordinates, values: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Return the coordinates that are held, and by how much each may be off, SI (losses: the loss, relative)."""
+    """Return the held coordinates, and the tolerance of each in SI units (of a loss: relative)."""
     held = tuple(name for name in coordinates.names if name not in coordinates.free)
     tolerances: dict[str, float] = {}
     for name in held:
@@ -44,7 +44,7 @@ def held_constants(coordinates: Coordinates, values: Mapping[str, float]) -> tup
 
 
 def slopes_by_held(objective: Objective, held: tuple[str, ...], values: Mapping[str, float]) -> Reals:
-    """Return d residual / d held value, shape (R, held); of a loss, by its coordinate."""
+    """Return d residual / d held value, shape (R, held); for a loss, d residual / d coordinate."""
     if not held:
         return np.zeros((2 * objective.points, 0))
     coordinates = Coordinates(objective.coordinates.blocks, dict(values), held)

@@ -1,4 +1,4 @@
-"""Least squares over the gluing steps of a build, jointly or one by one: starts, descents, the deepest place found."""
+"""Least squares over the gluing steps of a build, jointly or one by one: starts, descents, deepest minimum."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +21,10 @@ from .start import disk_starts, distinct, spread_starts
 
 _DESCENTS, _MOST_DESCENTS = 3, 12
 _CLOSE = 10.0
-# chi2 per point up to which a recording needs no caution on the last bit of the way.
+# chi2 per point below which the final descent needs no reweighting.
 _NEAR, _LOST = 0.01, 0.05
-# RMS of ln Z: so near, all points at once lead to the minimum; so far, no physics left out of a model ends, but a wrong
-# minimum does: the search goes on then.
+# Rms of ln Z: below the first, all points together lead to the minimum; above the second, the search goes on, because
+# missing physics never leaves that much but a wrong minimum does.
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,26 +33,26 @@ class Solution:
 
     build: Build
     noises: Mapping[str, Noise]
-    """By step."""
+    """Noise by step."""
     descent: Descent
     begun: Mapping[str, float]
-    """Model parameters that the fit of each layer began with."""
+    """Start values of the model parameters in the fit of each layer."""
     evaluations: int
     seconds: float
     recordings: tuple[Recording, ...] = ()
-    """Those of all steps, where the last descent is over the last step alone."""
+    """Recordings of all steps, if the last descent covers only the last step."""
     carried: tuple[Descent, ...] = ()
-    """Descents of earlier steps whose constants were frozen then."""
+    """Descents of earlier steps whose constants were then frozen."""
 
     @property
     def judged(self) -> Objective:
-        """The objective over all recordings, whatever the last descent was over."""
+        """The objective over all recordings, whatever the last descent covered."""
         objective = self.descent.objective
         return Objective(self.recordings, objective.coordinates, objective.priors) if self.recordings else objective
 
 
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
-    """Return the build and its sweeps in gluing order. Raises FitError where task, build and sweeps do not fit."""
+    """Return the build and its sweeps in gluing order. Raises FitError if task, build and sweeps do not match."""
     if task.build is None:
         raise TaskError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
@@ -67,26 +67,28 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
 
 
 def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
-    """Fit all steps jointly, each new step starting from where the earlier ones ended. Raises FitError."""
+    """Fit all steps jointly; each new step starts from the result of the earlier ones. Raises FitError."""
     began = time.perf_counter()
     build, sweeps = check_task(task)
-    found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
-    noises = {step: noise for step, (noise, _) in found.items()}
-    way = _StepwiseFit(build, task)
+    noise_by_step = {step: noise_of(of_step) for step, of_step in sweeps.items()}
+    noises = {step: noise for step, (noise, _) in noise_by_step.items()}
+    stepwise = _StepwiseFit(build, task)
     weighting: Literal["log", "thesis"] = "thesis" if task.options.objective == "thesis" else "log"
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
-        here = recordings_of(build, step, of_step, found[step][1])
-        way.go(step, [replace(recording, weighting=weighting) for recording in here])
-    if way.descent is None:
+        here = recordings_of(build, step, of_step, noise_by_step[step][1])
+        stepwise.go(step, [replace(recording, weighting=weighting) for recording in here])
+    if stepwise.descent is None:
         raise FitError(f"no recording of any step of build {build.name!r} was given")
-    whole = () if task.options.procedure == "joint" else tuple(way.recordings)
+    whole = () if task.options.procedure == "joint" else tuple(stepwise.recordings)
     seconds = time.perf_counter() - began
-    return Solution(build, noises, way.descent, way.begun, way.evaluations, seconds, whole, tuple(way.frozen))
+    return Solution(
+        build, noises, stepwise.descent, stepwise.begun, stepwise.evaluations, seconds, whole, tuple(stepwise.frozen)
+    )
 
 
 class _StepwiseFit:
-    """The way through the gluing steps: what has been found so far, and what it says to the next step."""
+    """State of a fit that proceeds step by step: the results so far, which are starts and priors of the next step."""
 
     def __init__(self, build: Build, task: FitTask) -> None:
         self.build, self.free, self.procedure = build, task.free, task.options.procedure
@@ -111,14 +113,14 @@ class _StepwiseFit:
         self.values |= self.descent.objective.coordinates.forward(self.descent.x)[0]
 
     def _coordinates(self, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
-        """Return the coordinates of the next fit; frozen are those that moved in an earlier one."""
+        """Return the coordinates of the next fit; in a frozen procedure, without those of earlier fits."""
         whole = coordinates_of(self.build, steps, start, self._free_in(steps)).held_at(self.values)
         if self.procedure != "frozen" or self.descent is None:
             return whole
         return whole.without(*(name for descent in self._passed for name in descent.objective.coordinates.free))
 
     def _free_in(self, steps: Sequence[str]) -> tuple[str, ...] | None:
-        """Return those of the constants to be freed that these steps have; layers to come have theirs later."""
+        """Return the constants to free that exist in these steps; later layers get theirs later."""
         if self.free is None:
             return None
         there = {layer.name for layer in layers_of(self.build, steps)}
@@ -131,12 +133,12 @@ class _StepwiseFit:
         return [*self.frozen, self.descent] if self.descent is not None else self.frozen
 
     def _priors(self, before: Sequence[str], step: str) -> list[Prior | Posterior]:
-        """Return what is known before this step; what an earlier fit has taken in already is not told twice."""
+        """Return the priors of this step, without those that an earlier fit has already used."""
         known: list[Prior | Posterior] = list(priors_of(self.build, (*before, step)))
         if self.procedure == "joint" or self.descent is None:
             return known
-        told = {prior.parameter for prior in priors_of(self.build, before)}
-        fresh = [prior for prior in known if isinstance(prior, Prior) and prior.parameter not in told]
+        used = {prior.parameter for prior in priors_of(self.build, before)}
+        fresh = [prior for prior in known if isinstance(prior, Prior) and prior.parameter not in used]
         if self.procedure == "frozen":
             self.frozen.append(self.descent)
             return list(fresh)
@@ -153,8 +155,9 @@ def _start_values(
 ) -> list[dict[str, float]]:
     """Return starting values for a step that adds the layers `new`.
 
-    A bare piezo disk is guessed from its own resonances. Glued layers start from their nominal values and from one
-    and a half uncertainties around them; the rest starts from where the earlier steps ended.
+    A bare piezo disk starts from its own resonances. Glued layers start from their nominal values and from one and a
+    half
+    uncertainties around them; everything else starts from the result of the earlier steps.
     """
     if len(new) == 1 and new[0].kind == "piezo":
         disk = new[0].name
@@ -180,7 +183,7 @@ def _best_descent(
 ) -> tuple[Descent, int]:
     """Settle from the most promising starts until one describes the new recordings.
 
-    Returns the deepest place found and the number of evaluations.
+    Return the deepest minimum and the number of evaluations.
     """
     few = [thinned(recording) for recording in new]
     ranked = sorted((Objective(few, start, priors) for start in starts), key=_rms_at_start)
@@ -201,15 +204,15 @@ def _best_descent(
 def _by_few_points(
     earlier: Sequence[Recording], new: Sequence[Recording], begun: Objective, priors: Sequence[Prior | Posterior]
 ) -> Descent:
-    """Let a few points of each recording show the way, where the start is not near, and settle all from there.
+    """Settle all recordings, first on a few points of each if the start is not near.
 
-    `begun` is the objective of those few points of the new recordings.
+    `begun` is the objective over a few points of the new recordings.
     """
     start, x, evaluations = begun.coordinates, begun.coordinates.x, 0
     if _rms_at_start(begun) > _NEAR:
         few = (*map(thinned, earlier), *_cautious(begun.recordings, start))
         near = approach(few, start, priors, x)
-        # There and back: a load that ran off to nothing on the way begins again from next to nothing.
+        # Forward and back: a load that has diverged to zero restarts from a small value.
         x, evaluations = start.inverse(start.forward(near.x)[0]), near.evaluations
     whole = Objective((*earlier, *new), start, priors)
     judged = [
@@ -221,7 +224,7 @@ def _by_few_points(
 
 
 def _cautious(recordings: Sequence[Recording], start: Coordinates) -> list[Recording]:
-    """Return the recordings softened by all that a start misses of them, as if that were noise."""
+    """Return the recordings with all misfit of the start counted as noise."""
     misfits = Objective(recordings, start, ()).log_ratios(start.x)
     return [
         replace(with_model_discrepancy(r, ratio), correlation=1.0) for r, ratio in zip(recordings, misfits, strict=True)

@@ -1,8 +1,8 @@
-"""Relative noise of a recording at each of its points, from the recording itself.
+"""Relative noise of a recording at each of its points, estimated from the recording itself.
 
-An analyzer's noise has a part proportional to |Z| and two that outgrow it where |Z| is very small or very large
-(4294A Operation Manual: Zs/|Z| and Yo |Z| beside the proportional term). So the variance of ln Z is modelled as
-a^2 + (b/|Z|)^2 + (c |Z|)^2 and a, b, c are estimated from what differs between neighbouring points.
+An analyzer's noise has a part proportional to |Z| and two that exceed it where |Z| is very small or very large
+(4294A Operation Manual: Zs/|Z| and Yo |Z| beside the proportional term). The variance of ln Z is therefore modelled as
+a^2 + (b/|Z|)^2 + (c |Z|)^2, and a, b, c are estimated from differences of neighbouring points.
 """
 
 from collections.abc import Sequence
@@ -19,57 +19,56 @@ from ...models.sweep import Sweep
 from ..interface import Noise
 
 _ORDER = 5
-# Differences of this order remove all that is smooth over six points; higher orders gain nothing (measured on
+# Differences of this order remove everything smooth over six points; higher orders gain nothing (measured on
 # 801-point sweeps of disks: orders 4, 5 and 6 agree within 3 %, order 3 still sees the resonances).
 _CLIP = 8.0
-# Squared differences above this multiple of their expectation are signal (a resonance too sharp for the grid): noise
-# exceeds it once in 3000 points. What the clip cuts off the mean is put back.
+# Squared differences above this multiple of their expectation count as signal (a resonance too sharp for the grid):
+# noise exceeds it once in 3000 points. The mean is corrected for the clipping.
 _KEPT_MEAN = 1 - _CLIP * np.exp(-_CLIP) / (1 - np.exp(-_CLIP))
 _ROUNDS, _SETTLED = 12, 1e-3
-# The noise of a thousand points is known to a few per cent.
+# Convergence limit: the noise of a thousand points is only known to a few per cent.
 _PRICE = 30.0
-# Deviance that a further term must save; neighbouring differences share points, so it is five times the usual 6.6.
+# Deviance that a further term must save: five times the usual 6.6, since neighbouring differences share points.
 _FLOOR = 1e-7
-# 4294A data carry seven digits: no recording is better than this.
+# Lower limit of the noise: 4294A data have seven digits.
 _SAME = 1e-9
-# Part of the largest number below which two numbers differ by the arithmetic that they went through, not as written.
+# Relative difference below which two numbers differ by arithmetic rounding only.
 _UNKNOWN = 1e-3
-# The analyzer's own accuracy at 1 MHz, for recordings too short to tell that do not carry it.
+# The analyzer's accuracy at 1 MHz, for short recordings without an accuracy of their own.
 
 
 def _from_differences(squares: Reals, size: Reals) -> Reals:
     """Return a, b, c: `squares` are estimates of the variance of Re (or Im) of ln Z, `size` is |Z|, shape (M,).
 
-    A term is taken in only where it is significant, so that what is left of a sharp resonance is not read as noise.
+    A term is included only if it is significant, so that the remainder of a sharp resonance is not taken for noise.
     """
     middle = float(np.median(size))
     terms = np.column_stack([np.ones_like(size), (middle / size) ** 2, (size / middle) ** 2])
     fits = [_fit(squares, terms, chosen) for chosen in ([0], [0, 1], [0, 2], [0, 1, 2])]
     parts, _ = min(fits, key=lambda fit: fit[1])
-    # To four digits: what hangs on a noise known to a few per cent is not to be decided by roundings.
+    # To four digits: rounding errors must not decide anything that depends on a noise known to a few per cent.
     return np.array([float(f"{x:.4g}") for x in np.sqrt(parts) * np.array([1.0, middle, 1 / middle])])
 
 
 def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]:
-    """Return the three variance terms, those not chosen zero, and the deviance with a price for each term.
+    """Return the three variance terms, zero if not chosen, and the deviance plus a price for each term.
 
-    Iteratively reweighted least squares without negative terms; squares of complex Gaussian numbers scatter
-    exponentially.
+    Iteratively reweighted nonnegative least squares; squares of complex Gaussian numbers are exponentially distributed.
     """
     taken = terms[:, chosen]
     variance = np.full(squares.size, max(float(np.median(squares)) / np.log(2), _FLOOR**2))
-    found = np.zeros(len(chosen))
+    estimate = np.zeros(len(chosen))
     for _ in range(_ROUNDS):
         weight = (squares < _CLIP * variance) / variance**2
         weighted = taken.T * weight
-        # Normal equations, of three unknowns at most; where one would be negative, the fit without it is the better.
-        last, (found, _) = found, nnls(weighted @ taken, weighted @ squares / _KEPT_MEAN)
-        variance = np.maximum(taken @ found, _FLOOR**2)
-        if np.all(np.abs(found - last) <= _SETTLED * found):
+        # Normal equations with three unknowns at most; if one would be negative, the fit without it is better.
+        last, (estimate, _) = estimate, nnls(weighted @ taken, weighted @ squares / _KEPT_MEAN)
+        variance = np.maximum(taken @ estimate, _FLOOR**2)
+        if np.all(np.abs(estimate - last) <= _SETTLED * estimate):
             break
     deviance = 2 * float(np.sum(np.log(variance) + np.minimum(squares / variance, _CLIP)))
     parts = np.zeros(3)
-    parts[chosen] = found
+    parts[chosen] = estimate
     return parts, deviance + _PRICE * len(chosen)
 
 
@@ -84,21 +83,21 @@ def _at(parts: Reals, impedance: Complexes) -> Reals:
 def noise_from_smoothness(sweep: Sweep) -> Reals | None:
     """Return the standard deviation of Re and Im of ln Z, shape (N,), from fifth differences.
 
-    None for fewer than 20 points. A sweep does not change, so it is looked at once, whoever asks; read only.
+    None for fewer than 20 points. The result is cached per sweep and read only.
     """
     if sweep.frequency.size < 20:
         return None
     squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
     near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
-    found = np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
-    found.flags.writeable = False
-    return found
+    sigma = np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
+    sigma.flags.writeable = False
+    return sigma
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
-    """Return the same for repeats, each shape (N,): sweeps on one and the same grid. None where there are none.
+    """Return the same for repeated sweeps on one grid, each of shape (N,); None if there are no repeats.
 
-    Only what differs from point to point counts: a slow drift between repeats is a mismatch, not noise.
+    Only differences from point to point count: a slow drift between repeats is misfit, not noise.
     """
     squares: list[Reals] = []
     sizes: list[Reals] = []
@@ -114,12 +113,13 @@ def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
 
 
 def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
-    """Return the noise of one step's sweeps, in a word and at each point of each sweep.
+    """Return the noise of one step's sweeps, as a summary and at each point of each sweep.
 
-    From repeats where there are some, else from smoothness, else what the analyzer's accuracy is. Sweeps at another
-    level, with another bandwidth or the other way round are no repeats: their noise is another, or they differ by more.
+    Estimated from repeats if there are any, else from smoothness, else from the analyzer's accuracy. Sweeps with
+    another
+    level, bandwidth or direction are not repeats: their noise differs, or they differ by more than noise.
     """
-    found: dict[int, Reals] = {}
+    by_index: dict[int, Reals] = {}
     sources: set[str] = set()
     kinds = [_kind(sweep) for sweep in sweeps]
     for kind in dict.fromkeys(kinds):
@@ -127,21 +127,21 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
         repeats = noise_from_repeats([sweeps[k] for k in alike])
         if repeats is not None:
             sources.add("repeats")
-            found |= dict(zip(alike, repeats, strict=True))
+            by_index |= dict(zip(alike, repeats, strict=True))
             continue
         for k in alike:
             smooth = noise_from_smoothness(sweeps[k])
             sources.add("analyzer accuracy" if smooth is None else "smoothness")
-            found[k] = _accuracy(sweeps[k]) if smooth is None else smooth
-    sigmas = tuple(found[k] for k in range(len(sweeps)))
+            by_index[k] = _accuracy(sweeps[k]) if smooth is None else smooth
+    sigmas = tuple(by_index[k] for k in range(len(sweeps)))
     source = next(name for name in ("repeats", "smoothness", "analyzer accuracy") if name in sources)
     return Noise(_typical(sigmas), source), sigmas
 
 
 def _accuracy(sweep: Sweep) -> Reals:
-    """Return what the analyzer's accuracy formula says, where the driver has put it beside the points, shape (N,)."""
-    told = sweep.settings.get("accuracy_relative")
-    values = np.array(cast("list[float]", told) if isinstance(told, list) else [])
+    """Return the accuracy that the driver noted at each point, shape (N,), or a default."""
+    accuracy = sweep.settings.get("accuracy_relative")
+    values = np.array(cast("list[float]", accuracy) if isinstance(accuracy, list) else [])
     return values if values.shape == sweep.frequency.shape else np.full(sweep.frequency.size, _UNKNOWN)
 
 
@@ -151,9 +151,9 @@ def _kind(sweep: Sweep) -> tuple[object, ...]:
 
 
 def resolution(sweep: Sweep) -> Reals:
-    """Return the standard deviation of Re and Im of ln Z that rounding alone makes, shape (N,).
+    """Return the standard deviation of Re and Im of ln Z due to rounding alone, shape (N,).
 
-    Where R or X are whole multiples of one step, as in a table with three digits, nothing below the step can be seen.
+    Where R or X are whole multiples of one step, as in a table with three digits, nothing below the step is visible.
     """
     step = max(_step(sweep.impedance.real), _step(sweep.impedance.imag))
     return step / np.sqrt(12) / np.abs(sweep.impedance)

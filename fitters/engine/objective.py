@@ -1,4 +1,4 @@
-"""What is minimised: noise-weighted complex residuals of ln Z over all steps at once, and what was known before."""
+"""Objective: noise-weighted complex residuals of ln Z over all steps, and the residuals of priors."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,30 +15,29 @@ from .recording import Posterior, Prior, Recording, log_ratio
 LOADS = ("back.z", "front.z")
 _NOWHERE = 1e8
 _LOSS_MEAN, _LOSS_WIDTH = float(np.log(0.01)), 2.3
-# Logarithm of a loss tangent before any measurement: from 1e-4 to 1 within two standard deviations. A recording tells
-# it a thousand times better; where a model that is wrong, or not right yet, would want a negative loss, this keeps the
-# logarithm from running off to where nothing pulls it back.
+# Prior of ln tan d: from 1e-4 to 1 within two standard deviations. A recording determines it a thousand times better;
+# if a wrong or unfinished model would favour a negative loss, this prior keeps the logarithm from diverging.
 
 
 @dataclass(frozen=True, eq=False)
 class _Shared:
-    """Recordings one after another that share their model: it is evaluated once, over the points of all of them."""
+    """Consecutive recordings with the same model, which is evaluated once over the points of all of them."""
 
     model: Model
     owned: Mapping[int, str]
-    """The rows of the fit's parameters that the model has, and what the model calls each."""
+    """Rows of the fit's parameters that the model has, and their names in the model."""
     recordings: tuple[Recording, ...]
     frequency: Reals
-    """Of all recordings in turn."""
+    """Frequencies of all recordings in turn."""
     parts: tuple[slice, ...]
-    """Where each recording's points are."""
+    """Slice of each recording's points."""
 
 
 class Objective:
-    """Residuals and exact Jacobian over the moving coordinates of a fit.
+    """Residuals and exact Jacobian over the free coordinates of a fit.
 
-    `slopes_later`: derivatives cost many times what a curve costs; they are taken where they are asked for, and a step
-    that is not kept does without.
+    With `slopes_later`, derivatives are computed only on request, because some models' derivatives cost many times as
+    much as a curve and a rejected step needs none.
     """
 
     def __init__(
@@ -75,11 +74,11 @@ class Objective:
         owned = {self._row[name]: there[name] for name in self.coordinates.parameters if name in there}
         ends = np.cumsum([0, *(recording.sweep.frequency.size for recording in alike)]).tolist()
         frequency = np.concatenate([recording.sweep.frequency for recording in alike])
-        frequency.flags.writeable = False  # so that a stack may remember what it said of these points
+        frequency.flags.writeable = False  # so that a stack may cache its results for these points
         return _Shared(first.model, owned, alike, frequency, tuple(map(slice, ends[:-1], ends[1:])))
 
     def _told_by(self, posterior: Posterior) -> tuple[Reals, Reals]:
-        """Return root and mean over the moving coordinates; a coordinate that is held now is where it was."""
+        """Return root and mean over the free coordinates; a coordinate that is now held keeps its value."""
         free = self.coordinates.free
         root, mean = np.zeros((len(posterior.root), len(free))), np.zeros(len(free))
         for k, name in enumerate(posterior.names):
@@ -88,10 +87,11 @@ class Objective:
         return root, mean
 
     def straight(self, x: Reals) -> tuple[Reals, Reals]:
-        """Return what posteriors are straight in, shape (M,), and its derivatives by x: x itself, but loads in Rayl.
+        """Return the coordinates in which posteriors are linear, shape (M,), and their derivatives by x.
 
-        A load's coordinate bends where the load is next to nothing, and along that bend lies what an earlier step knows
-        to a part in a million.
+        These are x itself, except for loads, which are given in Rayl: a load's coordinate is strongly curved near zero,
+        where
+        an earlier step knows it to a part in a million.
         """
         values, chain = self.coordinates.forward(x)
         y, slope = x.copy(), np.ones(x.size)
@@ -108,12 +108,12 @@ class Objective:
     def models(self, x: Reals) -> tuple[Model, ...]:
         """Return the model of each recording at these coordinates."""
         values, _ = self.coordinates.forward(x)
-        made = ((self._with(shared, values), shared) for shared in self._shared)
-        return tuple(model for model, shared in made for _ in shared.recordings)
+        pairs = ((self._with(shared, values), shared) for shared in self._shared)
+        return tuple(model for model, shared in pairs for _ in shared.recordings)
 
     def _with(self, shared: _Shared, values: Mapping[str, float]) -> Model:
         names = self.coordinates.parameters
-        return shared.model.replace({own: values[names[i]] for i, own in shared.owned.items()})
+        return shared.model.replace({parameter: values[names[i]] for i, parameter in shared.owned.items()})
 
     def _evaluated(self, x: Reals) -> "_Evaluation":
         if self._cache is None or not np.array_equal(x, self._cache.x):
@@ -124,16 +124,16 @@ class Objective:
     def _guarded(self, x: Reals, evaluate: "Callable[[Reals], _Evaluation]") -> "_Evaluation":
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                found = evaluate(x)
-            if np.all(np.isfinite(found.residual)):
-                return found
+                evaluation = evaluate(x)
+            if np.all(np.isfinite(evaluation.residual)):
+                return evaluation
         except (PzctlError, ArithmeticError):
             pass
-        # A step so long that a layer is none any more: a huge residual makes the optimiser take a shorter one.
+        # A step so long that a layer vanishes: a huge residual makes the optimiser take a shorter one.
         return _Evaluation(x.copy(), np.full(self._rows, _NOWHERE), np.zeros((x.size, self._rows)), ())
 
     def _residual(self, x: Reals) -> "_Evaluation":
-        """Return what the models say, derivatives apart."""
+        """Evaluate the models without derivatives."""
         values, _ = self.coordinates.forward(x)
         models = tuple(self._with(shared, values) for shared in self._shared)
         wholes = [model.impedance(shared.frequency) for shared, model in zip(self._shared, models, strict=True)]
@@ -142,24 +142,24 @@ class Objective:
         return _Evaluation(x.copy(), r, None, curves, models)
 
     def _evaluate(self, x: Reals) -> "_Evaluation":
-        """Return what the models say, and its derivatives."""
+        """Evaluate the models and their derivatives."""
         values, chain = self.coordinates.forward(x)
         known = self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
         models = known or [self._with(shared, values) for shared in self._shared]
         moves: list[bool] = np.any(chain, axis=1).tolist()
         moved = [[i for i in shared.owned if moves[i]] for shared in self._shared]
         answers = [
-            model.jacobian(shared.frequency, [shared.owned[i] for i in own])
-            for shared, model, own in zip(self._shared, models, moved, strict=True)
+            model.jacobian(shared.frequency, [shared.owned[i] for i in indices])
+            for shared, model, indices in zip(self._shared, models, moved, strict=True)
         ]
         curves = self._parted([whole for whole, _ in answers])
         r, weights = self._weighed(x, values, curves)
         weight = iter(weights)
         J, row = np.empty((x.size, self._rows)), 0
-        for shared, (_, slopes), own in zip(self._shared, answers, moved, strict=True):
-            down = chain[own].T
+        for shared, (_, slopes), indices in zip(self._shared, answers, moved, strict=True):
+            down = chain[indices].T
             for part in shared.parts:
-                # as real numbers, Re and Im in turn: chain is real, and a complex product would be four of these
+                # as real numbers, Re and Im in turn: chain is real, and a complex product would cost four times as much
                 rows = down @ np.multiply(slopes[:, part], next(weight), dtype=np.complex128).view(np.float64)
                 size = part.stop - part.start
                 J[:, row : row + size], J[:, row + size : row + 2 * size] = rows[:, 0::2], rows[:, 1::2]
@@ -173,13 +173,13 @@ class Objective:
         return _Evaluation(x.copy(), r, J, curves)
 
     def _parted(self, wholes: Sequence[Complexes]) -> tuple[Complexes, ...]:
-        """Return the curve of each recording, of the curves over all that share a model."""
+        """Split curves over shared models into one curve per recording."""
         return tuple(Z[part] for Z, shared in zip(wholes, self._shared, strict=True) for part in shared.parts)
 
     def _weighed(
         self, x: Reals, values: Mapping[str, float], curves: Sequence[Complexes]
     ) -> tuple[Reals, list[Reals | Complexes]]:
-        """Return the residuals, and what makes d residual of each recording's d ln Z."""
+        """Return the residuals, and the factors d residual / d ln Z of each recording."""
         r, row = np.empty(self._rows), 0
         weights: list[Reals | Complexes] = []
         for recording, Z in zip(self.recordings, curves, strict=True):
@@ -192,14 +192,14 @@ class Objective:
         return r, weights
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
-        """Return the residuals of what was known before: priors, losses, earlier steps."""
+        """Return the residuals of priors, losses and earlier steps' posteriors."""
         priors = (np.array([values[prior.parameter] for prior in self.priors]) - self._mean) / self._u
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
         y, _ = self.straight(x) if self._told else (x, x)
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
 
     def cost(self, x: Reals) -> float:
-        """Return half the sum of squares at x, for those who need no derivatives; infinite where no model is."""
+        """Return half the sum of squares at x without derivatives; infinite where the model does not exist."""
         self.evaluations += 1
         values, _ = self.coordinates.forward(x)
         total = 0.0
@@ -216,19 +216,19 @@ class Objective:
         return total / 2 if np.isfinite(total) else np.inf
 
     def residual(self, x: Reals) -> Reals:
-        """Return the weighted residuals, Re and Im of each recording in turn, then priors and losses."""
+        """Return the weighted residuals: Re and Im of each recording in turn, then priors and losses."""
         return self._evaluated(x).residual
 
     def jacobian(self, x: Reals) -> Reals:
-        """Return d residual / d moving coordinate, shape (R, M)."""
-        found = self._evaluated(x)
-        if found.slopes is None:
-            found = self._cache = self._guarded(x, self._evaluate)
-        return cast(Reals, found.slopes).T
+        """Return d residual / d free coordinate, shape (R, M)."""
+        evaluation = self._evaluated(x)
+        if evaluation.slopes is None:
+            evaluation = self._cache = self._guarded(x, self._evaluate)
+        return cast(Reals, evaluation.slopes).T
 
     @property
     def spread(self) -> Reals:
-        """Standard deviation that the noise gives each weighted residual of the recordings, Re and Im in turn."""
+        """Standard deviation of each weighted residual of the recordings due to noise, Re and Im in turn."""
         return np.concatenate([np.tile(recording.spread, 2) for recording in self.recordings])
 
     def curves(self, x: Reals) -> tuple[Complexes, ...]:
@@ -246,25 +246,25 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
-    """An objective at one place."""
+    """Values of an objective at one point."""
 
     x: Reals
     residual: Reals
     slopes: Reals | None
-    """d residual / d moving coordinate, shape (M, R): as MINPACK wants it, column by column. None: not asked yet."""
+    """d residual / d free coordinate, shape (M, R), column by column as MINPACK needs it; None if not yet computed."""
     curves: tuple[Complexes, ...]
-    """Model impedance of each recording, ohm; empty where there is no model."""
+    """Model impedance of each recording, ohm; empty if the model does not exist."""
     models: tuple[Model, ...] = ()
-    """Those that have said all this and remember some of it, until they are asked for the slopes."""
+    """The models with their caches, kept until the derivatives are needed."""
 
 
 def _alike(recordings: Sequence[Recording]) -> list[tuple[Recording, ...]]:
-    """Return the recordings in their order, those together that follow each other and have one model."""
-    found: list[list[Recording]] = []
+    """Group consecutive recordings with the same model."""
+    groups: list[list[Recording]] = []
     for recording in recordings:
-        last = found[-1][0] if found else None
+        last = groups[-1][0] if groups else None
         if last is not None and last.model is recording.model and last.renamed == recording.renamed:
-            found[-1].append(recording)
+            groups[-1].append(recording)
         else:
-            found.append([recording])
-    return [tuple(alike) for alike in found]
+            groups.append([recording])
+    return [tuple(alike) for alike in groups]

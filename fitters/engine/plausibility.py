@@ -1,4 +1,4 @@
-"""Recordings that determine nothing, recognised before they are fitted; and answers that no ceramic could give."""
+"""Plausibility: reject recordings that determine nothing, and results that no ceramic could give."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,25 +12,25 @@ from .noise import noise_of
 from .start import largest_peaks
 
 _FAR, _OFF = 30.0, 6.0
-# Factors by which |Z| may differ from that of the build's clamped capacitance: beyond the first it is no disk at all,
-# beyond the second its dimensions are others. The free capacitance is up to 2.3 times the clamped one.
+# Factors between |Z| and that of the build's clamped capacitance: beyond the first the device is no disk at all, beyond
+# the second its dimensions are wrong. The free capacitance is up to 2.3 times the clamped one.
 _BELOW = 0.4
-# Of the thickness resonance: a sweep that ends below has none of it, whatever data sheet and thickness are off by.
+# In units of the thickness resonance: a sweep that ends below this cannot contain it, however wrong the data sheet is.
 _MOST = 0.5
 _NOISE = 0.01
-# Part of |Z| below which the sign of a resistance tells nothing.
+# Part of |Z| below which the sign of a resistance is not significant.
 _NEED, _WANT = 0.25, 3.0
-# Points per linewidth: below the first a resonance may lie between two points, below the second the loss rests on what
-# the model says of the flanks.
+# Points per linewidth: below the first a resonance may lie between two points, below the second the loss depends on the
+# model's shape of the flanks.
 _SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps33T": (0.6, 1.6)}
-# Fitted over data sheet: no maker's batches scatter more.
+# Ratio of fitted value to data sheet; the batches of no manufacturer scatter more.
 _ANOTHER = {"eps33S": 1.8, "c33D": 1.49, "s11E": 1.49}
-# Factor beyond which neither scatter nor damage explains it. Permittivities differ by as much from one soft ceramic to
-# the next, and who names the wrong one has right sizes; eps33T, beside which s11E tells of the diameter, is said only.
+# Ratio beyond which neither scatter nor damage explains the deviation. Permittivities differ by as much between soft
+# ceramics, so a wrong material name need not mean wrong sizes; eps33T is only reported, since s11E shows the diameter.
 
 
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
-    """Raise FitError for a short or open circuit, an inverted sign, another size, or no thickness resonance."""
+    """Raise FitError for a short or open circuit, an inverted sign, another size, or a missing thickness resonance."""
     refuse_another_device(build, sweeps)
     values = _piezo(build).values
     expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
@@ -46,12 +46,12 @@ def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> No
 
 
 def _refuse_below(build: Build, step: str, sweeps: Sequence[Sweep], expected: float) -> None:
-    """Refuse a bare disk swept only where radial modes are, far below the thickness mode `expected`, Hz."""
+    """Reject a bare disk swept only at its radial modes, far below the thickness mode `expected`, Hz."""
     highest = max(float(sweep.frequency[-1]) for sweep in sweeps)
     if build.step(step).layers == (_piezo(build).name,) and highest < _BELOW * expected:
         raise FitError(
             f"step {step!r} ends at {highest / 1e6:.4g} MHz, far below the thickness resonance expected near "
-            f"{expected / 1e6:.3g} MHz: only radial modes resonate there, which the fitter `radial` takes"
+            f"{expected / 1e6:.3g} MHz: only radial modes resonate there; use the fitter `radial`"
         )
 
 
@@ -92,11 +92,11 @@ def _refuse_sign(name: str, sweep: Sweep) -> None:
 
 
 def _refuse_size(name: str, sweep: Sweep, capacitance: float) -> None:
-    """Refuse a recording whose |Z| is not that of the build's capacitance (F), whatever resonates."""
+    """Reject a recording whose |Z| does not match the build's capacitance (F), whatever its resonances."""
     expected: Reals = 1 / (2 * np.pi * sweep.frequency * capacitance)
     ratio = float(np.median(np.abs(sweep.impedance) / expected))
     level, wanted = float(np.median(np.abs(sweep.impedance))), float(np.median(expected))
-    found = f"{name}: |Z| is {level:.3g} ohm in the middle, where the capacitance of this build has {wanted:.3g} ohm"
+    found = f"{name}: the median |Z| is {level:.3g} ohm, but the capacitance of this build gives {wanted:.3g} ohm"
     if ratio < 1 / _FAR:
         raise FitError(f"{found}; this is a short circuit, another device, or another size than the build file's")
     if ratio > _FAR:
@@ -121,10 +121,10 @@ def doubts(
     constants: Mapping[str, Constant],
     derived: Mapping[str, Constant],
 ) -> tuple[str, ...]:
-    """Return what is to be doubted of an answer about a stack.
+    """Return warnings about the result of a stack.
 
-    Raises FitError where the recordings have too few points to tell a resonance of that width at all, or where the
-    constants are those of another disk than the build's.
+    Raises FitError if the recordings have too few points to resolve a resonance of that width, or if the constants are
+    those of another disk than the build's.
     """
     piezo = _piezo(build)
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
@@ -134,16 +134,16 @@ def doubts(
 
 
 def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:
-    """Return what is to be said of a resonance `at` Hz of this loss tangent that few points tell of."""
+    """Return a warning if a resonance at `at` Hz with this loss tangent has few points in its linewidth."""
     count = _points_in(sweeps, at, loss)
     if count < _WANT:
-        few = f"Only {_counted(count, at, loss)}: losses rest on what the model says of the flanks."
-        return (f"{few} {_WANT:.0f} or more are wanted.",)
+        few = f"Only {_counted(count, at, loss)}: the losses depend on the model's shape of the flanks."
+        return (f"{few} {_WANT:.0f} or more are needed.",)
     return ()
 
 
 def refuse_lost(sweeps: Sequence[Sweep], at: float, loss: float) -> None:
-    """Raise FitError where a resonance `at` Hz of this loss tangent may lie between two points of all the sweeps."""
+    """Raise FitError if a resonance at `at` Hz with this loss tangent may lie between two points of all sweeps."""
     count = _points_in(sweeps, at, loss)
     if count < _NEED:
         raise FitError(
@@ -159,32 +159,33 @@ def _counted(count: float, at: float, loss: float) -> str:
 
 
 def _points_in(sweeps: Sequence[Sweep], at: float, loss: float) -> float:
-    """Return how many points the finest of the sweeps that hold `at` has in a linewidth; infinite where none does."""
+    """Return the points per linewidth of the finest sweep that contains `at`; infinite if none does."""
     spacings = [_spacing(sweep, at) for sweep in sweeps if sweep.frequency[0] < at < sweep.frequency[-1]]
     return loss * at / min(spacings) if spacings and loss > 0 else np.inf
 
 
 def _spacing(sweep: Sweep, fp: float) -> float:
-    """Return the distance of the points about `fp`, Hz."""
+    """Return the distance of the points near `fp`, Hz."""
     k = int(np.searchsorted(sweep.frequency, fp))
     return float(np.min(np.diff(sweep.frequency)[max(0, k - 2) : k + 2]))
 
 
 def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -> tuple[str, ...]:
-    """Return what cannot be a ceramic's scatter: c33D tells of the thickness, the other constants of the area.
+    """Return warnings about constants beyond a ceramic's scatter: c33D indicates the thickness, the others the area.
 
-    Raises FitError where it is so far off that the build file must be of another disk, unless that gives the constant
-    itself.
+    Raises FitError if a constant is so far off that the build file must describe another disk, unless the build file
+    gives
+    the constant itself.
     """
     says: list[str] = []
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, (low, high) in _SCATTER.items():
-        sheet, found = piezo.nominal.get(name), constants.get(f"{piezo.name}.{name}")
+        sheet, fitted = piezo.nominal.get(name), constants.get(f"{piezo.name}.{name}")
         what = "thickness" if name == "c33D" else "area"
-        if sheet is None or found is None or not found.free or low < found.re / sheet.re < high or what in told:
+        if sheet is None or fitted is None or not fitted.free or low < fitted.re / sheet.re < high or what in reported:
             continue
-        told.add(what)
-        ratio = found.re / sheet.re
+        reported.add(what)
+        ratio = fitted.re / sheet.re
         outlier = f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says"
         explained = f"{_explained(build, piezo, what, ratio)} would explain it"
         far = max(ratio, 1 / ratio) > _ANOTHER.get(name, np.inf)

@@ -1,4 +1,4 @@
-"""What a fit is held against: recordings with their noise, and what was known before."""
+"""The data of a fit: recordings with their noise, and prior knowledge."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,12 +13,12 @@ from ...models.base.model import Model
 from ...models.sweep import Sweep
 
 _FEW = 100
-# Points of a recording that show the way: the minimum they lead to is a few standard uncertainties from that of all.
+# Points of a reduced recording: its minimum is a few standard uncertainties from that of all points.
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a model parameter before the fit: mean and standard uncertainty, SI."""
+    """Prior of a model parameter: mean and standard uncertainty, SI."""
 
     parameter: str
     mean: float
@@ -27,30 +27,30 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What earlier steps have told of the moving coordinates, with all correlations."""
+    """Posterior of earlier steps over the free coordinates, with all correlations."""
 
     names: tuple[str, ...]
-    """Of the coordinates."""
+    """Names of the coordinates."""
     mean: Reals
-    """Shape (M,), as `Objective.straight` gives it."""
+    """Shape (M,), in the coordinates of `Objective.straight`."""
     root: Reals
-    """Shape (R, M): root^T root is the information, so that root (y - mean) are residuals of unit variance."""
+    """Root of the information, shape (R, M): root (y - mean) are residuals of unit variance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One sweep, the model that should describe it, and its noise."""
+    """One sweep with its noise and the model that should describe it."""
 
     step: str
     sweep: Sweep
     model: Model
-    """Knows the constants of its step; `Model.replace` takes those of its names that the fit moves."""
+    """Contains the constants of its step; `Model.replace` accepts the names that the fit changes."""
     noise: Reals
     """Standard deviation of Re and Im of ln Z at each point, shape (N,)."""
     misfit: float = 0.0
-    """What the model is known to miss, as further noise of Re and Im of ln Z."""
+    """Known model error, as further noise of Re and Im of ln Z."""
     correlation: float = 1.0
-    """How many correlated points are worth one."""
+    """Number of correlated points that count as one."""
     renamed: Mapping[str, str] = field(default_factory=dict[str, str])
     """Parameters of the model that have another name in the fit: `ml1.thickness` after it was ground."""
     weighting: Literal["log", "thesis"] = "log"
@@ -58,7 +58,7 @@ class Recording:
 
     @cached_property
     def sigma(self) -> Reals:
-        """What residuals are weighted by, shape (N,)."""
+        """Divisor of the residuals, shape (N,)."""
         return np.sqrt((self.noise**2 + self.misfit**2) * self.correlation)
 
     @cached_property
@@ -67,7 +67,7 @@ class Recording:
 
     @property
     def spread(self) -> Reals:
-        """Standard deviation that the noise gives each weighted residual, shape (N,); its rms is 1."""
+        """Standard deviation of each weighted residual due to noise, shape (N,); its rms is 1."""
         if self.weighting == "log":
             return np.ones(self.sweep.frequency.size)
         size = self._lever * self.sigma
@@ -79,7 +79,7 @@ class Recording:
         return 2 * np.pi * self.sweep.frequency * np.abs(self.sweep.impedance)
 
     def weighted(self, Z: Complexes) -> tuple[Complexes, Reals | Complexes]:
-        """Return the weighted residuals of a model Z, shape (N,), and what makes d residual of d ln Z, shape (N,)."""
+        """Return the weighted residuals of a model Z, shape (N,), and the factors d residual / d ln Z, shape (N,)."""
         if self.weighting == "log":
             return log_ratio(Z, self.sweep.impedance) * self._log_weight, self._log_weight
         scale = 2 * np.pi * self.sweep.frequency / float(np.sqrt(np.mean((self._lever * self.sigma) ** 2)))
@@ -89,21 +89,21 @@ class Recording:
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:
     """Return ln(Z_model / Z_measured), imaginary part in (-pi, pi].
 
-    By real functions, which are vectorised where np.log of complex numbers is not: that took a quarter of a fit.
+    Uses real functions, which NumPy vectorises; np.log of complex numbers took a quarter of a fit.
     """
     ratio = model / measured
-    found = np.empty(ratio.shape, np.complex128)
-    found.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
-    found.imag = np.arctan2(ratio.imag, ratio.real)
-    return found
+    logarithm = np.empty(ratio.shape, np.complex128)
+    logarithm.real = 0.5 * np.log(ratio.real**2 + ratio.imag**2)
+    logarithm.imag = np.arctan2(ratio.imag, ratio.real)
+    return logarithm
 
 
 def along_curve(impedance: Complexes) -> NDArray[np.intp]:
-    """Return the indices of a hundred points at most, evenly along the curve of ln Z."""
+    """Return the indices of a hundred points at most, evenly spaced along the curve of ln Z."""
     way = np.cumsum(np.abs(np.diff(np.log(impedance), prepend=0.0)))
     return np.unique(np.searchsorted(way, np.linspace(float(way[0]), float(way[-1]), _FEW)))
 
 
 def rms(*log_ratios: Complexes) -> float:
-    """Return the root mean square of |ln(Z_model/Z_measured)| over all points of all recordings, each shape (N,)."""
+    """Return the rms of |ln(Z_model/Z_measured)| over all points of all recordings, each of shape (N,)."""
     return float(np.sqrt(np.mean(np.abs(np.concatenate(log_ratios)) ** 2)))

@@ -13,20 +13,20 @@ from ..interface import FitError
 from .noise import noise_of
 
 _CANDIDATES = 6
-# Peaks of G/w and of wR that are tried as resonance and antiresonance, largest first. Lateral modes make a few
-# false ones; the thickness pair is among the six largest on every recording tried.
+# Largest peaks of G/w and of wR that are tried as resonance and antiresonance. Lateral modes cause a few false ones;
+# the thickness pair was among the six largest in every recording tried.
 _ABOVE_NOISE = 10.0
-# How many standard deviations a peak stands out; the largest of a thousand noise peaks stands out by about five.
+# Smallest height of a peak in standard deviations; the largest of a thousand noise peaks reaches about five.
 _LARGEST_RATIO = 1.6
-# fp/fs of the fundamental is 1.28 at kt = 0.7, above every known material; the rest is room for lateral modes.
+# fp/fs of the fundamental is 1.28 at kt = 0.7, above every known material; the rest allows for lateral modes.
 _QUALITIES = np.array([8.0, 25.0, 80.0, 250.0])
 _ENOUGH = 200
-# Points that tell which guess is best: all of them tell no more.
+# Points for comparing guesses; more do not change the choice.
 
 
 @dataclass(frozen=True)
 class DiskStart:
-    """Thickness-mode constants guessed from one resonance pair, and how well they describe the sweep."""
+    """Thickness-mode constants estimated from one resonance pair, with their misfit."""
 
     fs: float
     fp: float
@@ -34,7 +34,7 @@ class DiskStart:
     h33: complex
     eps33S: complex
     misfit: float
-    """Median of |ln(Z_model/Z_measured)|: a median does not mind ripple on part of the band."""
+    """Median of |ln(Z_model/Z_measured)|, which is insensitive to ripple on part of the band."""
 
     def parameters(self, layer: str) -> dict[str, float]:
         """Return the model parameters of this layer."""
@@ -47,10 +47,10 @@ class DiskStart:
 
 
 def largest_peaks(values: Reals, noise: Reals) -> list[int]:
-    """Return the indices of the most prominent interior maxima that stand out of the noise, largest first."""
-    found, prominences = prominent_peaks(values, _ABOVE_NOISE * noise)
+    """Return the indices of the most prominent interior maxima above the noise, largest first."""
+    peaks, prominences = prominent_peaks(values, _ABOVE_NOISE * noise)
     order = np.argsort(prominences)[::-1][:_CANDIDATES]
-    return [int(k) for k in found[order]]
+    return [int(k) for k in peaks[order]]
 
 
 def resonance_pairs(sweep: Sweep) -> list[tuple[float, float]]:
@@ -80,8 +80,9 @@ def coupling_squared(fs: float, fp: float) -> float:
 def disk_starts(sweep: Sweep, thickness: float, density: float, area: float) -> list[DiskStart]:
     """Return starting constants of a free disk, best first. SI units.
 
-    Every pair of a resonance and an antiresonance is tried with a few qualities; the permittivity is what brings the
-    level of the whole curve right. Raises FitError where the sweep shows no such pair.
+    Every pair of a resonance and an antiresonance is tried with a few qualities; the permittivity follows from the
+    level
+    of the whole curve. Raises FitError if the sweep shows no such pair.
     """
     few = slice(None, None, max(1, sweep.frequency.size // _ENOUGH))
     f, Z = sweep.frequency[few], sweep.impedance[few]
@@ -91,9 +92,11 @@ def disk_starts(sweep: Sweep, thickness: float, density: float, area: float) -> 
     kt2s = [coupling_squared(fs, fp) for fs, fp in pairs]
     ratio = level * _free_plates(f, np.array([fp for _, fp in pairs]), np.array(kt2s))
     eps, angle = np.median(np.abs(ratio), axis=-1), np.median(np.angle(ratio), axis=-1)
-    made = eps * (1 - 1j * np.clip(-angle, 1e-3, 0.3))
-    misfits = np.median(np.abs(np.log(ratio / made[..., None])), axis=-1)
-    for (fs, fp), kt2, permittivities, of_pair in zip(pairs, kt2s, made.tolist(), misfits.tolist(), strict=True):
+    permittivity = eps * (1 - 1j * np.clip(-angle, 1e-3, 0.3))
+    misfits = np.median(np.abs(np.log(ratio / permittivity[..., None])), axis=-1)
+    for (fs, fp), kt2, permittivities, of_pair in zip(
+        pairs, kt2s, permittivity.tolist(), misfits.tolist(), strict=True
+    ):
         c = density * (2 * thickness * fp) ** 2
         for Q, eps33S, misfit in zip(_QUALITIES.tolist(), permittivities, of_pair, strict=True):
             h33 = complex(np.sqrt(kt2 * c / eps33S.real))

@@ -1,1 +1,1 @@
-"""What keeps a model and a recording apart besides the constants: noise, instrument, fixture, the model's own error."""
+"""Error model: differences of model and recording beside the constants: noise, instrument, fixture, model error."""

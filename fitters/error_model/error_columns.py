@@ -1,4 +1,4 @@
-"""The error model as unit-prior columns of d ln Z: instrument and fixture, the model's own constants, its effects."""
+"""The error model as columns of d ln Z with unit normal prior: instrument, fixture, model constants, effects."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,37 +17,37 @@ from .point_covariance import PointErrors
 from .smooth_basis import smooth
 
 Part = str
-"""What a column belongs to: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses` or `shape`."""
+"""Part of the error of a column: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses` or `shape`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorColumns:
-    """The columns at one place of a fit."""
+    """The columns at one point of a fit."""
 
     parts: tuple[Part, ...]
-    """Of each column, shape (C,)."""
+    """Part of each column, shape (C,)."""
     losses: Reals
-    """Of columns of an imaginary part: how far that loss may change over the band, shape (C,)."""
+    """For columns of an imaginary part: change of that loss over the band, shape (C,)."""
     blocks: tuple[Complexes, ...]
-    """Of each recording, d ln Z per unit of each column's scale, shape (N, C)."""
+    """For each recording, d ln Z per unit of each column's scale, shape (N, C)."""
     points: tuple[PointErrors, ...]
 
     def scaled(self, sizes: Mapping[Part, float]) -> Reals:
-        """Return the standard deviation of each column's coefficient, shape (C,)."""
+        """Return the prior standard deviation of each column's coefficient, shape (C,)."""
         plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
         free = np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
         both = np.hypot(scales.IMAGINARY * sizes["tau"], self.losses * sizes["losses"])
         return np.asarray(plain + free * both, np.float64)
 
     def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
-        """Return some of the columns."""
+        """Return the columns with these indices."""
         parts = tuple(self.parts[int(k)] for k in on)
         return ErrorColumns(parts, self.losses[on], tuple(b[:, on] for b in self.blocks), self.points)
 
 
 @dataclass(frozen=True, eq=False)
 class LinearisedRecording:
-    """A recording, what the model says of it, and the model's derivatives there."""
+    """A recording with the impedance and the derivatives of its model."""
 
     recording: Recording
     Z: Impedances
@@ -60,7 +60,7 @@ class LinearisedRecording:
 
 
 def stack_of(model: Model) -> Stack:
-    """Return the stack of a device or of itself."""
+    """Return the stack of a device, or the stack itself."""
     stack = model.nominal or model.bare if isinstance(model, Device) else model
     if not isinstance(stack, Stack):
         raise TypeError(f"no stack in {type(stack).__name__}")
@@ -91,7 +91,7 @@ def columns_of(
 ) -> ErrorColumns:
     """Return all columns over all recordings of a session, which has one instrument and one fixture.
 
-    `held`: by value that is held as exact, d ln Z per its tolerance in each recording, shape (N,).
+    `held`: for each value held as exact, d ln Z per its tolerance in each recording, shape (N,).
     """
     edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
     ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
@@ -128,7 +128,7 @@ def _at(places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> di
 
 
 def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid, *, fast: bool) -> None:
-    """Add gain and phase, slow and fast, the same in all sweeps."""
+    """Add gain and phase errors, slow and fast, common to all sweeps."""
     kinds = [("slow", scales.SLOW, scales.FEW_SLOW), ("fast", scales.FAST, scales.FEW_FAST)]
     for part, length, most in kinds if fast else kinds[:1]:
         functions = grid(length, most)
@@ -139,7 +139,7 @@ def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid, *
 
 
 def _fixture(add: _Add) -> None:
-    """Add what compensation leaves: a series impedance and a shunt admittance."""
+    """Add the residual of the compensation: a series impedance and a shunt admittance."""
     series: dict[str, Callable[[Frequencies], Complexes]] = {
         "inductance": lambda f: _complex(2j * np.pi * f),
         "resistance": lambda f: _complex(np.ones(f.size)),
@@ -156,7 +156,7 @@ def _fixture(add: _Add) -> None:
 
 
 def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
-    """Add smooth errors of every constant, of a series impedance and of a shunt; and of the losses by themselves."""
+    """Add smooth errors of every constant, of a series impedance and of a shunt; and separate ones of the losses."""
     names = list(dict.fromkeys(name for place in places for name in place.felt))
     stack = stack_of(places[-1].recording.model)
     z0, f0 = reactance(stack), resonance(stack)
@@ -197,7 +197,7 @@ def _loss_of(places: Sequence[LinearisedRecording], name: str) -> float:
 
 
 def _centred(functions: Sequence[Reals], weights: Sequence[Complexes]) -> list[Reals]:
-    """Return the functions less their mean weighted by what the recordings feel: that is the constant's own."""
+    """Return the functions without their mean, weighted by sensitivity: the mean belongs to the constant itself."""
     total = sum(float(np.sum(np.abs(w) ** 2)) for w in weights)
     if total <= 0:
         return list(functions)

@@ -1,4 +1,4 @@
-"""How large each part of the error is: chosen by the recording itself, by marginal likelihood on grids with zero."""
+"""Sizes of the parts of the error, chosen by the recording: maximum marginal likelihood on grids that include zero."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,13 +29,13 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
 }
 _ROUNDS = 3
 _RIDGES = (1e-12, 1e-10, 1e-8, 1e-6)
-"""Added to a matrix of unit diagonal that rounding has left without a Cholesky factor."""
+"""Added to the diagonal of a normalised matrix that has no Cholesky factor because of rounding."""
 _DEAR = ("rho", "bend", "colour")
 
 
 @dataclass(frozen=True)
 class ErrorSizes:
-    """How large each part of the error is; all zero is an exact model and white noise."""
+    """Size of each part of the error; all zero means an exact model and white noise."""
 
     tau: float = 0.0
     rho: float = 0.0
@@ -53,13 +53,13 @@ class ErrorSizes:
         return replace(self, **{name: value})
 
     def at_most(self, other: "ErrorSizes") -> Self:
-        """Return the same with no error larger than `other` has it; the colour of the noise stays."""
+        """Return the same with no error larger than in `other`; the colour of the noise is unchanged."""
         sizes = {name: min(getattr(self, name), getattr(other, name)) for name in GRIDS if name != "colour"}
         return replace(self, **sizes)
 
     @property
     def log_prior(self) -> float:
-        """Ln of the prior probability on the grids."""
+        """Logarithm of the prior probability on the grids."""
         total = 0.0
         for name, grid in GRIDS.items():
             none = self._none(name)
@@ -68,10 +68,11 @@ class ErrorSizes:
         return total
 
     def _none(self, name: str) -> float:
-        """Return the probability that a part is not there, the others being as they are.
+        """Return the prior probability that a part is absent, given the others.
 
-        A fixture without error, and a data sheet that is exact, belong to an instrument without any; and an instrument
-        without error is none that measured a real device: where the model itself is off, so is the instrument.
+        An error-free fixture and an exact data sheet belong to an error-free instrument; and no real device was
+        measured with
+        an error-free instrument: if the model itself has errors, so has the instrument.
         """
         if name == "fixture":
             return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
@@ -83,7 +84,7 @@ class ErrorSizes:
 
     @property
     def rough(self) -> Rough:
-        """Sizes of what is rough."""
+        """Sizes of the rough errors."""
         return self.rho, self.bend
 
     def of_columns(self) -> dict[str, float]:
@@ -97,7 +98,7 @@ USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)
 
 @dataclass(frozen=True, eq=False)
 class Beforehand:
-    """What is known before: its normal equations."""
+    """Normal equations of the priors."""
 
     P: Reals
     g: Reals
@@ -106,21 +107,21 @@ class Beforehand:
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """The marginal likelihood at one place, quadratic around it."""
+    """Marginal likelihood at one point, with its quadratic expansion."""
 
     log_evidence: float
     """ln of the integral over constants, sizes of effects and errors."""
     here: float
-    """Twice minus ln of the joint density of the place itself, apart from constants."""
+    """Minus twice ln of the joint density at the point itself, apart from constants."""
     H: Reals
-    """Information on the coordinates, shape (M, M)."""
+    """Information matrix of the coordinates, shape (M, M)."""
     step: Reals
-    """To the minimum, shape (M,)."""
+    """Newton step to the minimum, shape (M,)."""
 
 
 @dataclass(eq=False)
 class Gram:
-    """Inner products of columns, derivatives and residual, by colour and roughness; made when first asked for."""
+    """Inner products of columns, derivatives and residual, by colour and roughness; cached."""
 
     columns: ErrorColumns
     J: Sequence[Complexes]
@@ -177,7 +178,7 @@ def _cholesky(S: Reals) -> Reals:
 def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
     """Return the marginal likelihood from products of derivatives and residual, `X`, and of these with columns, `GX`.
 
-    `log_K` is ln of the determinant of the whole covariance, `L` from `factored`.
+    `log_K` is ln of the determinant of the whole covariance, `L` the factor from `factored`.
     """
     if L.size:
         B, _ = dtrtrs(L, np.asfortranarray(GX), lower=1)
@@ -196,7 +197,7 @@ def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, size
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """ErrorColumns at sizes that stay, while derivatives and residual change."""
+    """Columns of fixed sizes, for varying derivatives and residuals."""
 
     sizes: ErrorSizes
     kernel: Kernel
@@ -207,7 +208,7 @@ class Held:
 
     @classmethod
     def of(cls, columns: ErrorColumns, sizes: ErrorSizes) -> Self:
-        """Return the columns that are there at these sizes."""
+        """Return the columns that are present at these sizes."""
         scale = columns.scaled(sizes.of_columns())
         on = columns.only(np.flatnonzero(scale > 0))
         kernel = Kernel(columns.points, sizes.colour, sizes.rough)
@@ -216,7 +217,7 @@ class Held:
         return cls(sizes, kernel, white, d, L, log_S)
 
     def here(self, r: Sequence[Complexes], known: float) -> float:
-        """Return `Value.here` at another place from its residuals alone; `known`: sum of squares of what was known."""
+        """Return `Value.here` at another point from its residuals; `known`: sum of squares of the priors' residuals."""
         seen = self.kernel.white([own[:, None] for own in r])
         total = float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det
         if self.L.size:
@@ -225,14 +226,14 @@ class Held:
         return total
 
     def value(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Value:
-        """Return the marginal likelihood at another place."""
+        """Return the marginal likelihood at another point."""
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, r, strict=True)])
         GX = self.d[:, None] * self.white.times(seen)
         return valued(seen.squared(), self.L, GX, self.log_S + self.kernel.log_det, before, self.sizes)
 
 
 def rough_guess(made: Gram) -> ErrorSizes:
-    """Return sizes with which all that is left is rough error of the model: where to begin far from any explanation."""
+    """Return sizes that explain the whole residual as rough model error: a start far from any explanation."""
     excess, felt = 0.0, 0.0
     for points, r in zip(made.columns.points, made.r, strict=True):
         kept = np.isfinite(points.noise)
@@ -243,9 +244,10 @@ def rough_guess(made: Gram) -> ErrorSizes:
 
 
 def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tuple[ErrorSizes, Value]:
-    """Return the sizes of largest marginal likelihood: along one part after the other, from the best of the starts.
+    """Maximise the marginal likelihood over the sizes, one part after the other, from the best of the starts.
 
-    Sizes whose covariance rounding has spoilt are passed over. Raises LinAlgError where it has spoilt every start.
+    Sizes whose covariance is not positive definite because of rounding are skipped. Raises LinAlgError if all starts
+    are.
     """
     begun = _evaluated(made, starts)
     if not begun:
@@ -260,7 +262,7 @@ def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tu
 
 
 def _evaluated(made: Gram, trials: Sequence[ErrorSizes]) -> list[tuple[ErrorSizes, Value]]:
-    """Return the marginal likelihood of each of these sizes, where it can be computed."""
+    """Return the marginal likelihood of those of these sizes for which it can be computed."""
     values: list[tuple[ErrorSizes, Value]] = []
     for sizes in dict.fromkeys(trials):
         try:
@@ -283,7 +285,7 @@ def _around(
 
 
 def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
-    """Return the best along one grid; of what takes another product of all columns, only the neighbours."""
+    """Return the best along one grid; only its neighbours for parts that need new products of all columns."""
     if name in ("shape", "bend") and "shape" not in made.columns.parts:
         return now, value
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))

@@ -1,4 +1,4 @@
-"""The misfit that a fit reports: in units of noise, less what the analyzer's own gain and phase may account for."""
+"""Misfit as reported by fits: in units of noise, without the part that the analyzer's gain and phase explain."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,11 @@ from .smooth_basis import smooth
 def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Complexes], parameters: int) -> float:
     """Return chi2 per degree of freedom of `ratios`, ln(Z_model/Z) of each recording, shape (N,).
 
-    Gain and phase of the analyzer are smooth in frequency, common to the recordings of a session, and as large as
-    specified (`prior_scales.INSTRUMENT`); their likeliest values are taken off, and what they count for is no degree of
-    freedom. Points of infinite noise have no say. `parameters`: how many were fitted.
+    Gain and phase errors of the analyzer are smooth in frequency, common to the recordings of a session, and as large
+    as
+    specified (`prior_scales.INSTRUMENT`). Their likeliest values are subtracted, together with their effective number
+    of
+    degrees of freedom. Points of infinite noise are ignored. `parameters`: number of fitted parameters.
     """
     logs = [np.log(recording.sweep.frequency) for recording in recordings]
     ends = float(min(own[0] for own in logs)), float(max(own[-1] for own in logs))

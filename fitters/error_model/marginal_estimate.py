@@ -1,4 +1,4 @@
-"""The fit at the bench with the error model: constants, and uncertainties by source, from a least-squares minimum."""
+"""Constants and uncertainties by source from the error model, starting at a least-squares minimum."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ from .uncertainty_sources import spread_of
 
 @dataclass(frozen=True, eq=False)
 class MarginalEstimate:
-    """A fit's answer with errors of instrument, fixture and model in it."""
+    """Result of a fit with errors of instrument, fixture and model."""
 
     values: Mapping[str, float]
     """Every model parameter."""
     x: Reals
     covariance: Reals
-    """Of the model parameters in the order of `Coordinates.parameters`, shape (P, P), SI."""
+    """Covariance of the model parameters in the order of `Coordinates.parameters`, shape (P, P), SI."""
     by: Mapping[str, Reals]
-    """Standard uncertainty of each by source, shape (P,)."""
+    """Standard uncertainty of each parameter by source, shape (P,)."""
     sizes: ErrorSizes
-    """How large the errors were found to be."""
+    """Estimated sizes of the errors."""
     found: MarginalFit
 
 
 def marginal_estimate(objective: Objective, x: Reals) -> MarginalEstimate:
-    """Return the answer of the error model, begun at a minimum `x` of least squares."""
+    """Fit with the error model, starting at a minimum `x` of least squares."""
     found = fit(Marginal.of(objective), x, rounds=2)
     values, chain = objective.coordinates.forward(found.x)
     spread = spread_of(found)

@@ -1,4 +1,4 @@
-"""Fits by the marginal likelihood: errors of instrument and model integrated out, their sizes chosen on the way."""
+"""Fits by marginal likelihood: errors of instrument and model are integrated out, and their sizes estimated."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,24 +17,24 @@ from .point_covariance import PointErrors
 ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
 _CLOSE = 0.02
-"""Fall of twice minus ln density from which a fit has converged: nothing decides on a fiftieth."""
+"""Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
 _WEIGHTED, _SETTLED = 10, 0.02
-"""How often weights of plain least squares are taken from what is left; relative fall below which no more."""
+"""Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
 _FURTHEST = 1.5
-"""Longest step in any coordinate (a logarithm, or standard deviations of a prior): what is linear ends there."""
+"""Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear."""
 
 
 _LOOSE = ("z", "c", "q", "thickness", "density")
-"""What is held because a build gives it as a bare number, mostly of glue; other constants are held on purpose."""
+"""Held constants that may be off because a build gives them as bare numbers, mostly of glue; others are exact."""
 
 
 Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
-"""Of each effect: its sizes among the coordinates, and d coordinate / d ln size at a value of the coordinate."""
+"""For each effect: its size coordinates, each with the function d coordinate / d ln size."""
 
 
 class Known(Protocol):
-    """What is known beforehand besides what an objective knows."""
+    """Priors beyond those of the objective."""
 
     def rows(self, x: Reals) -> tuple[Reals, Reals]:
         """Return residuals of unit variance, shape (K,), and their derivatives, shape (K, M)."""
@@ -43,7 +43,7 @@ class Known(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Nothing:
-    """Nothing more is known."""
+    """No further priors."""
 
     def rows(self, x: Reals) -> tuple[Reals, Reals]:
         """Return no rows."""
@@ -52,7 +52,7 @@ class Nothing:
 
 @dataclass(eq=False)
 class Marginal:
-    """A fit whose residuals carry the errors of instrument, fixture and model."""
+    """A fit whose residuals contain errors of instrument, fixture and model."""
 
     objective: Objective
     """Weighted by noise alone."""
@@ -61,13 +61,13 @@ class Marginal:
 
     @classmethod
     def of(cls, objective: Objective, known: Known | None = None, shapes: Shapes | None = None) -> "Marginal":
-        """Return the marginal fit of an objective, whatever misfit its recordings were softened by."""
+        """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
         return cls(bare, known or Nothing(), shapes or {})
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
-        """Return the columns of errors at a place."""
+        """Return the columns of errors at a point."""
         J = self._unweighted(self.objective.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
@@ -83,7 +83,7 @@ class Marginal:
         return columns_of(places, self._held(x), fast=fast)
 
     def _held(self, x: Reals) -> list[list[Complexes]]:
-        """Return, by held value that a data sheet may have wrong, d ln Z per tolerance in each recording, (N,)."""
+        """Return d ln Z per tolerance in each recording, shape (N,), for each held value that may be off."""
         coordinates = self.objective.coordinates
         values, _ = coordinates.forward(x)
         names, tolerances = held_constants(coordinates, values)
@@ -93,13 +93,13 @@ class Marginal:
         return [column for column in columns if all(np.all(np.isfinite(own)) for own in column)]
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
-        """Return everything that the marginal likelihood at `x` takes."""
+        """Return all inputs of the marginal likelihood at `x`."""
         J = self._unweighted(self.objective.jacobian(x).T)
         r = self.residuals(x)
         return Gram(columns, J, r, self.beforehand(x))
 
     def value(self, x: Reals, held: Held) -> Value:
-        """Return the marginal likelihood at a place, the columns of errors being held."""
+        """Return the marginal likelihood at a point, with the columns of errors fixed."""
         return held.value(self._unweighted(self.objective.jacobian(x).T), self.residuals(x), self.beforehand(x))
 
     def residuals(self, x: Reals) -> list[Complexes]:
@@ -107,14 +107,14 @@ class Marginal:
         return [own[:, 0] for own in self._unweighted(self.objective.residual(x)[None, :])]
 
     def against(self, x: Reals) -> float:
-        """Return the sum of squares of all that is known beforehand."""
+        """Return the sum of squares of all priors' residuals."""
         more, _ = self.known.rows(x)
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
         parts = (self.objective.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
         return sum(float(part @ part) for part in parts)
 
     def beforehand(self, x: Reals) -> Beforehand:
-        """Return the normal equations of all that is known beforehand."""
+        """Return the normal equations of all priors."""
         data = 2 * self.objective.points
         more, slopes = self.known.rows(x)
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
@@ -137,9 +137,10 @@ class Marginal:
 
 
 def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
-    """Return where plain least squares lead from `x`: all that is missed counts as white noise, no error is smooth.
+    """Return the minimum of plain least squares from `x`, with all misfit counted as white noise and no smooth errors.
 
-    From there the marginal likelihood begins: begun where the errors have absorbed an effect, it never finds it.
+    The marginal fit starts there: if it started where the errors have absorbed an effect, it would never find the
+    effect.
     """
     none = tuple(np.zeros((r.noise.size, 0), np.complex128) for r in marginal.objective.recordings)
     last = np.inf
@@ -170,14 +171,14 @@ class MarginalFit:
 
     @property
     def log_evidence(self) -> float:
-        """Ln of the marginal likelihood, up to what all fits of the same recordings share."""
+        """Logarithm of the marginal likelihood, up to a constant common to all fits of the same recordings."""
         return self.value.log_evidence
 
     @cached_property
     def shortfall(self) -> float:
-        """How much less ln likelihood it has than an explanation that leaves noise and the usual errors alone.
+        """Missing ln likelihood compared with an explanation that leaves only noise and the usual errors.
 
-        Usual are those of a good device and instrument, where this fit has any; 0 for one as good.
+        The usual errors are those of a good device and instrument, where this fit has any; 0 if it is as good.
         """
         columns = self.gram.columns
         numbers = 2 * sum(int(np.count_nonzero(np.isfinite(own.noise))) for own in columns.points)
@@ -198,9 +199,9 @@ def fit(
     fixed: bool = False,
     fast: bool = True,
 ) -> MarginalFit:
-    """MarginalFit from `x`: choose the sizes of the errors, go downhill with them, and once more.
+    """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
-    `fixed`: the sizes are those of the first start; `fast`: whether the instrument's error may be fast at all.
+    `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed.
     """
     sizes, used, steps = starts[0], 0, 0
     order = [name for name in ORDER if fast or name != "fast"]
@@ -210,8 +211,8 @@ def fit(
             columns = marginal.columns(x, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
-            begun = (*starts, rough_guess(made)) if k == 0 else (sizes, sizes.at("slow", 1.0).at("tau", 0.0))
-            sizes, _ = chosen(made, begun, order)
+            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
+            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
         if steps <= 1 and k > 0:
@@ -221,7 +222,7 @@ def fit(
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
-    """Go downhill by Levenberg and Marquardt with columns and sizes held; return the place and the steps tried."""
+    """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps."""
     damping, used = 0.0, 0
     value = marginal.value(x, held)
     for _ in range(most):

@@ -1,7 +1,7 @@
-"""The covariance of what is different at every point: noise with its colour, and the rough part of the model's error.
+"""Covariance of errors that vary from point to point: coloured noise, and the rough part of the model error.
 
-Both are exponential in the distance of two points, so their precisions are tridiagonal and everything costs as much as
-the columns it is applied to (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 1060).
+Both are exponential in the distance of two points, so their precision matrices are tridiagonal and all operations are
+linear in the number of points (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 1060).
 """
 
 from collections.abc import Sequence
@@ -9,44 +9,44 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg.lapack import dpttrf, dtbtrs
+from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
 
 Rough = tuple[float, float]
-"""Sizes of the rough error of the model, and of the effects' formulas."""
+"""Sizes of the rough errors of the model and of the effects' formulas."""
 
 _ORDER = 5
-"""Order of the differences from which the noise of a recording was found."""
+"""Order of the differences from which the noise was estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointErrors:
-    """One recording's points: where they are, how noisy, and how much the rough error is felt there."""
+    """Points of one recording: frequency, noise, and sensitivity to the rough error."""
 
     log_f: Reals
     noise: Reals
-    """Standard deviation of Re and Im of ln Z as white noise would have it, shape (N,); infinite: takes no part."""
+    """Standard deviation of Re and Im of ln Z if the noise were white, shape (N,); infinite for excluded points."""
     felt: Reals
-    """Rough error of the model of unit size, shape (N,)."""
+    """Rough model error of unit size, shape (N,)."""
     bent: Reals
     """Rough error of the effects' formulas of unit size, shape (N,)."""
 
 
 def under_colour(colour: float) -> float:
-    """Return by how much differences underrate noise of this correlation, 0 to 1."""
+    """Return the factor, 0 to 1, by which differences underestimate noise of this correlation."""
     signs = np.array([(-1) ** k * comb(_ORDER, k) for k in range(_ORDER + 1)], dtype=np.float64)
     lags = np.abs(np.subtract.outer(np.arange(_ORDER + 1), np.arange(_ORDER + 1)))
     return float(np.sqrt(signs @ colour**lags @ signs / comb(2 * _ORDER, _ORDER)))
 
 
 RealColumns = list[Reals]
-"""Columns in units of white noise, of each recording, shape (P, 2, N): Re and Im of the points that take part."""
+"""Columns in units of white noise, for each recording, shape (P, 2, N): Re and Im of the points that count."""
 
 
 def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> RealColumns:
-    """Return columns, of each recording complex of shape (N, P), in units of its noise."""
+    """Return columns, complex of shape (N, P) for each recording, in units of its noise."""
     made: RealColumns = []
     for own, X in zip(points, blocks, strict=True):
         kept = np.isfinite(own.noise)
@@ -61,12 +61,14 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """Columns in units of the whole covariance K: X^T K^-1 Y is `plain plain^T` less what the rough error takes."""
+    """Columns whitened by the whole covariance K: X^T K^-1 Y is `plain plain^T` minus `rough solved^T`."""
 
     plain: Sequence[Reals]
-    """Of each recording, shape (P, 2N), in units of the coloured noise."""
+    """For each recording, shape (P, 2N), in units of the coloured noise."""
     rough: Sequence[Reals]
-    """Of each recording that has a rough error, shape (P, 2N): what it takes."""
+    """Of each recording that has a rough error, V of it, shape (P, 2N)."""
+    solved: Sequence[Reals]
+    """Of the same, M^-1 V: M its precision beside noise."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -74,18 +76,19 @@ class WhitenedColumns:
 
     def lengths(self) -> Reals:
         """Return the diagonal of X^T K^-1 X, shape (P,)."""
-        more, less = (sum(np.einsum("pn,pn->p", own, own) for own in parts) for parts in (self.plain, self.rough))
+        more = sum(np.einsum("pn,pn->p", own, own) for own in self.plain)
+        less = sum(np.einsum("pn,pn->p", V, own) for V, own in zip(self.rough, self.solved, strict=True))
         return np.asarray(more - less, np.float64)
 
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
         more = sum(own @ its.T for own, its in zip(self.plain, other.plain, strict=True))
-        less = sum(own @ its.T for own, its in zip(self.rough, other.rough, strict=True))
+        less = sum(own @ its.T for own, its in zip(self.rough, other.solved, strict=True))
         return np.asarray(more - less, np.float64)
 
 
 class Kernel:
-    """K of all recordings, ready to be applied."""
+    """The covariance K of all recordings, factorised."""
 
     def __init__(self, points: Sequence[PointErrors], colour: float, rough: Rough) -> None:
         self._points = points
@@ -97,14 +100,16 @@ class Kernel:
         return self.whitened(in_noise(self._points, blocks))
 
     def whitened(self, columns: RealColumns) -> WhitenedColumns:
-        """Return columns that are already in units of white noise in units of K."""
+        """Return columns in units of K from columns in units of white noise."""
         plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
         rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
-        return WhitenedColumns([Y.reshape(len(Y), 2 * Y.shape[2]) for Y in plain], rough)
+        return WhitenedColumns(
+            [_flat(Y) for Y in plain], [_flat(V) for V, _ in rough], [_flat(solved) for _, solved in rough]
+        )
 
 
 class _One:
-    """K of one recording."""
+    """The covariance K of one recording."""
 
     def __init__(self, own: PointErrors, colour: float, rough: Rough) -> None:
         kept = np.isfinite(own.noise)
@@ -131,20 +136,23 @@ class _One:
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
-        self._lower = np.ones((2, n))
-        self._lower[1, :-1] = e
-        self._root = 1 / np.sqrt(d)
+        self._factor = d, e
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def plain(self, X: Reals) -> Reals:
         """Return columns (P, 2, N) in units of the coloured noise."""
         return _whitened(X if self._under == 1 else self._under * X, self._colour)
 
-    def rough(self, Y: Reals) -> Reals:
-        """Return D^-1/2 L^-1 V, (P, 2N): V the rough error's share of the columns, L D L^T its precision with noise."""
-        V = (self._amplitude * _back(Y, self._colour)).reshape(2 * len(Y), Y.shape[2])
-        solved, _ = dtbtrs(self._lower, V.T, uplo="L", diag="U", overwrite_b=True)
-        return np.asarray(solved.T * self._root, np.float64).reshape(len(Y), 2 * Y.shape[2])
+    def rough(self, Y: Reals) -> tuple[Reals, Reals]:
+        """Return V, the rough error's share of columns, and M^-1 V, each (P, 2, N): M its precision beside noise."""
+        V = self._amplitude * _back(Y, self._colour)
+        solved, _ = dpttrs(*self._factor, V.reshape(-1, V.shape[-1]).T if V.size else np.zeros((V.shape[-1], 0)))
+        return V, np.asarray(solved.T, np.float64).reshape(V.shape)
+
+
+def _flat(Y: Reals) -> Reals:
+    """Return (P, 2, N) as (P, 2N)."""
+    return Y.reshape(len(Y), 2 * Y.shape[2])
 
 
 def _whitened(X: Reals, colour: float) -> Reals:

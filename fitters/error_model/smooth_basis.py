@@ -1,4 +1,4 @@
-"""Smooth random functions of ln f as a few unit-prior columns: the Karhunen-Loeve expansion of a Matern-5/2 process."""
+"""Smooth random functions of ln f as a few columns of unit prior: Karhunen-Loeve expansion of a Matern 5/2 process."""
 
 from functools import lru_cache
 

@@ -1,7 +1,7 @@
-"""Uncertainties by source: what noise, instrument, the model's own error, and dimensions contribute. Squared they add.
+"""Uncertainties by source: contributions of noise, instrument, model error and dimensions, which add in quadrature.
 
-The estimate is linear in what the recordings hold: x = A y, A = H^-1 J^T K^-1 with K the covariance of everything that
-is no constant. So its covariance H^-1 is A K A^T and the share of what was known beforehand, and K is a sum.
+The estimate is linear in the data: x = A y, A = H^-1 J^T K^-1 with K the covariance of everything except constants. Its
+covariance H^-1 is therefore A K A^T plus the contribution of the priors, and K is a sum over sources.
 """
 
 from collections.abc import Mapping
@@ -17,14 +17,14 @@ from .point_covariance import Kernel
 SOURCES = ("noise", "instrument", "model", "dimensions")
 _INSTRUMENT = ("slow", "fast", "fixture")
 _BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture", "held")
-"""Sizes that are chosen anew for each size of the instrument's slow error."""
+"""Sizes that are re-estimated for each size of the slow instrument error."""
 _NEGLIGIBLE = 1e-3
-"""Posterior probability of sizes that change no uncertainty."""
+"""Posterior probability below which sizes do not affect an uncertainty."""
 
 
 @dataclass(frozen=True, eq=False)
 class CovarianceBySource:
-    """Covariance of the moving coordinates of a fit, by source; each of shape (M, M)."""
+    """Covariance of the free coordinates of a fit, by source; each of shape (M, M)."""
 
     by: Mapping[str, Reals]
 
@@ -34,15 +34,16 @@ class CovarianceBySource:
         return sum(self.by.values(), np.zeros_like(self.by["noise"]))
 
     def of(self, chain: Reals) -> dict[str, Reals]:
-        """Return the standard uncertainty of parameters by source, d parameter / d x = `chain`, shape (P, M)."""
+        """Return the standard uncertainty of parameters by source, with d parameter / d x = `chain`, shape (P, M)."""
         return {name: np.sqrt(np.maximum(np.einsum("pm,mn,pn->p", chain, C, chain), 0)) for name, C in self.by.items()}
 
 
 def spread_of(found: MarginalFit) -> CovarianceBySource:
     """Return the covariance at a minimum by source.
 
-    Recordings often do not tell how much of a smooth error is the instrument's, but constants take it differently: so
-    it is that of the mixture over sizes of the instrument's error, by their posterior probability.
+    Recordings often do not determine how much of a smooth error is the instrument's, but constants depend on it. The
+    result
+    is therefore that of the mixture over sizes of the instrument's error, weighted by their posterior probability.
     """
     instead = [chosen(found.gram, (found.sizes.at("slow", size),), _BESIDE_THE_INSTRUMENT) for size in GRIDS["slow"]]
     log_p = np.array([value.log_evidence for _, value in instead])
@@ -59,7 +60,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
 
 
 def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str, Reals]:
-    """Return the covariance by source where errors have these sizes."""
+    """Return the covariance by source for errors of these sizes."""
     made = found.gram
     scale = made.columns.scaled(sizes.of_columns())
     on = np.flatnonzero(scale > 0)
@@ -72,7 +73,7 @@ def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str,
     H = value.H
     unit = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
     inverse = np.linalg.pinv(H / unit / unit[:, None], rcond=1e-13, hermitian=True) / unit / unit[:, None]
-    # A C: what a unit of each column does to x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
+    # A C: effect of a unit of each column on x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
     felt = inverse @ np.linalg.solve(np.eye(on.size) + CC, CJ).T if on.size else np.zeros((len(H), 0))
     instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
     held = np.array([part == "held" for part in columns.parts], dtype=bool)
@@ -90,7 +91,7 @@ def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str,
 
 
 def _rough_share(found: MarginalFit, sizes: ErrorSizes, JJ: Reals) -> float:
-    """Return the part of the information that the rough error takes: how much more noise alone would have told."""
+    """Return the part of the information lost to the rough error, compared with noise alone."""
     kernel = Kernel(found.gram.columns.points, sizes.colour, (0.0, 0.0))
     alone = np.diag(kernel.white(found.gram.J).squared())
     return float(np.clip(1 - np.median(np.diag(JJ) / np.maximum(alone, 1e-300)), 0.0, 1.0))
@@ -98,16 +99,16 @@ def _rough_share(found: MarginalFit, sizes: ErrorSizes, JJ: Reals) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AttributedErrors:
-    """What the errors take up at a minimum, by recording, as ln Z, each of shape (N,)."""
+    """Residuals attributed to the errors at a minimum, by recording, as ln Z, each of shape (N,)."""
 
     instrument: tuple[Complexes, ...]
     model: tuple[Complexes, ...]
     left: tuple[Complexes, ...]
-    """ln(Z_model/Z) less both."""
+    """ln(Z_model/Z) minus both."""
 
 
 def taken_up(found: MarginalFit) -> AttributedErrors:
-    """Return the posterior mean of instrument's and model's error."""
+    """Return the posterior mean of the errors of instrument and model."""
     sizes, made = found.sizes, found.gram
     scale = made.columns.scaled(sizes.of_columns())
     on = np.flatnonzero(scale > 0)
@@ -126,4 +127,4 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
 
 
 EXACT = ErrorSizes()
-"""No error of any kind but white noise."""
+"""No errors except white noise."""

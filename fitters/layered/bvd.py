@@ -1,6 +1,6 @@
-"""Fitter `bvd`: an equivalent circuit, for devices of which nothing is known but the recording.
+"""Fitter `bvd`: an equivalent circuit for devices of unknown structure.
 
-Butterworth-Van Dyke: C0 with a loss tangent, beside one R-L-C branch (IEEE Std 177-1966).
+Butterworth-Van Dyke: C0 with a loss tangent, in parallel with one R-L-C branch (IEEE Std 177-1966).
 """
 
 import time
@@ -25,7 +25,7 @@ _PAIRS = 6
 
 
 def _starts(sweep: Sweep) -> list[Lumped]:
-    """Return one circuit for each resonance pair: branch from fs, fp and the level, quality from the largest G."""
+    """Return one circuit per resonance pair: branch from fs, fp and the level, quality from the largest G."""
     w = 2 * np.pi * sweep.frequency
     free = float(np.median(sweep.admittance.imag / w))
     if free <= 0:

@@ -1,8 +1,8 @@
 """The coupling objective of E. S. Tjelde (NTNU 2012), eq. (3.2) corrected: |h33^2 eps33S/c33D - kt^2|^2, complex.
 
-kt^2 = (pi/2)(fs/fp) tan[(pi/2)(fp - fs)/fp] and c33D = 4 density (thickness fp)^2, fs and fp the complex critical
-frequencies (S. Sherrit et al., Ferroelectrics 134 (1992) 65). Both come as a recording of two points, whose model says
-what the constants make of them; so priors, ties and uncertainties are those of any other fit.
+kt^2 = (pi/2)(fs/fp) tan[(pi/2)(fp - fs)/fp] and c33D = 4 density (thickness fp)^2, where fs and fp are the complex
+critical frequencies (S. Sherrit et al., Ferroelectrics 134 (1992) 65). Both form a recording of two points, whose model
+computes them from the constants; priors, ties and uncertainties are therefore those of any other fit.
 """
 
 import time
@@ -31,11 +31,11 @@ _PARTS = ("c33D.re", "c33D.im", "h33.re", "h33.im", "eps33S.re", "eps33S.im", "t
 
 @dataclass(frozen=True)
 class Coupling:
-    """What a free plate's constants say of its critical frequencies: fp^2 (Hz^2) and kt^2, as two complex numbers."""
+    """Model of a free plate's critical frequencies: fp^2 (Hz^2) and kt^2, as two complex numbers."""
 
     layer: str
     values: Mapping[str, float]
-    """By the full names of its parameters, SI."""
+    """Values by full parameter name, SI."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return every parameter with its value."""
@@ -50,7 +50,7 @@ class Coupling:
         return complex(v[0], v[1]), complex(v[2], v[3]), complex(v[4], v[5]), v[6], v[7]
 
     def impedance(self, frequency: Frequencies) -> Impedances:
-        """Return fp^2 and kt^2, shape (2,); `frequency` only says that there are two."""
+        """Return fp^2 and kt^2, shape (2,); `frequency` only gives their number."""
         c, h, eps, thickness, density = self._constants()
         return np.array([c / (4 * density * thickness**2), h**2 * eps / c])[: frequency.size]
 
@@ -72,9 +72,9 @@ class Coupling:
 
 
 def solve_coupling(task: FitTask, progress: Callable[[str], None]) -> Solution:
-    """Fit stiffness and coupling to the critical frequencies of the bare disk; priors hold what these do not tell.
+    """Fit stiffness and coupling to the critical frequencies of the bare disk; priors determine everything else.
 
-    Raises FitError where the recordings are not of one bare disk, or its critical frequencies cannot be read.
+    Raises FitError if the recordings are not of one bare disk, or its critical frequencies cannot be read.
     """
     began = time.perf_counter()
     build, sweeps = check_task(task)
@@ -94,7 +94,7 @@ def solve_coupling(task: FitTask, progress: Callable[[str], None]) -> Solution:
 
 
 def coupling_recording(task: FitTask, values: Mapping[str, float]) -> Recording:
-    """Return what the critical frequencies of a bare disk say. Raises FitError where they cannot be read."""
+    """Return the critical frequencies of a bare disk as a recording. Raises FitError if they cannot be read."""
     disk = bare_disk(replace(task, free=None), "the objective kt2", round_one=False, frees=True)
     fs, fp = _read(disk)
     model = Coupling(

@@ -13,8 +13,8 @@ from ..uncertainty.fit_result import least_squares_answer
 from .coupling import solve_coupling
 
 _COUPLED = (
-    "The objective kt2 takes c33D and kt from the critical frequencies; h33 and eps33S one by one, and what else "
-    "is free, rest on what was known before."
+    "The objective kt2 determines c33D and kt from the critical frequencies; h33 and eps33S separately, and all "
+    "other free constants, depend on their priors."
 )
 
 
@@ -29,7 +29,7 @@ class Mason:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the constants of all layers to all steps at once.
 
-        Raises FitError where the recordings show no resonance pair, are degenerate, or do not belong to the build.
+        Raises FitError if the recordings show no resonance pair, are degenerate, or do not belong to the build.
         """
         build, sweeps = check_task(task)
         refuse_degenerate(build, sweeps)

@@ -1,4 +1,4 @@
-"""What a global search goes by: bounds, a blunted objective, and the distinct minima it has met.
+"""Ingredients of a global search: bounds, an objective with increased noise, and the distinct minima found so far.
 
 C. G. E. Boender, A. H. G. Rinnooy Kan, Math. Programming 37 (1987) 59: after n descents that ended in w distinct
 minima, w (w + 1)/(n - w - 2) more are expected.
@@ -20,10 +20,10 @@ from ..engine.recording import Prior, Recording, rms
 from .nlopt_wrapper import Box
 
 _COARSE_POINTS, _BLUNT = 160, 0.05
-# Points of a recording that the search looks at, and the noise it takes them to have: at the true noise the objective
-# is a needle in a hay field.
+# Number of points of the search objective and its assumed noise: at the true noise the minimum would be extremely
+# narrow.
 _SAME = 1e-3
-# Minima whose curves differ by less, rms of ln Z, are one.
+# Minima whose curves differ by less, rms of ln Z, count as one.
 _DESCRIBED = 1.3
 _EVALUATIONS = 100
 _ROUGH = 1e-6
@@ -33,27 +33,27 @@ _LOSSES = np.log(1e-4), np.log(0.3)
 
 @dataclass
 class Minimum:
-    """A distinct minimum of the blunted objective."""
+    """A distinct minimum of the search objective."""
 
     x: Reals
     cost: float
     curves: Complexes
-    """ln(Z_model/Z_measured) of all coarse points."""
+    """ln(Z_model/Z_measured) at all coarse points."""
     found_by: list[str] = field(default_factory=list[str])
 
 
 @dataclass
 class Multistart:
-    """The minima seen so far."""
+    """The distinct minima found so far."""
 
     objective: Objective
     box: Box
     minima: list[Minimum] = field(default_factory=list[Minimum])
-    """The deepest first."""
+    """Deepest first."""
     descents: int = 0
 
     def polish(self, x: Reals, by: str) -> None:
-        """Descend from x and enter the minimum."""
+        """Descend from x and record the minimum, found by the algorithm `by`."""
         end = _inside(self.objective, self.box, x)
         self.descents += 1
         try:
@@ -72,21 +72,21 @@ class Multistart:
 
     @property
     def unseen(self) -> float:
-        """Expected number of minima not seen yet."""
+        """Expected number of minima not yet found."""
         n, w = self.descents, len(self.minima)
         return w * (w + 1) / (n - w - 2) if n > w + 2 else np.inf
 
     @property
     def better(self) -> float:
-        """Chance that one of them is deeper than all that were seen, where any order of depths is as probable."""
+        """Probability that one of them is deeper than all found, assuming that all orders are equally probable."""
         return min(1.0, self.unseen / (len(self.minima) + 1))
 
     def led_by(self, who: str) -> bool:
-        """Say whether the deepest minimum was first met by this algorithm."""
+        """Return whether this algorithm was the first to find the deepest minimum."""
         return bool(self.minima) and self.minima[0].found_by[0] == who
 
     def describes(self, recordings: Sequence[Recording]) -> bool:
-        """Say whether the deepest minimum, settled at the recordings' own noise, describes all of them to it."""
+        """Return whether the deepest minimum, refined at the recordings' own noise, describes all of them to it."""
         if not self.minima:
             return False
         whole = Objective(recordings, self.objective.coordinates, self.objective.priors)
@@ -95,8 +95,8 @@ class Multistart:
 
 
 def coarse(recordings: Sequence[Recording]) -> list[Recording]:
-    """Return the recordings as the search looks at them: one for each step, of fewer points, and blunt."""
-    found: list[Recording] = []
+    """Return the recordings of the search objective: one per step, with fewer points and increased noise."""
+    coarsened: list[Recording] = []
     for step in dict.fromkeys(recording.step for recording in recordings):
         of_step = [recording for recording in recordings if recording.step == step]
         kept = [slice(None, None, max(1, r.sweep.frequency.size // _COARSE_POINTS)) for r in of_step]
@@ -105,12 +105,12 @@ def coarse(recordings: Sequence[Recording]) -> list[Recording]:
             np.concatenate([r.sweep.frequency[every] for r, every in pairs]), return_index=True
         )
         few = Sweep(frequency, np.concatenate([r.sweep.impedance[every] for r, every in pairs])[first])
-        found.append(replace(of_step[0], sweep=few, noise=np.zeros(frequency.size), misfit=_BLUNT))
-    return found
+        coarsened.append(replace(of_step[0], sweep=few, noise=np.zeros(frequency.size), misfit=_BLUNT))
+    return coarsened
 
 
 def costs(objective: Objective) -> tuple[Callable[[Reals], float], Callable[[Reals], tuple[float, Reals]]]:
-    """Return half the sum of squares alone, and with its gradient."""
+    """Return functions for half the sum of squares, alone and with its gradient."""
 
     def slope(x: Reals) -> tuple[float, Reals]:
         r = objective.residual(x)
@@ -120,10 +120,11 @@ def costs(objective: Objective) -> tuple[Callable[[Reals], float], Callable[[Rea
 
 
 def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:
-    """Return the bounds: four standard uncertainties, and never less than a factor of 1.5 to either side.
+    """Return the bounds: four standard uncertainties, and at least a factor of 1.5 to either side.
 
-    Losses range from 1e-4 to 0.3, the quality of a passive layer over a factor of ten to either side, a load from
-    nothing to three times its value.
+    Losses range from 1e-4 to 0.3, the quality of a passive layer over a factor of ten to either side, a load from zero
+    to
+    three times its value.
     """
     x, values = coordinates.x, coordinates.forward(coordinates.x)[0]
     spread = {prior.parameter.removesuffix(".re"): 4 * prior.u / abs(prior.mean) for prior in priors if prior.mean}
@@ -144,15 +145,15 @@ def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:
 
 
 def _inside(objective: Objective, box: Box, x: Reals) -> Reals:
-    """Return where least squares from x ends without leaving the box.
+    """Return the least-squares minimum reached from x without leaving the box.
 
-    Levenberg-Marquardt is several times faster; where it goes out of the box, a trust region inside it goes again.
+    Levenberg-Marquardt is several times faster; only if it leaves the box, a trust-region method repeats the descent.
     """
     free = descend(objective, x, _ROUGH).x
     if np.all((box.low <= free) & (free <= box.high)):
         return free
     margin = 1e-6 * (box.high - box.low)
-    found = least_squares(
+    result = least_squares(
         objective.residual,
         np.clip(x, box.low + margin, box.high - margin),
         jac=objective.jacobian,
@@ -163,4 +164,4 @@ def _inside(objective: Objective, box: Box, x: Reals) -> Reals:
         gtol=_ROUGH,
         max_nfev=_EVALUATIONS,
     )
-    return np.asarray(found.x, np.float64)
+    return np.asarray(result.x, np.float64)

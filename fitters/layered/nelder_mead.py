@@ -1,9 +1,9 @@
-"""Fitter `mason-nelder-mead`: the procedure of a 2012 master thesis, as the baseline to beat.
+"""Fitter `mason-nelder-mead`: the procedure of a 2012 master thesis, as the baseline of comparisons.
 
 E. S. Tjelde, Model based estimation of the complex material constants ... (NTNU, 2012), chapter 3.4, with its printed
 errors corrected: the coupling objective (3.2) is |h^2 eps/c - kt^2|^2, and losses are passive under exp(+jwt).
-Nelder-Mead as MATLAB's `fminsearch` does it (Lagarias et al., SIAM J. Optim. 9 (1998) 112), which is SciPy's: 1000
-evaluations, tolerances 1e-6, no bounds, layers one after another, each frozen before the next. It knows no uncertainty.
+Nelder-Mead as in MATLAB's `fminsearch` (Lagarias et al., SIAM J. Optim. 9 (1998) 112), which is SciPy's: 1000
+evaluations, tolerances 1e-6, no bounds, layers one after another, each frozen before the next. No uncertainties.
 """
 
 import time
@@ -33,20 +33,20 @@ _EPS0 = 8.8541878128e-12
 _START_H33 = 19.8e8 * (1 - 0.005j)
 _START_EPS33S = (914 - 10j) * _EPS0
 _START_Q = 80.0
-# Table 3.1 of the thesis; the sign of h'' as passivity wants it under exp(+jwt).
+# Table 3.1 of the thesis; the sign of h'' follows from passivity under exp(+jwt).
 
 
 @dataclass
 class _Search:
-    """One Nelder-Mead search after another over a growing set of known values."""
+    """Successive Nelder-Mead searches over a growing set of known values."""
 
     values: dict[str, float]
     evaluations: int = 0
     converged: bool = True
 
     def minimise(self, error: Callable[[Reals], float], x: Reals) -> Reals:
-        """Return where Nelder-Mead ends; `x` in the thesis's own units, which its tolerances refer to."""
-        found = minimize(
+        """Return the result of Nelder-Mead; `x` is in the thesis's own units, to which its tolerances refer."""
+        result = minimize(
             error,
             x,
             method="Nelder-Mead",
@@ -57,9 +57,9 @@ class _Search:
                 "fatol": _TOLERANCE,
             },
         )
-        self.evaluations += int(found.nfev)
-        self.converged = self.converged and bool(found.success)
-        return np.asarray(found.x)
+        self.evaluations += int(result.nfev)
+        self.converged = self.converged and bool(result.success)
+        return np.asarray(result.x)
 
 
 def _set_disk(values: dict[str, float], disk: str, x: Reals) -> dict[str, float]:
@@ -85,7 +85,7 @@ class MasonNelderMead:
     summary = "the 2012 thesis's staged Nelder-Mead on sum |w dZ|^2, layer by layer, no uncertainty (baseline)"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Fit one step after another, earlier constants frozen. Raises FitError where a step cannot be fitted so."""
+        """Fit one step after another, earlier constants frozen. Raises FitError if a step cannot be fitted this way."""
         began = time.perf_counter()
         if task.free is not None:
             raise TaskError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
@@ -112,13 +112,13 @@ class MasonNelderMead:
 def _error(build: Build, step: str, sweeps: Sequence[Sweep]) -> Callable[[dict[str, float]], float]:
     """Return the thesis's objective (3.1) of one step: sum |w Z_model - w Z_measured|^2.
 
-    It is infinite where the search has left physics (a glue of negative thickness), which turns the simplex back.
+    It is infinite outside the physical range (a glue of negative thickness), which turns the simplex back.
     """
     stack, parts = stack_of(build, build.step(step)), _parts(build, step)
 
     def error(values: dict[str, float]) -> float:
         try:
-            model = stack.replace({own: values[name] for own, name in parts.items()})
+            model = stack.replace({parameter: values[name] for parameter, name in parts.items()})
         except PzctlError:
             return np.inf
         total = 0.0
@@ -131,14 +131,14 @@ def _error(build: Build, step: str, sweeps: Sequence[Sweep]) -> Callable[[dict[s
 
 
 def _parts(build: Build, step: str) -> dict[str, str]:
-    """Return what the search calls each parameter of a step's stack; those it does not know stand where they are."""
+    """Return the search's name of each parameter of a step's stack; unknown ones keep their value."""
     known, ground = nominal_parameters(build), renamed(build, step)
-    own = stack_of(build, build.step(step)).parameters()
-    return {name: ground.get(name, name) for name in own if ground.get(name, name) in known}
+    names = stack_of(build, build.step(step)).parameters()
+    return {name: ground.get(name, name) for name in names if ground.get(name, name) in known}
 
 
 def _fit_disk(search: _Search, disk: str, sweep: Sweep, error: Callable[[dict[str, float]], float]) -> dict[str, float]:
-    """Carry out the stages f_p -> c -> Z, kt^2, (h, eps, Q), (z, c). Returns the starting values."""
+    """Carry out the stages f_p -> c -> Z, kt^2, (h, eps, Q), (z, c). Return the starting values."""
     values = search.values
     thickness, density = values[f"{disk}.thickness"], values[f"{disk}.density"]
     seen = disk_starts(sweep, thickness, density, values["area"])[0]
@@ -173,9 +173,9 @@ def _fit_disk(search: _Search, disk: str, sweep: Sweep, error: Callable[[dict[st
 def _fit_layers(
     search: _Search, build: Build, step: str, new: Sequence[str], error: Callable[[dict[str, float]], float]
 ) -> None:
-    """Fit z, c, q of each new matching layer, the thickness of each new glue and of what was ground; no more moves.
+    """Fit z, c, q of each new matching layer, and the thickness of each new glue and of each ground layer.
 
-    A glue is what the build holds the constants of (a bare number): of it only the thickness is sought.
+    A layer counts as glue if the build holds its constants (a bare number): only its thickness is fitted.
     """
     units = {"z": 1e6, "c": 1.0, "q": 1.0, "thickness": 1e-3}
     ground = [(ground_name(layer, step), 1e-3) for layer in build.step(step).reground]
@@ -205,16 +205,16 @@ def _answer(
     seconds: float,
 ) -> FitResult:
     layers = layers_of(build, sweeps)
-    found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
+    noise_by_step = {step: noise_of(of_step) for step, of_step in sweeps.items()}
     curves: list[Curve] = []
     misfits: list[Complexes] = []
     weighted = 0.0
     for step, of_step in sweeps.items():
         stack = stack_of(build, build.step(step))
         parts = _parts(build, step)
-        before = stack.replace({own: begun[name] for own, name in parts.items()})
-        after = stack.replace({own: search.values[name] for own, name in parts.items()})
-        for sweep, sigma in zip(of_step, found[step][1], strict=True):
+        before = stack.replace({parameter: begun[name] for parameter, name in parts.items()})
+        after = stack.replace({parameter: search.values[name] for parameter, name in parts.items()})
+        for sweep, sigma in zip(of_step, noise_by_step[step][1], strict=True):
             f = sweep.frequency
             curves.append(Curve(step, f, sweep.impedance, before.impedance(f), after.impedance(f)))
             misfits.append(log_ratio(curves[-1].fitted, sweep.impedance))
@@ -226,7 +226,7 @@ def _answer(
         fitter=fitter.name,
         version=fitter.version,
         steps=tuple(sweeps),
-        noise=max((noise for noise, _ in found.values()), key=lambda n: n.relative),
+        noise=max((noise for noise, _ in noise_by_step.values()), key=lambda n: n.relative),
         chi2_per_dof=weighted / (2 * misfit.size),
         constants=constants,
         derived=derived,
@@ -237,8 +237,8 @@ def _answer(
         seconds=seconds,
         says=(
             *doubts(build, sweeps, constants, derived),
-            "This baseline fitter gives no uncertainties and may have ended in a local minimum. It fits what the "
-            "thesis fitted, whatever is held, tied, bounded or known beforehand.",
+            "This baseline fitter gives no uncertainties and may have ended in a local minimum. It fits the "
+            "constants of the thesis and ignores held values, ties, bounds and priors.",
         ),
         curves=tuple(curves),
     )

@@ -1,8 +1,9 @@
-"""Fitter `nlopt-global`: the deepest minimum inside physical bounds, without trust in any start.
+"""Fitter `nlopt-global`: the deepest minimum inside physical bounds, independent of any start.
 
-Global algorithms of NLopt search a blunted objective from the middle of the bounds, one after another until a minimum
-describes every recording to its noise; descents from points drawn evenly over the bounds look for others; every end is
-polished by least squares. The search stops when a better minimum is improbable (see `hunt`).
+Global algorithms of NLopt minimise an objective with increased noise from the middle of the bounds, one after another
+until a minimum describes every recording to its noise; descents from points drawn uniformly within the bounds look for
+others; every result is polished by least squares. The search stops when a better minimum is improbable (see
+`multistart`).
 """
 
 import time
@@ -31,13 +32,13 @@ _ALGORITHMS: tuple[tuple[Algorithm, int], ...] = (
     ("ESCH", 100),
     ("DIRECT_L", 100),
 )
-# Evaluations per coordinate. A search need not converge: least squares goes on from wherever it ends.
+# Evaluations per coordinate. A search need not converge, since least squares continues from its result.
 _UNSEEN, _BETTER = 0.5, 0.02
 _ENOUGH = 12
-# Descents after which a minimum that describes every recording to its noise is taken: none can be better.
+# Number of descents after which a minimum that describes every recording to its noise is accepted: none can be better.
 _POLISHED = 3
 _HARMLESS = (".loss", ".q", "back.z", "front.z")
-# Coordinates that remain physical whatever their value is.
+# Coordinates that remain physical for any value.
 
 
 class NloptGlobal:
@@ -48,49 +49,49 @@ class NloptGlobal:
     summary = "NLopt's CRS2, ESCH, MLSL, DIRECT and multistart over physical bounds, polished; reports distinct minima"
 
     def __init__(self, seconds: float = 60.0, seed: int = 1) -> None:
-        """`seconds`: after which the search ends with what it has; `seed` of all that is drawn."""
+        """`seconds`: time limit of the search; `seed` of all random numbers."""
         self._seconds, self._seed = seconds, seed
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the constants of all layers to all steps at once.
 
-        What `progress` raises ends the search. Raises FitError where the recordings do not belong to the build.
+        An exception from `progress` ends the search. Raises FitError if the recordings do not belong to the build.
         """
         began = time.perf_counter()
         build, sweeps = check_task(task)
         refuse_degenerate(build, sweeps)
-        found = {step: noise_of(of_step) for step, of_step in sweeps.items()}
-        noises: Mapping[str, Noise] = {step: noise for step, (noise, _) in found.items()}
+        noise_by_step = {step: noise_of(of_step) for step, of_step in sweeps.items()}
+        noises: Mapping[str, Noise] = {step: noise for step, (noise, _) in noise_by_step.items()}
         recordings = [
             recording
             for step, of_step in sweeps.items()
-            for recording in recordings_of(build, step, of_step, found[step][1])
+            for recording in recordings_of(build, step, of_step, noise_by_step[step][1])
         ]
         begun = nominal_parameters(build)
         coordinates, priors = coordinates_of(build, sweeps, begun, task.free), priors_of(build, sweeps)
         if coordinates.x.size == 0:
             raise FitError("nothing is free to be fitted: every constant of the build is taken as exact")
         blunt = Objective(coarse(recordings), coordinates, priors)
-        hunt = Multistart(blunt, box_of(coordinates, priors))
-        why = self._search(hunt, recordings, began + self._seconds, progress)
+        multistart = Multistart(blunt, box_of(coordinates, priors))
+        why = self._search(multistart, recordings, began + self._seconds, progress)
         progress("polishing")
-        last, stuck = _settled(hunt, recordings)
+        last, stuck = _settled(multistart, recordings)
         solution = Solution(
             build, noises, last, begun, blunt.evaluations + last.evaluations, time.perf_counter() - began
         )
         answer = least_squares_answer(self.name, self.version, solution)
         doubted = doubts(build, sweeps, answer.constants, answer.derived)
-        return replace(answer, says=(*_says(hunt, why), *_at_bounds(stuck), *doubted, *answer.says))
+        return replace(answer, says=(*_says(multistart, why), *_at_bounds(stuck), *doubted, *answer.says))
 
     def _search(
         self,
-        hunt: Multistart,
+        multistart: Multistart,
         recordings: Sequence[Recording],
         deadline: float,
         progress: Callable[[str], None],
     ) -> str:
-        """Fill the hunt with minima; return why it ended."""
-        box, (cost, slope) = hunt.box, costs(hunt.objective)
+        """Search for minima; return the reason for ending."""
+        box, (cost, slope) = multistart.box, costs(multistart.objective)
         described = False
         for k, (algorithm, per_coordinate) in enumerate(_ALGORITHMS):
             left = deadline - time.perf_counter()
@@ -99,34 +100,37 @@ class NloptGlobal:
             progress(f"searching: {algorithm}")
             share = left / (len(_ALGORITHMS) - k + 1)
             end = search(algorithm, cost, slope, box, per_coordinate * box.start.size, share, self._seed + k)
-            hunt.polish(end.x, algorithm)
-            described = hunt.led_by(algorithm) and hunt.describes(recordings)
+            multistart.polish(end.x, algorithm)
+            described = multistart.led_by(algorithm) and multistart.describes(recordings)
             if described:
                 break
         rng = np.random.default_rng(self._seed)
         while time.perf_counter() < deadline:
-            progress(f"searching: {hunt.descents} descents, {len(hunt.minima)} minima")
-            hunt.polish(rng.uniform(box.low, box.high), "multistart")
-            if hunt.unseen < _UNSEEN or hunt.better < _BETTER:
-                return f"{hunt.unseen:.2g} unseen minima are expected, a deeper one with probability {hunt.better:.2g}"
-            if hunt.descents == _ENOUGH and (described or hunt.describes(recordings)):
+            progress(f"searching: {multistart.descents} descents, {len(multistart.minima)} minima")
+            multistart.polish(rng.uniform(box.low, box.high), "multistart")
+            if multistart.unseen < _UNSEEN or multistart.better < _BETTER:
+                unseen, better = multistart.unseen, multistart.better
+                return f"{unseen:.2g} more minima are expected, a deeper one with probability {better:.2g}"
+            if multistart.descents == _ENOUGH and (described or multistart.describes(recordings)):
                 return "the deepest describes every recording to its noise, so none can be better"
         return f"the time of {self._seconds:g} s was over"
 
 
-def _settled(hunt: Multistart, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
+def _settled(multistart: Multistart, recordings: Sequence[Recording]) -> tuple[Descent, tuple[str, ...]]:
     """Return the best of the deepest minima at the recordings' full weight, and the constants held at a bound."""
-    if not hunt.minima:
+    if not multistart.minima:
         raise FitError("the model gives no number anywhere inside the bounds of the search")
-    near = [minimum for minimum in hunt.minima[:_POLISHED] if minimum.cost < 4 * hunt.minima[0].cost + 1]
-    ends = [_settled_inside(hunt, recordings, minimum.x) for minimum in near]
+    near = [minimum for minimum in multistart.minima[:_POLISHED] if minimum.cost < 4 * multistart.minima[0].cost + 1]
+    ends = [_settled_inside(multistart, recordings, minimum.x) for minimum in near]
     best, stuck = min(ends, key=lambda end: rms(*end[0].objective.log_ratios(end[0].x)))
     return replace(best, evaluations=sum(end.evaluations for end, _ in ends)), stuck
 
 
-def _settled_inside(hunt: Multistart, recordings: Sequence[Recording], x: Reals) -> tuple[Descent, tuple[str, ...]]:
-    """Settle from x; a constant that would leave its bounds is held at them."""
-    coordinates, priors, box = hunt.objective.coordinates, hunt.objective.priors, hunt.box
+def _settled_inside(
+    multistart: Multistart, recordings: Sequence[Recording], x: Reals
+) -> tuple[Descent, tuple[str, ...]]:
+    """Settle from x; hold a constant at its bound if it would leave it."""
+    coordinates, priors, box = multistart.objective.coordinates, multistart.objective.priors, multistart.box
     bounds = dict(zip(box.names, zip(box.low.tolist(), box.high.tolist(), strict=True), strict=True))
     stuck: list[str] = []
     while True:
@@ -155,19 +159,21 @@ def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def _says(hunt: Multistart, why: str) -> tuple[str, ...]:
-    lines = [f"{hunt.descents} descents ended in {len(hunt.minima)} distinct minima; {why}."]
-    for k, minimum in enumerate(hunt.minima[:4]):
-        values, _ = hunt.objective.coordinates.forward(minimum.x)
-        key = [name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in _moved(hunt)]
+def _says(multistart: Multistart, why: str) -> tuple[str, ...]:
+    lines = [f"{multistart.descents} descents ended in {len(multistart.minima)} distinct minima; {why}."]
+    for k, minimum in enumerate(multistart.minima[:4]):
+        values, _ = multistart.objective.coordinates.forward(minimum.x)
+        key = [
+            name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in _moved(multistart)
+        ]
         shown = ", ".join(f"{name.removesuffix('.re')} {values[name]:.4g}" for name in key[:6])
         by = ", ".join(f"{who} {minimum.found_by.count(who)}x" for who in dict.fromkeys(minimum.found_by))
         lines.append(f"Minimum {k + 1}: RMS log error {rms(minimum.curves):.2g} ({by}); {shown}.")
     return tuple(lines)
 
 
-def _moved(hunt: Multistart) -> set[str]:
-    """Return the names of the model parameters that the search moves."""
-    coordinates = hunt.objective.coordinates
+def _moved(multistart: Multistart) -> set[str]:
+    """Return the names of the model parameters that the search changes."""
+    coordinates = multistart.objective.coordinates
     _, J = coordinates.forward(coordinates.x)
     return {name for name, row in zip(coordinates.parameters, J, strict=True) if np.any(row)}

@@ -1,10 +1,10 @@
-"""NLopt, typed, with its traps taken out. Nobody else imports it.
+"""Typed wrapper of NLopt that handles its pitfalls. No other module imports NLopt.
 
-S. G. Johnson, The NLopt nonlinear-optimization package, http://github.com/stevengj/nlopt. What this module knows of its
-Python side (2.11): `RoundoffLimited` comes on good answers and takes them with it, so the best point is kept here; an
-error in the objective comes out as itself, as `SystemError` or as a naked `runtime_error`, by algorithm, so it is
-remembered, the search stopped and the error raised again; a start outside the bounds gets an empty message; seeds
-belong to the whole process.
+S. G. Johnson, The NLopt nonlinear-optimization package, http://github.com/stevengj/nlopt. Properties of its Python
+interface (2.11): `RoundoffLimited` is raised on good answers and loses them, so the best point is kept here; an error
+in the objective is raised as itself, as `SystemError` or as a bare `runtime_error`, depending on the algorithm, so it
+is remembered, the search stopped and the error raised again; a start outside the bounds gives an empty message; there
+is one random seed per process.
 """
 
 import importlib
@@ -20,7 +20,7 @@ from ..interface import FitError
 
 _nlopt: Any = importlib.import_module("nlopt")  # it has no types
 _TOO_LARGE = 1e30
-# Stands for a value that is no number: NLopt would take NaN for a round-off problem.
+# Replaces non-finite values: NLopt would take NaN for a round-off problem.
 
 Algorithm: TypeAlias = Literal["CRS2_LM", "ESCH", "DIRECT_L", "MLSL+LBFGS"]
 Cost: TypeAlias = Callable[[Reals], float]
@@ -33,18 +33,18 @@ _ENDS = {1: "success", 2: "stop value", 3: "f tolerance", 4: "x tolerance", 5: "
 
 @dataclass(frozen=True, eq=False)
 class NloptResult:
-    """The best point of a search."""
+    """Best point of a search."""
 
     x: Reals
     value: float
     evaluations: int
     ended: str
-    """Why the search ended: `f tolerance`, `evaluations`, `time`, `round-off` ..."""
+    """Reason for ending: `f tolerance`, `evaluations`, `time`, `round-off` ..."""
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Names, bounds and a start inside them."""
+    """Names, bounds, and a start inside them."""
 
     names: tuple[str, ...]
     low: Reals
@@ -52,14 +52,14 @@ class Box:
     start: Reals
 
     def check(self) -> None:
-        """Raise FitError for a bound that is none or a start outside, naming the coordinate."""
+        """Raise FitError for invalid bounds or a start outside them, naming the coordinate."""
         for name, low, high, x in zip(self.names, self.low, self.high, self.start, strict=True):
             if not low <= x <= high:
                 raise FitError(f"{name} starts at {x:g}; its bounds are {low:g} to {high:g}")
 
 
 class _Watched:
-    """An objective as NLopt calls it: remembers the best point and the first error."""
+    """An objective as NLopt calls it, which remembers the best point and the first error."""
 
     def __init__(self, search: Any, cost: Cost, slope: Slope) -> None:
         self.search, self.cost, self.slope = search, cost, slope
@@ -98,36 +98,37 @@ def search(
 ) -> NloptResult:
     """Return the best point that the algorithm finds inside the box; the same for the same seed.
 
-    `cost` returns the value alone, `slope` value and gradient; which is called depends on the algorithm. Raises
-    whatever these raise, and FitError for a start outside the box or an objective that is nowhere a number.
+    `cost` returns the value alone, `slope` value and gradient; the algorithm determines which is called. Raises
+    whatever
+    these raise, and FitError for a start outside the box or an objective that is finite nowhere.
     """
     box.check()
     _nlopt.srand(seed)
-    made = _nlopt.opt(getattr(_nlopt, _NAMES[algorithm]), box.start.size)
-    made.set_lower_bounds(box.low)
-    made.set_upper_bounds(box.high)
-    watched = _Watched(made, cost, slope)
-    made.set_min_objective(watched)
-    made.set_maxeval(evaluations)
-    made.set_maxtime(seconds)
+    optimizer = _nlopt.opt(getattr(_nlopt, _NAMES[algorithm]), box.start.size)
+    optimizer.set_lower_bounds(box.low)
+    optimizer.set_upper_bounds(box.high)
+    watched = _Watched(optimizer, cost, slope)
+    optimizer.set_min_objective(watched)
+    optimizer.set_maxeval(evaluations)
+    optimizer.set_maxtime(seconds)
     if algorithm == "MLSL+LBFGS":
         local = _nlopt.opt(_nlopt.LD_LBFGS, box.start.size)
         local.set_ftol_rel(_LOCAL_TOLERANCE)
         local.set_xtol_rel(_LOCAL_TOLERANCE)
-        made.set_local_optimizer(local)
+        optimizer.set_local_optimizer(local)
     else:
-        made.set_ftol_rel(1e-9)
-    ended = _run(made, watched, box.start)
+        optimizer.set_ftol_rel(1e-9)
+    ended = _run(optimizer, watched, box.start)
     if watched.best is None:
         raise FitError("the model gives no number anywhere inside the bounds of the search")
     return NloptResult(watched.best[1], watched.best[0], watched.evaluations, ended)
 
 
-def _run(made: Any, watched: _Watched, start: Reals) -> str:
-    """Let NLopt run; return why it ended. Raises the objective's own error."""
+def _run(optimizer: Any, watched: _Watched, start: Reals) -> str:
+    """Run NLopt; return the reason for ending. Raises the objective's own error."""
     try:
-        made.optimize(start.copy())
-        ended = _ENDS.get(int(made.last_optimize_result()), "end")
+        optimizer.optimize(start.copy())
+        ended = _ENDS.get(int(optimizer.last_optimize_result()), "end")
     except _nlopt.RoundoffLimited:
         ended = "round-off"
     except Exception:

@@ -1,1 +1,1 @@
-"""Fitting by hand: chosen constants, bands and effects, moved by sliders."""
+"""Fits by hand: chosen constants, bands and effects, changed by sliders."""

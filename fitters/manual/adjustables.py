@@ -1,4 +1,4 @@
-"""What a person can take in hand of a fit: each constant, loss, dimension and effect as a real number with a range."""
+"""Adjustable parameters of a manual fit: each constant, loss, dimension and effect as a real number with a range."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,32 +15,32 @@ from ..interface import FitError
 
 _LOSS = ".loss"
 _TURNED = {"eps33S", "eps33T", "s11E", "s12E", "d31"}
-"""What is lossy as `x (1 - j loss)`; a stiffness, and h33, as `x (1 + j loss)`."""
+"""Constants whose loss is defined by `x (1 - j loss)`; for a stiffness, and h33, it is `x (1 + j loss)`."""
 _EITHER = {"h33", "s12E", "d31"}
-"""Constants whose loss may have either sign: the losses of others bound it."""
+"""Constants whose loss may have either sign, within bounds given by the losses of others."""
 _ANY_SIGN = {*_EITHER, "alpha", "d33f"}
 _LEAST, _MOST = 1.3, 10.0
-"""Ranges as factors up and down: thirty per cent of what is well known, a decade of what is not."""
+"""Slider ranges as factors up and down: thirty per cent for well-known constants, a decade for others."""
 _SURE = 4.0
-"""Standard uncertainties that a range reaches at least."""
+"""Standard uncertainties that a range covers at least."""
 _AIR = 413.0
-"""Rayl; a load may be fitted to nothing."""
+"""Rayl; a load may be fitted as zero."""
 _TYPICAL = 5.0
-"""Typical sizes that the range of an effect's parameter reaches."""
+"""Typical sizes that the range of an effect's parameter covers."""
 
 
 @dataclass(frozen=True)
 class Adjustable:
-    """One real number of a fit that a person can move, hold or free. SI units."""
+    """A real parameter of a fit that a person can change, hold or free. SI units."""
 
     name: str
-    """As in `pzctl fit --free`; `disk.c33D.loss` is Im/Re of c33D, `effect@place.parameter` is of an effect."""
+    """As in `pzctl fit --free`; `disk.c33D.loss` is Im/Re of c33D, `effect@place.parameter` belongs to an effect."""
     unit: str
     value: float
     low: float
     high: float
     scale: Literal["log", "linear"]
-    """How a slider should run from `low` to `high`."""
+    """Scale of a slider from `low` to `high`."""
     free: bool
 
 
@@ -51,10 +51,12 @@ def handles_of(
     effects: Iterable[Candidate],
     free: Iterable[str],
 ) -> tuple[Adjustable, ...]:
-    """Return a handle for each coordinate `names` of a fit; `values` are its model parameters."""
+    """Return an adjustable for each coordinate in `names`; `values` are the model parameters of the fit."""
     known = {prior.parameter.removesuffix(".re"): prior.u for prior in priors}
     effect_parameters = {
-        name: knob for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+        name: knob
+        for candidate in effects
+        for name, knob in zip(candidate.parameters, candidate.effect_parameters, strict=True)
     }
     moving = set(free)
     return tuple(
@@ -66,7 +68,7 @@ def handles_of(
 
 
 def value_of(name: str, values: Mapping[str, float]) -> float:
-    """Return a handle's value from the model parameters."""
+    """Return an adjustable's value from the model parameters."""
     bare = name.removesuffix(_LOSS)
     if name in values:
         return values[name]
@@ -75,9 +77,9 @@ def value_of(name: str, values: Mapping[str, float]) -> float:
 
 
 def with_value(name: str, value: float, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the model parameters with one handle moved; the real part of a constant takes its loss along.
+    """Return the model parameters with one adjustable changed; changing a real part keeps the loss of the constant.
 
-    Raises FitError for a value that is no number or has a sign that cannot be, KeyError for a handle that is not there.
+    Raises FitError for a value that is not finite or has an impossible sign, KeyError for an unknown adjustable.
     """
     bare = name.removesuffix(_LOSS)
     lowest = 0.0 if name in LOADS or not _positive(name) else np.nextafter(0.0, 1.0)
@@ -96,7 +98,7 @@ def _sign(bare: str) -> int:
 
 
 def _kind(name: str) -> str:
-    """Return `h33` of `disk.h33.loss`, `thickness` of `ml1.thickness@ground`."""
+    """Return `h33` for `disk.h33.loss`, `thickness` for `ml1.thickness@ground`."""
     return name.removesuffix(_LOSS).rpartition(".")[2].partition("@")[0]
 
 
@@ -118,7 +120,7 @@ def _of_constant(name: str, value: float, u: float | None, free: bool) -> Adjust
 
 
 def _loss(name: str, value: float, free: bool) -> Adjustable:
-    """Return the handle of a loss."""
+    """Return the adjustable of a loss."""
     if _kind(name) in _EITHER:
         reach = max(0.05, 2 * abs(value))
         return Adjustable(name, "1", value, -reach, reach, "linear", free)

@@ -1,8 +1,8 @@
-"""A bare round disk taken in hand: its radial modes as `radial` has them, or both modes as `disk` does.
+"""Manual fit of a bare round disk: its radial modes with the model of `radial`, or both modes with that of `disk`.
 
-While all constants that a fitter moves together are free, they move in its own coordinates, which stay passive
-wherever a fit goes. As soon as one is held, each is a coordinate of its own: what a person holds stays where it is,
-and not some combination of it with what is free.
+While all constants that a fitter moves together are free, the fit uses that fitter's own coordinates, which are passive
+everywhere. As soon as one is held, each constant gets its own coordinate, so that a held constant keeps its value
+instead of some combination with the free ones.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,37 +39,37 @@ _EVERYTHING: Bands = ((0.0, np.inf),)
 
 @dataclass(frozen=True, eq=False)
 class _Begun:
-    """A fitter's model of a disk, before anything is chosen."""
+    """A fitter's model of a disk at its start, before any choices."""
 
     model: RadialDisk | BothModes
     usual: Bands
     parts: Bands
     answer: Callable[[Descent, float], FitResult]
-    """Of a descent and the seconds it took."""
+    """Makes the result from a descent and its duration in seconds."""
     says: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """What tells the fitters of a bare disk apart."""
+    """Differences between the fitters of a bare disk."""
 
     fitter: str
     constants: tuple[str, ...]
     together: tuple[str, ...]
-    """Constants in whose place a combination moves while all are free."""
+    """Constants that move in combination while all are free."""
     passive: Callable[[str], Block]
-    """Coordinates of all constants together, by the layer's name."""
+    """Joint coordinates of all constants, by the layer's name."""
     apart: Callable[[str, Mapping[str, float]], tuple[Block, ...]]
-    """Coordinates one by one, by the layer's name and the values they begin with."""
+    """Separate coordinates, by the layer's name and the start values."""
     begin: Callable[[BareDisk], _Begun]
-    """Where the recording has no peaks to begin with, from library values. Raises FitError where it has none either."""
+    """Makes the start: from peaks of the recording, else from library values. Raises FitError if there are neither."""
 
 
 class DiskManualFit:
-    """The recordings of the bare disk. A `Subject`."""
+    """Manual fit of the bare disk's recordings. A `Subject`."""
 
     def __init__(self, task: FitTask, kind: _Kind) -> None:
-        """Take the bare disk in hand. Raises FitError where there is none, or nothing to begin with."""
+        """Prepare the bare disk. Raises FitError if there is none, or no start values."""
         disk = bare_disk(replace(task, free=None), kind.fitter, round_one=True, frees=True)
         sweeps = check_task(task)[1][disk.step]
         self.fitter, self.build = kind.fitter, disk.build
@@ -82,7 +82,7 @@ class DiskManualFit:
         self._free, (self.values, _) = usual.free, usual.forward(usual.x)
 
     def pose(self, kept: Kept) -> "_DiskFitSetup":
-        """Return the recordings of what takes part."""
+        """Return the fit of the selected recordings."""
         recordings = tuple(
             Recording(step, sweep, self._begun.model, sigma) for step, pairs in kept.items() for sweep, sigma in pairs
         )
@@ -90,11 +90,11 @@ class DiskManualFit:
         return _DiskFitSetup(self, recordings, disk_priors(self._disk, self._kind.constants), stack)
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
-        """Return the answer of a fit; `steps` can be no other than the bare disk's."""
+        """Return the result of a fit; `steps` can only be the bare disk's."""
         return self._begun.answer(descent, seconds)
 
     def blocks(self, values: Mapping[str, float], free: tuple[str, ...] | None) -> tuple[tuple[Block, ...], set[str]]:
-        """Return the coordinates of a fit in which those named `free` move, and their names; None: the usual ones."""
+        """Return the coordinates of a fit with these `free`, and their names; None: the usual ones."""
         at, moving = self._disk.layer.name, set(self._free if free is None else free)
         whole = self._kind.passive(at)
         blocks = (whole,) if moving.issuperset(whole.coordinates) else self._kind.apart(at, values)
@@ -127,7 +127,8 @@ class _DiskFitSetup:
         if not effects:
             return self.recordings
         added = tuple(
-            Added(one.effect, one.where, {knob.name: knob.null for knob in one.effect_parameters}) for one in effects
+            Added(candidate.effect, candidate.where, {knob.name: knob.null for knob in candidate.effect_parameters})
+            for candidate in effects
         )
         model = TerminalEffects(self.recordings[0].model, self.stack, added)
         return tuple(replace(recording, model=model) for recording in self.recordings)
@@ -137,17 +138,19 @@ class _DiskFitSetup:
     ) -> Coordinates:
         blocks, moving = self.subject.blocks(values, free)
         if free is None:
-            moving |= {name for one in effects for name in one.parameters}
-        return Coordinates((*blocks, *(b for one in effects for b in one.blocks(values))), values, tuple(moving))
+            moving |= {name for candidate in effects for name in candidate.parameters}
+        return Coordinates(
+            (*blocks, *(b for candidate in effects for b in candidate.blocks(values))), values, tuple(moving)
+        )
 
 
 def radial_in_hand(task: FitTask) -> DiskManualFit:
-    """Return the radial modes of a bare disk in hand. Raises FitError."""
+    """Return a manual fit of a bare disk's radial modes. Raises FitError."""
     return DiskManualFit(task, _RADIAL)
 
 
 def disk_in_hand(task: FitTask) -> DiskManualFit:
-    """Return radial and thickness mode of a bare disk in hand. Raises FitError."""
+    """Return a manual fit of a bare disk's radial and thickness modes. Raises FitError."""
     return DiskManualFit(task, _DISK)
 
 
@@ -182,18 +185,18 @@ def _disk_begun(disk: BareDisk) -> _Begun:
 
 
 def _begins(error: FitError) -> tuple[str, ...]:
-    return (f"It begins with the values of the library, since the recording does not show where: {error}.",)
+    return (f"It starts from the library's values, because the recording gives no start: {error}.",)
 
 
 def _of_library(disk: BareDisk) -> Radial | None:
-    """Return the radial constants that build and library know; None where they do not know all."""
+    """Return the radial constants of build and library; None if any is missing."""
     known = [disk.layer.values.get(name) for name in RADIAL_CONSTANTS]
     values = [quantity.value for quantity in known if quantity is not None]
     return Radial(*values) if len(values) == len(known) else None
 
 
 def _alone(name: str, values: Mapping[str, float]) -> Block:
-    """Return a lossy constant that depends on no other: its real part by its logarithm, the sign as it is; its loss."""
+    """Return the block of an independent lossy constant: logarithm of its real part, with fixed sign, and its loss."""
     sign = np.sign(values[f"{name}.re"])
 
     def forward(x: Reals) -> tuple[Reals, Reals]:

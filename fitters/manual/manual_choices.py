@@ -1,4 +1,4 @@
-"""What a person chooses of a fit, and what a fitter's model must offer so that it can be taken in hand."""
+"""Choices of a person for a manual fit, and the interface that a fitter's model must offer for it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,27 +17,27 @@ from ..interface import Constant, FitError, FitResult
 
 NAME = "by-hand"
 Bands = tuple[tuple[float, float], ...]
-"""From, to, in Hz."""
+"""Lower and upper limit, Hz."""
 Kept = Mapping[str, Sequence[tuple[Sweep, NDArray[np.float64]]]]
-"""By step: what takes part of its sweeps, and the standard deviation of Re and Im of ln Z at each point."""
+"""By step: the selected part of its sweeps, and the standard deviation of Re and Im of ln Z at each point."""
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a person chose; the default is what the model's own fitter does, from the values it is given."""
+    """Choices of a person; the defaults repeat the model's own fitter, from the current values."""
 
     free: tuple[str, ...] | None = None
-    """Names of the handles that move, exactly; None: all that carry an uncertainty, and all of the effects'."""
+    """Names of the free adjustables, exactly; None: all that have an uncertainty, and all of the effects'."""
     values: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Where handles begin, SI; those that are not named are where they were."""
+    """Start values, SI; others keep their current values."""
     bands: Mapping[str, Bands] = field(default_factory=dict[str, Bands])
-    """By step, Hz: what takes part. A step that is not named does with all its fitter takes, one without bands not."""
+    """Selected bands by step, Hz. An unnamed step keeps the bands of its fitter; a step without bands is excluded."""
     effects: tuple[tuple[str, str], ...] = ()
     """Name and place, as in `lead-inductance`, `terminals`."""
 
 
 class FitSetup(Protocol):
-    """The recordings that take part, each with the model that is to describe it."""
+    """The selected recordings, each with the model that should describe it."""
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
@@ -46,29 +46,29 @@ class FitSetup(Protocol):
 
     @property
     def priors(self) -> tuple[Prior, ...]:
-        """What is known beforehand."""
+        """The priors."""
         ...
 
     def places(self, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
-        """Return the effects that the model can be extended by, all or those called `names`."""
+        """Return the effects that the model can be extended by, all or those in `names`."""
         ...
 
     def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
-        """Return the recordings, their models extended by these effects."""
+        """Return the recordings with their models extended by these effects."""
         ...
 
     def coordinates(
         self, effects: Sequence[Candidate], values: Mapping[str, float], free: tuple[str, ...] | None
     ) -> Coordinates:
-        """Return the coordinates of a fit from `values` in which those named `free` move; None: the usual ones."""
+        """Return the coordinates of a fit from `values` with these `free`; None: the usual ones."""
         ...
 
 
 class Subject(Protocol):
-    """The model of one fitter, and the recordings that it is for."""
+    """The model of one fitter, and the recordings that it applies to."""
 
     values: dict[str, float]
-    """Where handles begin, by model parameter."""
+    """Start values, by model parameter."""
 
     @property
     def fitter(self) -> str:
@@ -82,7 +82,7 @@ class Subject(Protocol):
 
     @property
     def sweeps(self) -> Mapping[str, tuple[Sweep, ...]]:
-        """By step, in gluing order; what the fitter has no model for is left out."""
+        """By step, in gluing order; without recordings that the fitter has no model for."""
         ...
 
     @property
@@ -92,30 +92,30 @@ class Subject(Protocol):
 
     @property
     def usual(self) -> Bands:
-        """What takes part of each step where no band is chosen."""
+        """Bands of each step that are used if none are chosen."""
         ...
 
     @property
     def parts(self) -> Bands:
-        """Between these limits each sweep is a recording with a misfit of its own."""
+        """Bands that each sweep is divided into; each part has its own misfit."""
         ...
 
     @property
     def says(self) -> tuple[str, ...]:
-        """What a person must know of where it begins."""
+        """Sentences about the start values for the user."""
         ...
 
     def pose(self, kept: Kept) -> FitSetup:
-        """Return the recordings of what takes part."""
+        """Return the fit of the selected recordings."""
         ...
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
-        """Return the answer of a fit over these steps."""
+        """Return the result of a fit over these steps."""
         ...
 
 
 def check_bands(choices: Choices, steps: Sequence[str]) -> None:
-    """Raise FitError for bands of a step that was not recorded, or that are none."""
+    """Raise FitError for bands of a step that was not recorded, or invalid bands."""
     for step, bands in choices.bands.items():
         if step not in steps:
             raise FitError(f"bands of step {step!r}: it was not recorded; {', '.join(steps)} was")
@@ -125,13 +125,13 @@ def check_bands(choices: Choices, steps: Sequence[str]) -> None:
 
 
 def within(sweep: Sweep, bands: Bands) -> NDArray[np.bool_]:
-    """Return which points of a sweep lie in one of the bands, shape (N,)."""
+    """Return which points of a sweep lie in one of the bands, as a mask of shape (N,)."""
     inside = [(sweep.frequency >= low) & (sweep.frequency <= high) for low, high in bands]
     return np.any(inside, axis=0) if inside else np.zeros(sweep.frequency.size, bool)
 
 
 def began_with(values: Mapping[str, float], constants: Mapping[str, Constant]) -> dict[str, float]:
-    """Return model parameters, those that a fit's `constants` tell where it has them."""
+    """Return the model parameters with the values of a fit's `constants` where it has them."""
     return {name: _begun_with(name, value, constants) for name, value in values.items()}
 
 

@@ -1,8 +1,9 @@
-"""A fit as a person wants it: which constants are free, where they begin, which bands and which effects take part.
+"""Manual fit: a person chooses the free constants, their start values, the bands and the effects.
 
-First one looks: the model's curve at chosen values, without fitting. Then one fits with exactly these choices: one
-descent from exactly there, on the model of `mason` (all chosen steps jointly), of `radial` or of `disk`, with the
-chosen effects of the catalogue. (C. Tjelde, thesis 2012, chapter 9, asks for this control.)
+`look` computes the model's curve at chosen values, without fitting. `fit` fits with exactly these choices: one descent
+from exactly there, on the model of `mason` (all chosen steps jointly), of `radial` or of `disk`, with the chosen
+effects
+of the catalogue. (E. S. Tjelde, thesis 2012, chapter 9, asks for this control.)
 """
 
 import time
@@ -34,7 +35,7 @@ __all__ = ["Choices", "ManualFit", "ModelPreview", "models_for"]
 _EVERYWHERE: Bands = ((0.0, np.inf),)
 _USUAL = Choices()
 _FEWEST = 20
-"""Points of a sweep that a band must hold to say anything."""
+"""Fewest points of a sweep that a band must contain."""
 _SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
     StackManualFit.fitter: StackManualFit,
     "radial": radial_in_hand,
@@ -43,7 +44,7 @@ _SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
 
 
 def models_for(build: Build, step: str) -> tuple[str, ...]:
-    """Return the fitters whose model a step can be taken in hand with. Raises KeyError for a step it does not have."""
+    """Return the fitters that support a manual fit of a step. Raises KeyError for an unknown step."""
     kinds = [build.layer(name).kind for name in build.step(step).layers]
     bare_and_round = kinds == ["piezo"] and build.diameter is not None
     return tuple(_SUBJECTS) if bare_and_round else (StackManualFit.fitter,)
@@ -55,20 +56,20 @@ class ModelPreview:
 
     handles: tuple[Adjustable, ...]
     curves: tuple[Curve, ...]
-    """Over whole sweeps; `start` and `fitted` are both the model."""
+    """Curves over whole sweeps; `start` and `fitted` are both the model."""
     chi2_per_dof: float
-    """Misfit over the chosen bands, in units of the noise, less what the analyzer's own error may account for."""
+    """Misfit over the chosen bands, in units of the noise, without the part that the analyzer's error accounts for."""
     says: tuple[str, ...] = ()
-    """What a person must know of where it begins."""
+    """Sentences about the start values for the user."""
 
 
 class ManualFit:
-    """The recordings of a build, taken in hand with the model of one fitter."""
+    """Manual fit of the recordings of a build with the model of one fitter."""
 
     def __init__(self, task: FitTask, fitter: str = StackManualFit.fitter) -> None:
-        """Take the recordings in hand, at nominal values or where their peaks are.
+        """Prepare the recordings, with nominal start values or those from their peaks.
 
-        Raises FitError where there is no such model, or task, build and sweeps do not fit.
+        Raises FitError if there is no such model, or task, build and sweeps do not match.
         """
         if fitter not in _SUBJECTS:
             raise FitError(f"nothing can be taken in hand with {fitter!r}: there are {', '.join(_SUBJECTS)}")
@@ -76,20 +77,21 @@ class ManualFit:
 
     @classmethod
     def after(cls, task: FitTask, result: FitResult) -> Self:
-        """Return the recordings of `task` in hand with the model of the fitter of `result`, beginning where it ended.
+        """Return a manual fit of `task` with the model of the fitter of `result`, starting from that result.
 
-        Where a result does not tell area and loads, they are fitted here, everything else being where the result has
-        it. Raises FitError.
+        If the result does not contain area and loads, they are fitted here with everything else held. Raises FitError.
         """
-        there = cls(task, result.fitter)
-        subject = there._subject
+        manual_fit = cls(task, result.fitter)
+        subject = manual_fit._subject
         subject.values = began_with(subject.values, result.constants)
         untold = {"area", *LOADS} - set(result.constants)
-        free = tuple(one.name for one in there.look().handles if one.free and one.name in untold)
+        free = tuple(
+            adjustable.name for adjustable in manual_fit.look().handles if adjustable.free and adjustable.name in untold
+        )
         if free:
-            _, choices = there.fit(Choices(free=free))
+            _, choices = manual_fit.fit(Choices(free=free))
             subject.values |= {name: choices.values[name] for name in free}
-        return there
+        return manual_fit
 
     @property
     def build(self) -> Build:
@@ -98,7 +100,7 @@ class ManualFit:
 
     @property
     def fitter(self) -> str:
-        """The fitter whose model this is."""
+        """Name of the fitter whose model this is."""
         return self._subject.fitter
 
     @property
@@ -108,27 +110,27 @@ class ManualFit:
 
     @property
     def steps(self) -> tuple[str, ...]:
-        """The steps that were recorded, in gluing order."""
+        """The recorded steps, in gluing order."""
         return tuple(self.sweeps)
 
     def places(self) -> dict[str, tuple[str, ...]]:
-        """Return every effect that can be chosen, and where it can sit."""
-        found: dict[str, list[str]] = {}
-        for one in self._posed(Choices(), whole=True).places():
-            if one.where not in found.setdefault(one.effect.name, []):
-                found[one.effect.name].append(one.where)
-        return {name: tuple(where) for name, where in found.items()}
+        """Return every selectable effect, with its possible places."""
+        places: dict[str, list[str]] = {}
+        for candidate in self._posed(Choices(), whole=True).places():
+            if candidate.where not in places.setdefault(candidate.effect.name, []):
+                places[candidate.effect.name].append(candidate.where)
+        return {name: tuple(where) for name, where in places.items()}
 
     def look(self, choices: Choices = _USUAL) -> ModelPreview:
-        """Return the model at the chosen values. Raises FitError where a choice cannot be."""
+        """Return the model at the chosen values. Raises FitError for an impossible choice."""
         posed, effects, coordinates = self._chosen(choices)
         curves, chi2 = self._curves(choices, effects, coordinates, coordinates.x)
         return ModelPreview(_handles(posed, effects, coordinates, coordinates.x), curves, chi2, self._subject.says)
 
     def fit(self, choices: Choices = _USUAL) -> tuple[FitResult, Choices]:
-        """Fit with exactly these choices; return the result, and the choices with every handle where it has come to.
+        """Fit with exactly these choices; return the result, and the choices updated to the fitted values.
 
-        Raises FitError where a choice cannot be, or nothing is free.
+        Raises FitError for an impossible choice, or if nothing is free.
         """
         began = time.perf_counter()
         posed, effects, coordinates = self._chosen(choices)
@@ -148,11 +150,11 @@ class ManualFit:
     def _chosen(self, choices: Choices) -> tuple[FitSetup, tuple[Candidate, ...], Coordinates]:
         posed = self._posed(choices)
         effects = _effects(posed, choices)
-        if any(one.where == SWEEP for one in effects) and any(choices.bands.values()):
-            raise FitError("an effect of the sweep acts while the whole sweep runs: take it or the bands away")
+        if any(candidate.where == SWEEP for candidate in effects) and any(choices.bands.values()):
+            raise FitError("an effect of the sweep needs the whole sweep: remove the effect or the bands")
         values = dict(self._subject.values)
-        for one in effects:
-            for k, (name, knob) in enumerate(zip(one.parameters, one.effect_parameters, strict=True)):
+        for candidate in effects:
+            for k, (name, knob) in enumerate(zip(candidate.parameters, candidate.effect_parameters, strict=True)):
                 values[name] = knob.null if k else knob.typical  # so that one sees what it does
         known = self._posed(Choices(), whole=True).coordinates(effects, values, None).names
         for name, value in choices.values.items():
@@ -166,15 +168,15 @@ class ManualFit:
         return posed, effects, coordinates
 
     def _posed(self, choices: Choices, *, whole: bool = False) -> FitSetup:
-        """Return the recordings of the chosen bands; `whole`: of all frequencies of the chosen steps."""
+        """Return the fit of the chosen bands; with `whole`, of all frequencies of the chosen steps."""
         check_bands(choices, self.steps)
-        bands = {step: found for step in self.steps if (found := self._bands(choices, step))}
+        bands = {step: chosen for step in self.steps if (chosen := self._bands(choices, step))}
         parts = _EVERYWHERE if whole else self._subject.parts
-        kept = {step: self._cut(step, _EVERYWHERE if whole else found, parts) for step, found in bands.items()}
+        kept = {step: self._cut(step, _EVERYWHERE if whole else chosen, parts) for step, chosen in bands.items()}
         kept = {step: pairs for step, pairs in kept.items() if pairs}
         if not kept:
             wanted = ", ".join(
-                f"{low / 1e6:.3g} to {high / 1e6:.3g} MHz" for one in bands.values() for low, high in one
+                f"{low / 1e6:.3g} to {high / 1e6:.3g} MHz" for limits in bands.values() for low, high in limits
             )
             raise FitError(f"no band holds {_FEWEST} points of any sweep: {wanted or 'none'}; wider bands are needed")
         return self._subject.pose(kept)
@@ -183,7 +185,7 @@ class ManualFit:
         return choices.bands.get(step, self._subject.usual)
 
     def _cut(self, step: str, bands: Bands, parts: Bands) -> list[tuple[Sweep, NDArray[np.float64]]]:
-        """Return the sweeps of a step and their noise within its bands, part by part; what is too short is left out."""
+        """Return the sweeps of a step and their noise within its bands, part by part; omit parts that are too short."""
         kept: list[tuple[Sweep, NDArray[np.float64]]] = []
         for part in parts:
             for sweep, sigma in zip(self.sweeps[step], self._subject.noises[step], strict=True):
@@ -217,16 +219,16 @@ def _handles(
 
 
 def _effects(posed: FitSetup, choices: Choices) -> tuple[Candidate, ...]:
-    """Return the chosen effects, each in all the steps that can have it."""
+    """Return the chosen effects, each in all steps in which it can occur."""
     there = posed.places({name for name, _ in choices.effects})
-    found: list[Candidate] = []
+    selected: list[Candidate] = []
     for name, where in choices.effects:
-        one = next((c for c in there if (c.effect.name, c.where) == (name, where)), None)
-        if one is None:
-            places = ", ".join(dict.fromkeys(c.where for c in there if c.effect.name == name)) or "no place here"
-            raise FitError(f"effect {name!r} cannot sit at {where!r}: there is {places}")
-        found.append(one)
-    return tuple(found)
+        candidate = next((c for c in there if (c.effect.name, c.where) == (name, where)), None)
+        if candidate is None:
+            places = ", ".join(dict.fromkeys(c.where for c in there if c.effect.name == name)) or "none"
+            raise FitError(f"effect {name!r} cannot be at {where!r}; possible places: {places}")
+        selected.append(candidate)
+    return tuple(selected)
 
 
 def _sizes(
@@ -237,6 +239,6 @@ def _sizes(
     u = dict(zip(coordinates.parameters, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     return {
         name: Constant(values[name], 0.0, u[name], 0.0, knob.unit, free=name in coordinates.free)
-        for one in effects
-        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+        for candidate in effects
+        for name, knob in zip(candidate.parameters, candidate.effect_parameters, strict=True)
     }

@@ -1,4 +1,4 @@
-"""The stack of `mason` taken in hand: all steps jointly, and every effect of the catalogue."""
+"""Manual fit of the stack of `mason`: all steps jointly, and every effect of the catalogue."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -26,15 +26,15 @@ class StackManualFit:
     says: tuple[str, ...] = ()
 
     def __init__(self, task: FitTask) -> None:
-        """Take the steps in hand. Raises FitError where task, build and sweeps do not fit."""
+        """Prepare the steps. Raises FitError if task, build and sweeps do not match."""
         self.build, self.sweeps = check_task(task)
-        found = {step: noise_of(sweeps) for step, sweeps in self.sweeps.items()}
-        self.noises = {step: sigmas for step, (_, sigmas) in found.items()}
-        self._noise = {step: noise for step, (noise, _) in found.items()}
+        noise_by_step = {step: noise_of(sweeps) for step, sweeps in self.sweeps.items()}
+        self.noises = {step: sigmas for step, (_, sigmas) in noise_by_step.items()}
+        self._noise = {step: noise for step, (noise, _) in noise_by_step.items()}
         self.values = nominal_parameters(self.build)
 
     def pose(self, kept: Kept) -> "_StackFitSetup":
-        """Return the recordings of what takes part."""
+        """Return the fit of the selected recordings."""
         recordings = [
             recording
             for step, pairs in kept.items()
@@ -44,7 +44,7 @@ class StackManualFit:
         return _StackFitSetup(Problem(self.build, as_devices(recordings), priors, self.values, None))
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
-        """Return the answer of a fit over these steps."""
+        """Return the result of a fit over these steps."""
         begun, _ = descent.objective.coordinates.forward(descent.start)
         noises = {step: self._noise[step] for step in steps}
         solution = Solution(self.build, noises, descent, begun, descent.evaluations, seconds)

@@ -1,4 +1,4 @@
-"""Any model behind effects of its terminals: wire, stray capacitance, cable, one resonance more beside it.
+"""Any model with effects at its terminals: lead, stray capacitance, cable, one additional parallel resonance.
 
 Effects inside a stack need a stack (`models/effects/base/device.py`); effects at the terminals only need an impedance.
 """
@@ -22,29 +22,32 @@ _BESIDE = "spurious-resonance"
 
 
 def outside_effects() -> tuple[Effect, ...]:
-    """Return the effects of the catalogue that need no stack to act on."""
-    return tuple(one for one in catalogue() if one.stage in _OUTSIDE or one.name == _BESIDE)
+    """Return the effects of the catalogue that need no stack."""
+    return tuple(effect for effect in catalogue() if effect.stage in _OUTSIDE or effect.name == _BESIDE)
 
 
 @dataclass(frozen=True)
 class TerminalEffects:
-    """A device as it is seen through effects outside of it. Satisfies `Model`."""
+    """A device with effects outside of it. Satisfies `Model`."""
 
     device: Model
     nominal: Stack
-    """Gives effects their scales."""
+    """Sets the scales of the effects."""
     added: tuple[Added, ...]
 
     def parameters(self) -> dict[str, float]:
-        """Return the device's parameters and `effect@place.parameter` for each parameter."""
-        own = (one.parameters() for one in self.added)
-        return {**self.device.parameters(), **{name: value for of_one in own for name, value in of_one.items()}}
+        """Return the device's parameters, and `effect@place.parameter` for each parameter of an effect."""
+        of_effects = (effect.parameters() for effect in self.added)
+        return {
+            **self.device.parameters(),
+            **{name: value for parameters in of_effects for name, value in parameters.items()},
+        }
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the device with these parameters. Raises KeyError for a name it does not have."""
+        """Return the device with these parameters. Raises KeyError for an unknown name."""
         require(values, self.parameters(), "the device")
         effect_parameters = {name: value for name, value in values.items() if "@" in name.partition(".")[0]}
-        added = tuple(one.moved(effect_parameters) for one in self.added)
+        added = tuple(effect.moved(effect_parameters) for effect in self.added)
         moved = {name: value for name, value in values.items() if name not in effect_parameters}
         return replace(self, device=self.device.replace(moved) if moved else self.device, added=added)
 
@@ -54,20 +57,20 @@ class TerminalEffects:
         return seen
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
-        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N); by parameters from one difference."""
+        """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N); effects by a difference quotient."""
         require(names, self.parameters(), "the device")
-        own = self.device.parameters()
-        bare, slopes = self.device.jacobian(frequency, [name for name in names if name in own])
+        inner = self.device.parameters()
+        bare, slopes = self.device.jacobian(frequency, [name for name in names if name in inner])
         seen, chain = _through(self, frequency, bare)
         rows = iter(slopes * (bare * chain / seen))
-        made = [next(rows) if name in own else self._by_knob(name, frequency, bare, seen) for name in names]
-        return seen, np.array(made, np.complex128).reshape(len(names), frequency.size)
+        derivatives = [next(rows) if name in inner else self._by_knob(name, frequency, bare, seen) for name in names]
+        return seen, np.array(derivatives, np.complex128).reshape(len(names), frequency.size)
 
     def _by_knob(self, name: str, frequency: Frequencies, bare: Impedances, seen: Impedances) -> Complexes:
-        one = next(one for one in self.added if name.startswith(one.prefix))
-        effect_parameters = one.effect.effect_parameters(self.nominal, one.where)
-        knob = next(knob for knob in effect_parameters if one.prefix + knob.name == name)
-        value = one.values[knob.name]
+        added = next(added for added in self.added if name.startswith(added.prefix))
+        effect_parameters = added.effect.effect_parameters(self.nominal, added.where)
+        knob = next(knob for knob in effect_parameters if added.prefix + knob.name == name)
+        value = added.values[knob.name]
         step = small_step(knob, value)
         there, _ = _through(self.replace({name: value + step}), frequency, bare)
         return (there / seen - 1) / step

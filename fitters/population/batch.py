@@ -17,11 +17,11 @@ from ..plugins import load_fitter
 from .process_pool import started
 
 _PATIENCE = 10.0
-"""Seconds within which a Dask scheduler answers, or does not."""
+"""Seconds to wait for an answer of the Dask scheduler."""
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
 
 _one_at_a_time = threading.Lock()
-"""Of one process: a Dask worker may have several threads, a third party's fitter need not be made for that."""
+"""Lock per process: a Dask worker may have several threads, for which a third party's fitter may not be made."""
 
 
 class BatchError(PzctlError):
@@ -38,7 +38,7 @@ class BatchJob:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of a job: a result, or the sentence that says why there is none."""
+    """Result of a job, or the sentence that says why there is none."""
 
     sample: str
     result: FitResult | None
@@ -46,11 +46,11 @@ class Outcome:
 
 
 Heard = Callable[[Outcome], None]
-"""Called with each outcome as it comes, in whatever order."""
+"""Called with each outcome as it arrives, in any order."""
 
 
 def fit_job(job: BatchJob, fitter: str) -> Outcome:
-    """Fit one sample in this process. Raises nothing: whatever goes wrong is the outcome's sentence."""
+    """Fit one sample in this process. Raises nothing: any failure becomes the outcome's sentence."""
     try:
         with _one_at_a_time:
             return Outcome(job.sample, load_fitter(fitter).fit(job.task))
@@ -63,7 +63,7 @@ def fit_job(job: BatchJob, fitter: str) -> Outcome:
 def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
     """Fit all jobs, one per core at a time; return the outcomes in the order of the jobs.
 
-    Raises PluginError where the fitter is not installed. On Ctrl-C the running fits end at once.
+    Raises PluginError if the fitter is not installed. Ctrl-C ends the running fits at once.
     """
     load_fitter(fitter)
     if not jobs:
@@ -77,9 +77,10 @@ def fit_on_dask(
 ) -> tuple[Outcome, ...]:
     """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
 
-    Results are those of `fit_on_cores` to the last bit (but `seconds`) where the workers have the same processor and
-    the same versions. Raises BatchError where Dask is not installed, `address` is none or no scheduler answers there,
-    PluginError where the fitter is not installed here.
+    The results equal those of `fit_on_cores` to the last bit (except `seconds`) if the workers have the same processor
+    and
+    the same versions. Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers there,
+    PluginError if the fitter is not installed here.
     """
     load_fitter(fitter)
     if not _ADDRESS.fullmatch(address):
@@ -98,7 +99,7 @@ def fit_on_dask(
 
 
 def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:
-    """Return the outcomes in the order of the jobs; `done` gives the futures as they end."""
+    """Return the outcomes in the order of the jobs; `done` yields the futures as they end."""
     outcomes: dict[Any, Outcome] = {}
     for future in done:
         outcomes[future] = _outcome(future, futures[future])
@@ -107,7 +108,7 @@ def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -
 
 
 def _outcome(future: "Future[Outcome]", job: BatchJob) -> Outcome:
-    """Return a job's outcome, also where its process died or a worker could not even begin."""
+    """Return a job's outcome, even if its process died or a worker could not begin."""
     try:
         return future.result()
     except BrokenProcessPool:

@@ -1,4 +1,4 @@
-"""The same constants of several samples: mean and scatter, what of it is uncertainty, outliers, and the data sheet.
+"""Statistics of the same constants of several samples: mean, scatter, uncertainty, outliers, and the data sheet.
 
 Mean, variance and standard deviation are (2.28)-(2.30) of E. S. Tjelde, NTNU 2012, as in its tables 4.3-4.6 and 4.9;
 the deviation from the data sheet is that of tables 4.1 and 4.2.
@@ -16,30 +16,30 @@ from .random_effects import RandomEffects, outliers, random_effects
 
 _MISFIT = 1.5  # chi2 per degree of freedom above which model and recording differ
 _U_TO_LIMIT = math.sqrt(3)
-# A tolerance of +- limit has the standard uncertainty limit/sqrt(3) (JCGM 100:2008, 4.3.7); so the way back.
+# A tolerance of +- limit has the standard uncertainty limit/sqrt(3) (JCGM 100:2008, 4.3.7); this is the inverse.
 
 
 @dataclass(frozen=True)
 class Value:
-    """One real number of one sample."""
+    """A real value of one sample."""
 
     sample: str
     value: float
     u: float | None
-    """Standard uncertainty; None where the fitter gives none."""
+    """Standard uncertainty; None if the fitter gives none."""
 
 
 @dataclass(frozen=True)
 class DataSheet:
-    """How the mean compares with the data sheet."""
+    """Comparison of the mean with the data sheet."""
 
     nominal: float
     percent: float | None
-    """100 (mean/nominal - 1); None where nominal is 0."""
+    """100 (mean/nominal - 1); None if nominal is 0."""
     limit: float | None
-    """Tolerance: nominal +- limit; None where the sheet states none."""
+    """Tolerance: nominal +- limit; None if the sheet states none."""
     outside: tuple[str, ...]
-    """Samples whose value lies outside the tolerance."""
+    """Samples whose value is outside the tolerance."""
 
     @property
     def low(self) -> float | None:
@@ -59,13 +59,13 @@ class VarianceShare:
     values: tuple[Value, ...]
     mean: float
     variance: float | None
-    """Of the sample values, with n - 1; None for a single sample, which has no scatter."""
+    """Variance of the sample values, with n - 1; None for a single sample, which has no scatter."""
     within: float | None
-    """Root mean square of the samples' own standard uncertainties; None where a fitter gives none."""
+    """Root mean square of the samples' own standard uncertainties; None if a fitter gives none."""
     effects: RandomEffects | None
-    """Scatter between samples apart from the uncertainty within; None for a single sample or without uncertainties."""
+    """Scatter between samples without the uncertainty within; None for a single sample or without uncertainties."""
     outliers: Mapping[str, float]
-    """Samples that do not belong to the rest, with the probability of such a one by chance. They are not left out."""
+    """Samples that do not belong to the rest, with the probability of such a deviation by chance. They are included."""
     sheet: DataSheet | None
 
     @property
@@ -86,25 +86,25 @@ class Spread:
     unit: str
     re: VarianceShare
     im: VarianceShare | None
-    """None where the constant is real, or its imaginary part was held."""
+    """None if the constant is real, or its imaginary part was held."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """All constants that were fitted, over all samples."""
+    """All fitted constants over all samples."""
 
     samples: tuple[str, ...]
     constants: Mapping[str, Spread]
     says: tuple[str, ...]
-    """What was left out and why, and what a person must know to read the numbers, a sentence each."""
+    """Omissions with their reasons, and sentences that a person must know to read the numbers."""
 
 
 def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) -> Population:
     """Return the statistics over `fits`, by sample, of one fitter; `sheets` are data-sheet values by constant.
 
-    Left out, and said: constants that were held, and fits that did not converge (of a fitter without uncertainties
-    they are taken: it promises no more). A constant of few samples (a layer that others do not have yet) is there
-    with these.
+    Constants that were held, and fits that did not converge, are omitted and mentioned (fits of a fitter without
+    uncertainties are included, because it promises no more). A constant that only some samples have, such as that of a
+    later layer, is included with these samples.
     """
     used = {sample: fit for sample, fit in fits.items() if fit.converged or _is_silent(fit)}
     says: list[str] = []
@@ -116,14 +116,14 @@ def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) ->
     constants: dict[str, Spread] = {}
     held: list[str] = []
     for name in names:
-        found = {sample: fit.constants.get(name) or fit.derived.get(name) for sample, fit in used.items()}
-        there = {sample: constant for sample, constant in found.items() if constant is not None}
-        spread = _spread(there, sheets.get(name))
+        by_sample = {sample: fit.constants.get(name) or fit.derived.get(name) for sample, fit in used.items()}
+        fitted = {sample: constant for sample, constant in by_sample.items() if constant is not None}
+        spread = _spread(fitted, sheets.get(name))
         if spread is None:
             held.append(name)
             continue
         constants[name] = spread
-        if exact := sorted(there.keys() - {value.sample for value in spread.re.values}):
+        if exact := sorted(fitted.keys() - {value.sample for value in spread.re.values}):
             says.append(f"{name}: without {', '.join(exact)}, where it was held or not determined")
     if held:
         says.append(f"held or not determined, so not in the table: {', '.join(held)}")
@@ -152,7 +152,8 @@ def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread
 def _fitted(values: list[Value]) -> list[Value]:
     """Return the values that were fitted: not held as exact, not infinite (Qm of a lossless ceramic), not undetermined.
 
-    A fitter without uncertainties does not say what it held; what is the same to the last digit everywhere was.
+    A fitter without uncertainties does not say what it held; a value that is exactly the same everywhere counts as
+    held.
     """
     moving = [value for value in values if math.isfinite(value.value) and value.u != 0 and value.u != math.inf]
     silent = all(value.u is None for value in moving)
@@ -210,7 +211,7 @@ def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) ->
 
 
 def _is_shared(part: VarianceShare) -> bool:
-    """Return whether even no scatter at all would let the samples differ more than they do (97.5 %)."""
+    """Return whether the samples differ less than their uncertainties alone would allow (97.5 %)."""
     return part.effects is not None and part.effects.tau_high == 0
 
 

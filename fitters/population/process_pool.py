@@ -1,4 +1,4 @@
-"""Work on all cores of this machine that ends at once on Ctrl-C."""
+"""Parallel work on all cores of this machine that ends at once on Ctrl-C."""
 
 import contextlib
 import multiprocessing
@@ -18,9 +18,9 @@ _Answer = TypeVar("_Answer")
 def started(
     call: Callable[[_Item], _Answer], items: Iterable[_Item], workers: int
 ) -> "Generator[dict[Future[_Answer], _Item]]":
-    """Start `call` with every item, so many at a time in processes of their own; yield what is to come, with its item.
+    """Run `call` with every item in separate processes, `workers` at a time; yield the futures with their items.
 
-    Whatever ends the block before its end, Ctrl-C before all, ends what still runs and drops what waits.
+    If the block ends early, above all by Ctrl-C, running calls are ended and waiting ones dropped.
     """
     before = multiprocessing.active_children()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_ctrl_c_to_the_parent)
@@ -32,20 +32,20 @@ def started(
         for child in set(multiprocessing.active_children()) - set(before):
             child.terminate()
         # Wait in the first call: shutdown(wait=False) forgets the pool's thread, and a second call cannot wait for it.
-        # That thread would close its pipes while the ending interpreter writes to them: "Bad file descriptor".
+        # That thread would close its pipes while the exiting interpreter writes to them: "Bad file descriptor".
         pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown(wait=True)
 
 
 def _leave_ctrl_c_to_the_parent() -> None:
-    """Ctrl-C goes to all processes of a terminal; only one of them is to answer it."""
+    """Ignore Ctrl-C, which goes to all processes of a terminal; only the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextlib.contextmanager
 def _one_thread_each() -> Generator[None]:
-    """Let the processes that start here use one thread each for linear algebra: the cores are taken by other fits."""
+    """Let the processes that start here use one thread each for linear algebra: other fits use the other cores."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
@@ -62,7 +62,7 @@ def _one_thread_each() -> Generator[None]:
 def ctrl_c_blocked() -> Generator[None]:
     """Let the processes that start here inherit a blocked Ctrl-C, so that none dies of it before it ignores it.
 
-    A Ctrl-C of these milliseconds is answered at their end. Windows has no such thing and does without.
+    A Ctrl-C during these milliseconds is handled at their end. Windows has no such mask and does without.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

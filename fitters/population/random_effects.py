@@ -1,12 +1,12 @@
-"""Values that differ between samples and are uncertain in themselves: how much is which, and who does not belong.
+"""Random-effects model: scatter between samples apart from the uncertainty of each value, and outliers.
 
 Model: x_i = m + b_i + e_i, with b_i of variance tau^2 (scatter between samples) and e_i of the known variance u_i^2
 (uncertainty within). Everything follows from the generalised Q(tau^2) = sum (x_i - m)^2 / (u_i^2 + tau^2) at the
-weighted mean m, which falls as tau^2 grows:
+weighted mean m, which decreases with tau^2:
 
-tau^2 where Q is its own expectation n - 1: R. C. Paule and J. Mandel, J. Res. NBS 87 (1982) 377; chosen before
-DerSimonian and Laird's moment estimate, which is its first step only: R. DerSimonian and R. Kacker, Contemp. Clin.
-Trials 28 (2007) 105. The interval of tau from the quantiles of Q: W. Viechtbauer, Stat. Med. 26 (2007) 37.
+tau^2 is where Q equals its own expectation n - 1: R. C. Paule and J. Mandel, J. Res. NBS 87 (1982) 377; preferred to
+DerSimonian and Laird's moment estimate, which is only its first step: R. DerSimonian and R. Kacker, Contemp. Clin.
+Trials 28 (2007) 105. The interval of tau follows from the quantiles of Q: W. Viechtbauer, Stat. Med. 26 (2007) 37.
 """
 
 import math
@@ -19,29 +19,30 @@ from scipy.optimize import brentq
 from ...models.base.arrays import Reals
 
 FALSE_ALARM = 0.01
-"""Chance that a population without an outlier gets one named, for one constant; measured: 1 to 2.5 %."""
+"""Probability that an outlier is named in a population without any, for one constant; measured: 1 to 2.5 %."""
 
 
 @dataclass(frozen=True)
 class RandomEffects:
-    """Scatter between samples, told apart from the uncertainty within; units of the values."""
+    """Scatter between samples, separated from the uncertainty within; units of the values."""
 
     mean: float
     """Mean weighted by 1/(u^2 + tau^2)."""
     u: float
-    """Standard uncertainty of `mean`. The interval from Student's t with n - 1 degrees of freedom (Knapp and Hartung,
-    2003) needs no other: at the Paule-Mandel tau both are the same."""
+    """Standard uncertainty of `mean`. It also gives the interval from Student's t with n - 1 degrees of freedom (Knapp
+    and
+    Hartung, 2003): at the Paule-Mandel tau both are the same."""
     tau: float
     """Standard deviation between samples."""
     tau_low: float
-    """95 % interval of `tau`; from few samples it is wide."""
+    """Lower limit of the 95 % interval of `tau`, which is wide for few samples."""
     tau_high: float
 
 
 def random_effects(x: Reals, u: Reals) -> RandomEffects:
-    """Separate values `x`, shape (n,), n >= 2, with standard uncertainties `u`: all positive, or all 0.
+    """Estimate mean and scatter of values `x`, shape (n,), n >= 2, with standard uncertainties `u`.
 
-    With `u` 0, `tau` is the plain standard deviation and `mean` the plain mean.
+    `u` must be all positive, or all 0: then `tau` is the plain standard deviation and `mean` the plain mean.
     """
     dof = x.size - 1
     low, high = (float(stats.chi2.ppf(chance, dof)) for chance in (0.975, 0.025))
@@ -53,7 +54,7 @@ def random_effects(x: Reals, u: Reals) -> RandomEffects:
 
 
 def _standard(x: Reals, u: Reals) -> tuple[Reals, Reals, float, float]:
-    """Return values and uncertainties around 0 and of the size of 1, and centre and scale that were taken out.
+    """Return values and uncertainties normalised to zero mean and unit size, and the centre and scale removed.
 
     Constants come as 1e11 Pa and 1e-15 m/Pa, and are squared here.
     """
@@ -63,14 +64,17 @@ def _standard(x: Reals, u: Reals) -> tuple[Reals, Reals, float, float]:
 
 
 def outliers(x: Reals, u: Reals) -> dict[int, float]:
-    """Return the indices of the values that do not belong to the rest, and how likely chance alone makes such a one.
+    """Return the indices of the values that do not belong to the rest, with the probability of that by chance.
 
     Each value is compared with what the others predict for it (leave one out, Student's t; with `u` 0 this is Grubbs's
-    test), the farthest is set aside, and so on up to a third of them: a second outlier cannot hide behind the first
-    (B. Rosner, Technometrics 25 (1983) 165). Probabilities are for the farthest of all (Bonferroni). The usual median
-    rule (3.5 MAD) is not used: in one of six populations of four good samples it rejects one. Nor is the normal
-    distribution where the others scatter no more than their uncertainties: three samples cannot show that, and it
-    rejects a good one in up to a third of the populations. So four samples give an outlier away only when it is far.
+    test), the most extreme is set aside, and so on up to a third of them: a second outlier cannot hide behind the first
+    (B. Rosner, Technometrics 25 (1983) 165). Probabilities are for the most extreme of all (Bonferroni). The usual
+    median
+    rule (3.5 MAD) is not used: it rejects a good sample in one of six populations of four. Nor is the normal
+    distribution
+    where the others scatter no more than their uncertainties: three samples cannot show that, and it rejects a good one
+    in
+    up to a third of the populations. Among four samples, only a far outlier is therefore detected.
     """
     x, u, _, _ = _standard(x, u)
     left = list(range(x.size))
@@ -86,7 +90,7 @@ def outliers(x: Reals, u: Reals) -> dict[int, float]:
 
 
 def _chance(x: Reals, u: Reals, k: int) -> float:
-    """Return the two-sided probability of value `k` under what the other values predict for it."""
+    """Return the two-sided probability of value `k` given the other values."""
     others = np.arange(x.size) != k
     dof = x.size - 2
     tau2 = _tau2_where(x[others], u[others], dof)
@@ -114,7 +118,7 @@ def _weighted_mean(x: Reals, u: Reals, tau2: float) -> tuple[float, float]:
 
 
 def _tau2_where(x: Reals, u: Reals, q: float) -> float:
-    """Return the tau^2 >= 0 at which Q comes down to `q`; 0 where it lies below from the outset."""
+    """Return the tau^2 >= 0 at which Q falls to `q`; 0 if it is below from the outset."""
     highest = float(np.sum((x - np.mean(x)) ** 2)) / q  # Q(tau^2) never exceeds what it is with u = 0
     if not u.any() or highest == 0:
         return highest

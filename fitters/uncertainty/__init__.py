@@ -1,1 +1,1 @@
-"""Uncertainties of a fit, what determines them, and the result with all of it."""
+"""Uncertainties of a fit, their contributions, and the complete result."""

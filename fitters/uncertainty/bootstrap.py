@@ -1,8 +1,8 @@
-"""Bootstrap: the fit repeated on recordings that might have been measured instead.
+"""Bootstrap: repeat the fit on recordings that might have been measured instead.
 
-B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993). Where the model describes a recording, its noise is
-drawn anew; elsewhere its own residuals are drawn in blocks, with what they share with their neighbours (H. R. Kuensch,
-Ann. Statist. 17 (1989) 1217). What was known before is a measurement too, and is drawn anew as well.
+B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993). If the model describes a recording, new noise is
+drawn; otherwise its own residuals are drawn in blocks, which keeps the correlation of neighbours (H. R. Kuensch, Ann.
+Statist. 17 (1989) 1217). Priors are measurements too, and their means are drawn as well.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,36 +21,36 @@ SEED = 4294
 _TOLERANCE = 1e-6
 _SHORTEST = 10
 _BLOCK = 4.0
-# Length of a block in lengths of correlation.
+# Length of a block in correlation lengths.
 _P68, _P95 = (15.865, 84.135), (2.5, 97.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What the repeated fits found."""
+    """Results of the repeated fits."""
 
     values: tuple[Mapping[str, float], ...]
-    """Model parameters of each, SI."""
+    """Model parameters of each fit, SI."""
     failed: int
-    """Fits that did not converge; they are left out."""
+    """Number of fits that did not converge; they are left out."""
 
 
 def spread_of(numbers: Iterable[float]) -> tuple[float, Interval]:
     """Return standard deviation and percentile intervals."""
-    found = np.array(list(numbers))
-    ends = [(float(np.percentile(found, low)), float(np.percentile(found, high))) for low, high in (_P68, _P95)]
-    return float(np.std(found, ddof=1)), Interval(*ends)
+    sample = np.array(list(numbers))
+    ends = [(float(np.percentile(sample, low)), float(np.percentile(sample, high))) for low, high in (_P68, _P95)]
+    return float(np.std(sample, ddof=1)), Interval(*ends)
 
 
 def bootstrap(descent: Descent, draws: int = DRAWS, seed: int = SEED) -> Draws:
-    """Repeat a fit `draws` times; the same `seed` draws the same."""
+    """Repeat a fit `draws` times; the same `seed` gives the same draws."""
     rng = np.random.default_rng(seed)
     objective, x = descent.objective, descent.x
     values, _ = objective.coordinates.forward(x)
     fits = [
         model.impedance(r.sweep.frequency) for r, model in zip(objective.recordings, objective.models(x), strict=True)
     ]
-    found: list[Mapping[str, float]] = []
+    values_of_draws: list[Mapping[str, float]] = []
     for _ in range(draws):
         recordings = [_redrawn(r, Z, rng) for r, Z in zip(objective.recordings, fits, strict=True)]
         known: list[Prior | Posterior] = [
@@ -59,12 +59,12 @@ def bootstrap(descent: Descent, draws: int = DRAWS, seed: int = SEED) -> Draws:
         known += [_shifted(posterior, objective, x, rng) for posterior in objective.posteriors]
         again = descend(Objective(recordings, objective.coordinates, known), x, _TOLERANCE)
         if again.converged:
-            found.append(objective.coordinates.forward(again.x)[0])
-    return Draws(tuple(found), draws - len(found))
+            values_of_draws.append(objective.coordinates.forward(again.x)[0])
+    return Draws(tuple(values_of_draws), draws - len(values_of_draws))
 
 
 def _redrawn(recording: Recording, fitted: Complexes, rng: np.random.Generator) -> Recording:
-    """Return a recording that the fitted model might have given as well."""
+    """Return a random recording that the fitted model could have given as well."""
     count = fitted.size
     if recording.misfit == 0:
         error = recording.sigma * (rng.standard_normal(count) + 1j * rng.standard_normal(count))
@@ -78,7 +78,7 @@ def _redrawn(recording: Recording, fitted: Complexes, rng: np.random.Generator) 
 
 
 def _shifted(posterior: Posterior, objective: Objective, x: Reals, rng: np.random.Generator) -> Posterior:
-    """Return a posterior that was measured another time: its mean about what the fit found."""
+    """Return a posterior measured another time: its mean is drawn about the fitted value."""
     now, (y, _) = posterior.mean.copy(), objective.straight(x)
     for k, name in enumerate(posterior.names):
         if name in objective.coordinates.free:

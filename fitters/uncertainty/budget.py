@@ -1,8 +1,8 @@
-"""The uncertainty budget: what noise, dimensions, data sheets and assumptions contribute to each constant.
+"""Uncertainty budget: contributions of noise, dimensions, data sheets and assumptions to each constant.
 
-To first order an answer is linear in everything that went into it, so its variance is a sum (GUM, JCGM 100:2008, 5.1).
-What is held as exact contributes by how far it would move the answer if it were off by a nominal tolerance, or by as
-much of it as the recordings would let pass.
+To first order the result is linear in all its inputs, so its variance is a sum (GUM, JCGM 100:2008, 5.1). A value held
+as exact contributes the change of the result if it were off by a nominal tolerance, or by as much of it as the
+recordings allow.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ from ..interface import Budget, Share
 
 
 def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budget:
-    """Return the budget of every constant that moved.
+    """Return the budget of every fitted constant.
 
-    `by`: standard uncertainties of all parameters by source, shape (P,), where the error model told them.
+    `by`: standard uncertainties of all parameters by source, shape (P,), if the error model was used.
     """
     now, x = solution.judged, solution.descent.x
     steps = tuple(dict.fromkeys(recording.step for recording in now.recordings))
@@ -41,9 +41,9 @@ def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budg
 
 
 def _assumed(bent: Curvature, columns: Reals, tolerances: Mapping[str, float]) -> Reals:
-    """Return what each held value adds to x, shape (M, held); `columns` is d residual / d held value.
+    """Return the contribution of each held value to x, shape (M, held); `columns` is d residual / d held value.
 
-    As far as the recordings would let it be off: a glue's loss that is wrong by half shows as misfit.
+    Only as far as the recordings allow: a glue's loss that is wrong by half shows as misfit.
     """
     rows = bent.rows[: bent.data]
     shift = bent.half @ (bent.half.T @ (rows.T @ columns))
@@ -54,7 +54,7 @@ def _assumed(bent: Curvature, columns: Reals, tolerances: Mapping[str, float]) -
 
 
 class _Shares:
-    """The parts of every parameter's uncertainty, shape (P, parts), and what each part is called."""
+    """Contributions to every parameter's uncertainty, shape (P, parts), and their names."""
 
     def __init__(
         self,
@@ -73,12 +73,12 @@ class _Shares:
 
     def of(self, part: str) -> dict[str, Share]:
         """Return the shares of all constants' real or imaginary part (`.re`, `.im`)."""
-        found: dict[str, Share] = {}
+        shares: dict[str, Share] = {}
         for k, name in enumerate(self._parameters):
             bare = name.removesuffix(".re").removesuffix(".im")
             if (name.endswith(".im")) == (part == ".im") and (self._noise[k] > 0 or np.any(self._parts[k] > 0)):
-                found[bare] = self._share(k)
-        return found
+                shares[bare] = self._share(k)
+        return shares
 
     def _share(self, k: int) -> Share:
         parts = self._parts[k]
@@ -92,7 +92,7 @@ class _Shares:
         )
         if not self._by:
             return share
-        # The error model gives what was known beforehand as one part; least squares say how it is divided.
+        # The error model gives the priors' contribution as one number; least squares say how it is divided.
         u = {source: float(values[k]) for source, values in self._by.items()}
         known = float(np.hypot(share.dimensions, share.knowledge))
         scale = u["dimensions"] / known if known else 0.0

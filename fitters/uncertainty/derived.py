@@ -1,4 +1,4 @@
-"""Constants that follow from the fitted ones, with their uncertainties and correlations carried along."""
+"""Constants derived from the fitted ones, with uncertainties and correlations propagated."""
 
 from collections.abc import Mapping
 
@@ -21,15 +21,15 @@ DERIVED_UNITS = {
     "compliance": "m/Pa",
 }
 _BY_THICKNESS = {"fp": -1, "delay": 1, "compliance": 1}
-"""With which power of the thickness a derived constant goes."""
+"""Exponent of the thickness in a derived constant."""
 
 
 def derived_of(layer: LayerSpec, values: Mapping[str, float]) -> dict[str, complex]:
-    """Return the derived constants of one layer, by name; of a layer ground before a step, `delay@step` and so on, too.
+    """Return the derived constants of one layer by name, with `delay@step` and so on for a layer ground before a step.
 
     Piezo: `kt` = h33 sqrt(eps33S/c33D), `Qm` = c'/c'', `tan_delta`, `v33D` = sqrt(c'/density), `z33D`, `fp` = v/2t.
-    Elastic: `c33` = z c (1 + j/q), `delay` = thickness/c, `compliance` = thickness/(z c), which is what a thin bond
-    shows electrically where thickness and stiffness cannot be told apart.
+    Elastic: `c33` = z c (1 + j/q), `delay` = thickness/c, `compliance` = thickness/(z c), the only property that a thin
+    bond shows electrically if thickness and stiffness cannot be separated.
     """
 
     def get(name: str) -> float:
@@ -40,7 +40,7 @@ def derived_of(layer: LayerSpec, values: Mapping[str, float]) -> dict[str, compl
         h = complex(get("h33.re"), get("h33.im"))
         eps = complex(get("eps33S.re"), get("eps33S.im"))
         v = np.sqrt(c.real / get("density"))
-        made = {
+        derived = {
             "kt": complex(np.sqrt(h**2 * eps / c)),
             "Qm": complex(c.real / c.imag) if c.imag else complex(np.inf),
             "tan_delta": complex(-eps.imag / eps.real),
@@ -50,21 +50,21 @@ def derived_of(layer: LayerSpec, values: Mapping[str, float]) -> dict[str, compl
         }
     else:
         z, c_, q, t = get("z"), get("c"), get("q"), get("thickness")
-        made = {"c33": z * c_ * (1 + 1j / q), "delay": complex(t / c_), "compliance": complex(t / (z * c_))}
-    found = {f"{layer.name}.{name}": value for name, value in made.items()}
+        derived = {"c33": z * c_ * (1 + 1j / q), "delay": complex(t / c_), "compliance": complex(t / (z * c_))}
+    named = {f"{layer.name}.{name}": value for name, value in derived.items()}
     first = f"{layer.name}.thickness"
     for ground in (name for name in values if name.startswith(f"{first}@")):
         thinner, since = values[ground] / values[first], ground.removeprefix(first)
         for name, power in _BY_THICKNESS.items():
-            if name in made:
-                found[f"{layer.name}.{name}{since}"] = made[name] * thinner**power
-    return found
+            if name in derived:
+                named[f"{layer.name}.{name}{since}"] = derived[name] * thinner**power
+    return named
 
 
 def derived_constants(
     layers: tuple[LayerSpec, ...], values: Mapping[str, float], names: tuple[str, ...], covariance: Reals | None
 ) -> dict[str, Constant]:
-    """Return all derived constants; `covariance` is that of the parameters `names`, None where there is none."""
+    """Return all derived constants; `covariance` is that of the parameters `names`, None if there is none."""
     result: dict[str, Constant] = {}
     for layer in layers:
         there = derived_of(layer, values)
@@ -75,14 +75,14 @@ def derived_constants(
             step = max(_STEP * abs(values[name]), 1e-3 * float(np.sqrt(covariance[k, k])))
             up = derived_of(layer, {**values, name: values[name] + step})
             down = derived_of(layer, {**values, name: values[name] - step})
-            for made in there:
-                gradients[made][k] = (up[made] - down[made]) / (2 * step)
-        for made, value in there.items():
+            for constant in there:
+                gradients[constant][k] = (up[constant] - down[constant]) / (2 * step)
+        for constant, value in there.items():
             u_re, u_im = (None, None)
             if covariance is not None:
-                g = gradients[made]
+                g = gradients[constant]
                 u_re = float(np.sqrt(max(0.0, g.real @ covariance @ g.real)))
                 u_im = float(np.sqrt(max(0.0, g.imag @ covariance @ g.imag)))
-            unit = DERIVED_UNITS[made.split(".")[1].partition("@")[0]]
-            result[made] = Constant(value.real, value.imag, u_re, u_im, unit, free=False)
+            unit = DERIVED_UNITS[constant.split(".")[1].partition("@")[0]]
+            result[constant] = Constant(value.real, value.imag, u_re, u_im, unit, free=False)
     return result

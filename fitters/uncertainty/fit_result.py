@@ -1,4 +1,4 @@
-"""From a minimum to the answer people read."""
+"""From a minimum to the complete result of a fit."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,12 +24,12 @@ from .profile import profile_intervals
 _USUAL = Options()
 _FROZEN = (
     "The constants of earlier steps were frozen: their errors went into the later ones, whose uncertainties do not "
-    "cover that."
+    "include them."
 )
 _MENTION = 0.9
 _MISFIT = 1.5
-# chi2 per degree of freedom above which a person is told that model and recording differ: the noise estimate itself
-# is good to a few per cent, 1600 residuals scatter by 3.5 %.
+# chi2 per degree of freedom above which a misfit is reported: the noise estimate has a few per cent of uncertainty,
+# and 1600 residuals scatter by 3.5 %.
 
 
 def fitted_constants(
@@ -39,7 +39,7 @@ def fitted_constants(
     covariance: Reals | None,
     by: Mapping[str, Reals] | None = None,
 ) -> dict[str, Constant]:
-    """Return the constants of all layers; `covariance` is that of the parameters `names`, None where there is none."""
+    """Return the constants of all layers; `covariance` is that of the parameters `names`, None if there is none."""
     variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
 
     def u(name: str) -> float | None:
@@ -53,13 +53,13 @@ def fitted_constants(
                 re, im = f"{full}.re", f"{full}.im"
                 constants[full] = Constant(values[re], values[im], u(re), u(im), UNITS[name], free=u(re) != 0)
             elif full in values:
-                for one in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
-                    constants[one] = Constant(values[one], 0.0, u(one), 0.0, UNITS[name], free=u(one) != 0)
+                for name_ in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
+                    constants[name_] = Constant(values[name_], 0.0, u(name_), 0.0, UNITS[name], free=u(name_) != 0)
     return constants
 
 
 def strong_correlations(names: tuple[str, ...], covariance: Reals) -> tuple[tuple[str, str, float], ...]:
-    """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first, twenty at most."""
+    """Return the pairs of parameters with a correlation above 0.9 in size, strongest first, twenty at most."""
     sigma = np.sqrt(np.diag(covariance))
     moving: list[int] = np.flatnonzero(sigma > 0).tolist()
     pairs = [
@@ -92,7 +92,7 @@ def curves_of(objective: Objective, start: Reals, x: Reals) -> tuple[Curve, ...]
 
 
 def least_squares_answer(fitter: str, version: str, solution: Solution, options: Options = _USUAL) -> FitResult:
-    """Return the answer of a least-squares fitter: constants, uncertainties, curves, and what to know of them."""
+    """Return the result of a least-squares fitter: constants, uncertainties, curves, and sentences about them."""
     objective, coordinates = solution.judged, solution.descent.objective.coordinates
     result = estimate(solution.descent, objective)
     chi2 = chi2_beside_instrument(objective.recordings, objective.log_ratios(result.x), result.x.size)
@@ -101,9 +101,9 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     values, _ = coordinates.forward(result.x)
     by: Mapping[str, Reals] | None = None
     if options.objective == "log" and options.procedure == "joint":
-        told = marginal_estimate(objective, result.x)
-        values, covariance, by = dict(told.values), told.covariance, told.by
-        result = replace(result, x=told.x)
+        estimated = marginal_estimate(objective, result.x)
+        values, covariance, by = dict(estimated.values), estimated.covariance, estimated.by
+        result = replace(result, x=estimated.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
     constants = fitted_constants(layers, values, coordinates.parameters, covariance)
@@ -116,8 +116,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     if options.uncertainty == "profile":
         constants = with_intervals(constants, profile_intervals(solution.descent))
     elif options.uncertainty == "bootstrap":
-        constants, derived, told = with_draws(constants, derived, layers, bootstrap(solution.descent))
-        says += told
+        constants, derived, estimated = with_draws(constants, derived, layers, bootstrap(solution.descent))
+        says += estimated
     return FitResult(
         build=solution.build.name,
         fitter=fitter,
@@ -139,7 +139,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
 
 
 def _carried(solution: Solution) -> Reals:
-    """Return the covariance of what was frozen after an earlier step, in the place it has among all parameters."""
+    """Return the covariance of constants frozen after an earlier step, placed among all parameters."""
     names = solution.descent.objective.coordinates.parameters
     total = np.zeros((len(names), len(names)))
     for descent in solution.carried:
@@ -149,7 +149,7 @@ def _carried(solution: Solution) -> Reals:
 
 
 def _aspect(build: Build) -> float | None:
-    """Return diameter/thickness of the piezo layer, where the diameter is known."""
+    """Return diameter/thickness of the piezo layer, if the diameter is known."""
     if build.diameter is None:
         return None
     piezo = next(layer for layer in build.layers if layer.kind == "piezo")
@@ -163,12 +163,12 @@ def verdict(result: Estimate, diameter_to_thickness: float | None, noise: float)
         says.append(
             f"A 1-D model does not describe this recording: RMS log error {result.rms_log_error:.2g} where the noise "
             f"is {noise:.1g} (chi2 per degree of freedom {result.chi2_per_dof:.3g}). The uncertainties are widened by "
-            "the misfit, but the constants may carry a bias they do not cover."
+            "the misfit, but the constants may have a bias that they do not include."
         )
         if diameter_to_thickness is not None and diameter_to_thickness < 40 and result.rms_log_error > 0.02:
             says.append(
-                f"Diameter/thickness is {diameter_to_thickness:.1f}: radial overtones and the edge mode run through "
-                "the thickness resonance of such a disk, and a 1-D model takes them for loss."
+                f"Diameter/thickness is {diameter_to_thickness:.1f}: radial overtones and the edge mode overlap "
+                "the thickness resonance of such a disk, and a 1-D model mistakes them for loss."
             )
     if not result.converged:
         says.append("The fit stopped before it converged; do not use these numbers.")

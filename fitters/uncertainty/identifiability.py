@@ -1,4 +1,4 @@
-"""What a recording cannot tell apart, and the combination of it that the recording does determine."""
+"""Identifiability: constants that a recording cannot separate, and the combination that it determines."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from ..interface import Constant
 _TOGETHER = 0.95
 _NEARLY_ONE = 0.99
 _TIED = 1 - 1e-10
-# What is tied is one constant under two names.
+# Correlation above which two parameters are one tied constant.
 _BETTER = 0.3
-# A combination is worth a sentence where its relative uncertainty is below this part of the better known constant's.
+# A combination is reported if its relative uncertainty is below this part of that of the better known constant.
 _THIN = 0.05
-# A layer of less than a twentieth of a period is seen as a spring: only its compliance matters.
+# Thickness in periods below which a layer acts as a spring: only its compliance matters.
 _MADE_OF = {"delay": ("c", "thickness"), "compliance": ("z", "c", "thickness")}
 _MOST = 3
 
@@ -37,7 +37,7 @@ def separability(
     derived: Mapping[str, Constant],
     highest: float,
 ) -> tuple[str, ...]:
-    """Return a sentence for what cannot be told apart; `covariance` is of the parameters `names`, `highest` in Hz."""
+    """Return sentences on inseparable constants; `covariance` is of the parameters `names`, `highest` in Hz."""
     relative = _relative(values, names, covariance)
     says: list[str] = []
     for layer in layers:
@@ -47,7 +47,7 @@ def separability(
 
 
 class _Relative:
-    """Relative uncertainties and correlations of the parameters that moved."""
+    """Relative uncertainties and correlations of the free parameters."""
 
     def __init__(self, names: Sequence[str], covariance: Reals) -> None:
         self.names = tuple(names)
@@ -68,27 +68,27 @@ def _relative(values: Mapping[str, float], names: Sequence[str], covariance: Rea
 
 
 def _of_layer(layer: str, relative: _Relative, derived: Mapping[str, Constant], highest: float) -> list[str]:
-    """Return what is to be said of one passive layer."""
+    """Return the sentences on one passive layer."""
     free = [name for name in ("z", "c", "thickness") if f"{layer}.{name}" in relative.u]
     thin = derived[f"{layer}.delay"].re * highest < _THIN
     if free == ["thickness"] and thin:
         return [
-            f"{layer}.thickness rests on {layer}.z and {layer}.c, which are held; what the recording determines is "
+            f"{layer}.thickness depends on {layer}.z and {layer}.c, which are held; the recording determines "
             f"{_shown(layer, 'compliance', derived)}."
         ]
     says: list[str] = []
     told: set[str] = set()
-    for made in ("compliance", "delay") if thin else ("delay", "compliance"):
-        parts = [name for name in _MADE_OF[made] if name in free and name not in told]
+    for combination in ("compliance", "delay") if thin else ("delay", "compliance"):
+        parts = [name for name in _MADE_OF[combination] if name in free and name not in told]
         pairs = [(a, b, relative.correlation(f"{layer}.{a}", f"{layer}.{b}")) for a, b in combinations(parts, 2)]
         close = [pair for pair in pairs if abs(pair[2]) > _TOGETHER]
-        if not close or not _better(layer, made, parts, relative, derived):
+        if not close or not _better(layer, combination, parts, relative, derived):
             continue
         a, b, rho = max(close, key=lambda pair: abs(pair[2]))
         told |= {a, b}
         says.append(
-            f"{layer}.{a} and {layer}.{b} cannot be told apart (correlation {_rho(rho)}); what the recording "
-            f"determines is {_shown(layer, made, derived)}."
+            f"{layer}.{a} and {layer}.{b} cannot be separated (correlation {_rho(rho)}); the recording "
+            f"determines {_shown(layer, combination, derived)}."
         )
     return says
 
@@ -105,7 +105,7 @@ def _shown(layer: str, made: str, derived: Mapping[str, Constant]) -> str:
 
 
 def _rho(rho: float) -> str:
-    """Return a correlation with as many nines as it has, and one digit more."""
+    """Return a correlation with as many digits as it has nines, plus one."""
     digits = int(np.clip(np.ceil(-np.log10(max(1e-12, 1 - abs(rho)))), 2, 8))
     return f"{rho:.{digits}f}"
 
@@ -116,7 +116,7 @@ def _across(relative: _Relative) -> list[str]:
         _Pair(a, b, relative.correlation(a, b))
         for a, b in combinations(relative.names, 2)
         if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
-        # Air on the two faces of a disk is one and the same to it, and nobody asks for it.
+        # The loads of air on the two faces of a disk are inseparable, and nobody needs them.
         if not {a, b} & {"back.z", "front.z"}
     ]
     near = (pair for pair in pairs if _NEARLY_ONE < abs(pair.correlation) < _TIED)
@@ -131,8 +131,8 @@ def _across(relative: _Relative) -> list[str]:
         left = relative.u[pair.first] * float(np.sqrt(max(0.0, 1 - pair.correlation**2)))
         first, second = pair.first.removesuffix(".re"), pair.second.removesuffix(".re")
         says.append(
-            f"{first} and {second} are known to {100 * relative.u[pair.first]:.2g} % and "
-            f"{100 * relative.u[pair.second]:.2g} %, but only together (correlation {_rho(pair.correlation)}): "
-            f"{first} * {second}^{power:.2g} is known to {100 * left:.1g} %."
+            f"{first} and {second} are strongly correlated ({_rho(pair.correlation)}): they are known to "
+            f"{100 * relative.u[pair.first]:.2g} % and {100 * relative.u[pair.second]:.2g} %, but "
+            f"{first} * {second}^{power:.2g} to {100 * left:.1g} %."
         )
     return says

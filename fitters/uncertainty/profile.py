@@ -1,7 +1,7 @@
-"""Profile likelihood: intervals for constants whose misfit does not rise as a parabola.
+"""Profile likelihood: intervals for constants whose misfit is not a parabola.
 
-D. J. Venzon, S. H. Moolgavkar, Appl. Statist. 37 (1988) 87. A constant is drawn to one side by a narrow prior and all
-else follows it downhill; the misfit there, without that prior, lies on the profile, wherever the constant went.
+D. J. Venzon, S. H. Moolgavkar, Appl. Statist. 37 (1988) 87. A narrow prior pulls a constant to one side, and everything
+else is refitted; the misfit without that prior is a point of the profile, wherever the constant ended.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from ..engine.recording import Prior
 from ..interface import Interval
 
 _PULL = 0.05
-# Standard uncertainty of the prior that draws, in standard uncertainties of the constant: it gets where it is drawn.
+# Standard uncertainty of the pulling prior, in standard uncertainties of the constant: it reaches its target.
 _ONE, _NINETY_FIVE = 1.0, 1.959964
 _NEAR = 0.03
 _PULLS = 4
@@ -25,7 +25,7 @@ _TOLERANCE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class _Profile:
-    """One constant near its best value."""
+    """Profile of one constant near its best value."""
 
     objective: Objective
     x: Reals
@@ -33,13 +33,13 @@ class _Profile:
     best: float
     u: float
     way: Reals
-    """d x / d constant along the profile's beginning, shape (M,)."""
+    """d x / d constant along the profile at its beginning, shape (M,)."""
     chi2: float
     unit: float
     """Misfit that counts as one (Birge ratio squared)."""
 
     def drawn(self, target: float, x: Reals) -> tuple[float, float, Reals]:
-        """Return the constant where it was drawn to, sqrt of the rise of the misfit there, and x."""
+        """Return the value of the pulled constant, the square root of the rise of the misfit there, and x."""
         prior = Prior(self.name, target, _PULL * self.u)
         known = (*self.objective.priors, *self.objective.posteriors, prior)
         there = descend(Objective(self.objective.recordings, self.objective.coordinates, known), x, _TOLERANCE)
@@ -48,7 +48,7 @@ class _Profile:
         return value, float(np.sqrt(max(0.0, rise) / self.unit)), there.x
 
     def end(self, level: float, sign: int) -> float:
-        """Return where the misfit has risen by level^2 on one side; what cannot rise so far ends where it gets to."""
+        """Return where the misfit has risen by level^2 on one side, or the farthest value that can be reached."""
         target, x = self.best + sign * level * self.u, self.x + sign * level * self.u * self.way
         value = self.best
         for _ in range(_PULLS):
@@ -62,18 +62,18 @@ class _Profile:
 
 
 def profile_intervals(descent: Descent) -> dict[str, Interval]:
-    """Return the intervals of every parameter that moved, by name, SI. The objective must be that of the noise."""
+    """Return the intervals of every fitted parameter by name, SI. The objective must be weighted by the noise."""
     objective, x = descent.objective, descent.x
     values, chain = objective.coordinates.forward(x)
     bent = curvature(objective, x)
     half = chain @ bent.half
     chi2, unit = float(np.sum(objective.residual(x) ** 2)), remaining(objective, x)
-    found: dict[str, Interval] = {}
+    intervals: dict[str, Interval] = {}
     for k, name in enumerate(objective.coordinates.parameters):
         u = float(np.linalg.norm(half[k]))
         if u == 0 or not np.isfinite(u):
             continue
         way = bent.half @ half[k] / u**2
-        one = _Profile(objective, x, name, values[name], u, way, chi2, unit)
-        found[name] = Interval(*((one.end(level, -1), one.end(level, 1)) for level in (_ONE, _NINETY_FIVE)))
-    return found
+        profile = _Profile(objective, x, name, values[name], u, way, chi2, unit)
+        intervals[name] = Interval(*((profile.end(level, -1), profile.end(level, 1)) for level in (_ONE, _NINETY_FIVE)))
+    return intervals

@@ -1,1 +1,1 @@
-"""What all models share: array types, errors, names, the model protocol."""
+"""Common base of all models: array types, errors, names, the model protocol."""

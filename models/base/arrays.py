@@ -1,4 +1,4 @@
-"""Names for arrays, so that a signature says what they hold."""
+"""Array types whose names state content and unit."""
 
 from typing import TypeAlias
 

@@ -1,13 +1,13 @@
-"""The errors that people read. Every other exception is a defect of ours."""
+"""Errors that are shown to users. Every other exception is a defect of pzctl."""
 
 
 class PzctlError(Exception):
-    """One sentence for a person: what, where, what was found, what is allowed. The command line exits with 2."""
+    """One sentence for the user: what, where, what was found, what is allowed. The command line exits with 2."""
 
     exit_status = 2
 
 
 class CannotError(PzctlError):
-    """The question was right and the answer is "it cannot be done". The command line exits with 1."""
+    """A valid request without a possible result. The command line exits with 1."""
 
     exit_status = 1

@@ -1,6 +1,6 @@
-"""Maxima of a curve, and by how much each stands out.
+"""Maxima of a curve, with their prominence.
 
-What `scipy.signal.find_peaks` answers, without the half second that importing `scipy.signal` takes: longer than a fit.
+Equivalent to `scipy.signal.find_peaks`, without the half second that importing `scipy.signal` takes: longer than a fit.
 """
 
 import numpy as np
@@ -12,9 +12,10 @@ from .arrays import Reals
 def prominent_peaks(values: Reals, least: Reals | float) -> tuple[NDArray[np.intp], Reals]:
     """Return the interior maxima of `values`, shape (N,), of at least some prominence, and the prominence of each.
 
-    Indices rise; a flat top counts once, by its middle. The prominence of a maximum is its height over the higher of
-    its two valleys, each as deep as the curve goes before it rises above the maximum or ends. `least`: of shape (N,),
-    or one for all.
+    Indices increase; a flat top counts once, at its middle. The prominence of a maximum is its height over the higher
+    of
+    its two valleys, each the minimum of the curve until it rises above the maximum or ends. `least`: of shape (N,), or
+    one value for all.
     """
     begin = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])  # of each run of equal values
     level, middle = values[begin], (begin + np.append(begin[1:], values.size) - 1) // 2

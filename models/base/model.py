@@ -1,4 +1,4 @@
-"""What every model of an impedance can do: name its parameters, take others, give Z and its derivatives."""
+"""Protocol of an impedance model: named parameters, replacement of them, Z and its derivatives."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol, Self
@@ -19,7 +19,7 @@ class Model(Protocol):
         ...
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the model with these parameters changed. Raises KeyError for a name it does not have."""
+        """Return the model with these parameters changed. Raises KeyError for an unknown name."""
         ...
 
     def impedance(self, frequency: Frequencies) -> Impedances:
@@ -29,6 +29,6 @@ class Model(Protocol):
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z, shape (N,), and d ln Z / d parameter, shape (P, N), exact, in the order of `names`.
 
-        Raises KeyError for a name the model does not have.
+        Raises KeyError for an unknown name.
         """
         ...

@@ -1,4 +1,4 @@
-"""Names: what one may be, how one from outside is shown, and what is said of one that is not known."""
+"""Names: validation, safe display of names from outside, and hints for unknown names."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,29 +8,29 @@ from .errors import PzctlError
 
 
 def require(names: Sequence[str] | Mapping[str, float], known: Mapping[str, float], who: str) -> None:
-    """Raise KeyError, which says what there is, for a name that is not in `known`."""
+    """Raise KeyError, with the available names, for a name that is not in `known`."""
     for name in names:
         if name not in known:
             raise KeyError(f"{who} has no parameter {name!r}; it has {', '.join(known)}")
 
 
 def among(name: str, known: Iterable[str]) -> str:
-    """Return the end of a sentence on a name that is not known: what there is, and what was meant if that is near."""
+    """Return the end of a sentence on an unknown name: the available names, and the closest one if it is similar."""
     names = list(known)
     near = get_close_matches(name, names, n=1)
     return f"there are {', '.join(names) or 'none'}" + (f"; did you mean {near[0]!r}?" if near else "")
 
 
 LONGEST_NAME = 64
-"""Characters of the name of a sample, a step, a fitter or a client."""
+"""Characters allowed in the name of a sample, a step, a fitter or a client."""
 
 
 class NameFault(PzctlError):
-    """A name that cannot be shown on a line, or is none."""
+    """A name that is empty or cannot be shown on one line."""
 
 
 def check_name(name: str, what: str, longest: int = LONGEST_NAME) -> str:
-    """Return the name of a sample, step, layer, fitter, client or person if it is one. Raises NameFault.
+    """Return the name of a sample, step, layer, fitter, client or person if it is valid. Raises NameFault.
 
     It can be printed, so that it changes neither a terminal nor a log nor a table, and has neither too many
     characters nor blanks around it. `what` is what the sentence calls it.
@@ -48,10 +48,10 @@ def check_name(name: str, what: str, longest: int = LONGEST_NAME) -> str:
 
 
 def shown(text: str, keep: str = "") -> str:
-    r"""Return text from outside as it can be printed: what cannot be becomes `\x1b`; `keep`: what is left as it is."""
+    r"""Return text from outside in printable form: other characters become `\x1b`; those in `keep` remain."""
     return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
 
 
 def as_file_name(*names: str) -> str:
-    """Return names from outside as one part of a path: joined by `-`, nothing in it leads elsewhere."""
+    """Return names from outside, joined by `-`, as one safe component of a path."""
     return "-".join(re.sub(r"[^\w +.,=@-]", "_", name) for name in names).lstrip(".") or "_"

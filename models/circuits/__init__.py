@@ -1,1 +1,1 @@
-"""Lumped circuits and what stands between analyzer and device."""
+"""Lumped circuits, and the circuit between analyzer and device."""

@@ -1,9 +1,9 @@
-"""The electrical path around a device, and the corrections that take it away.
+"""The electrical path around a device, and the corrections that remove it.
 
     analyzer - load - short - open - cable - stray - lead - device
 
-`lead` and `stray` belong to the device's wires; `cable` is a length of line that was not compensated; `open`, `short`
-and `load` are what an open/short/load compensation left over (its residue).
+`lead` and `stray` belong to the device's wires; `cable` is an uncompensated length of line; `open`, `short` and `load`
+are the residuals of an open/short/load compensation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from ..base.names import require
 from .terminals import Scale, Seen, Series, Shunt, TransmissionLine
 
 PATH = ("lead", "stray", "cable", "open", "short", "load")
-"""The elements' nouns, from the device to the analyzer."""
+"""Names of the elements, from the device to the analyzer."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Fixture:
         return dict(self.device.parameters()) | self._path()
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return device and path with these parameters. Raises KeyError for a name neither has."""
+        """Return device and path with these parameters. Raises KeyError for an unknown name."""
         require(values, self.parameters(), "the device in its fixture")
         path = self._path()
         changes: dict[str, Any] = {
@@ -58,7 +58,7 @@ class Fixture:
         return replace(self, **changes)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
-        """Return what the analyzer sees in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        """Return the impedance seen by the analyzer in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         seen = self.device.impedance(frequency)
         for noun in PATH:
             seen, _, _ = self._see(noun, seen, frequency)

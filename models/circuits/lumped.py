@@ -21,7 +21,7 @@ from ..base.names import require
 
 
 class LumpedError(PzctlError):
-    """A circuit element that cannot exist."""
+    """A circuit element with an impossible value."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Branch:
 
 @dataclass(frozen=True)
 class Lumped:
-    """A lossy capacitor with resonant branches beside it, and R and L in series. Satisfies `Model`."""
+    """A lossy capacitor in parallel with resonant branches, and R and L in series. Satisfies `Model`."""
 
     C0: float
     """Clamped capacitance, F."""
@@ -81,7 +81,7 @@ class Lumped:
         return own
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the circuit with these parameters. Raises KeyError for a name it does not have."""
+        """Return the circuit with these parameters. Raises KeyError for an unknown name."""
         own = self.parameters()
         require(values, own, "the equivalent circuit")
         new = own | dict(values)

@@ -1,4 +1,4 @@
-"""What can stand between an analyzer and a device: series and shunt elements, a line, an error of scale.
+"""Elements between an analyzer and a device: series and shunt elements, a line, an error of scale.
 
 Each takes the impedance Z that it is loaded with, and gives what is seen through it, Z', with dZ'/dZ and the
 derivatives of Z' by its own parameters. At its null value every element gives back Z itself.
@@ -22,7 +22,7 @@ class Element(Protocol):
     """One element of the path; its dataclass fields are its parameters."""
 
     def see(self, Z: Impedances, frequency: Frequencies) -> Seen:
-        """Return what is seen through the element."""
+        """Return the impedance seen through the element."""
         ...
 
 
@@ -36,14 +36,14 @@ def skin(frequency: Frequencies) -> Complexes:
 
 @dataclass(frozen=True)
 class Series:
-    """A wire, clip or jig in series."""
+    """A wire, clip or fixture in series."""
 
     inductance: float = 0.0
     """H."""
     resistance: float = 0.0
     """ohm."""
     skin: float = 0.0
-    """ohm at 1 MHz; its share grows as the square root of frequency."""
+    """ohm at 1 MHz; it grows as the square root of frequency."""
 
     def see(self, Z: Impedances, frequency: Frequencies) -> Seen:
         """Return Z + jwL + R + skin (1 + j) sqrt(f/1 MHz)."""
@@ -54,7 +54,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Shunt:
-    """A capacitance and a conductance beside the device."""
+    """A capacitance and a conductance in parallel with the device."""
 
     capacitance: float = 0.0
     """F."""
@@ -74,11 +74,11 @@ class TransmissionLine:
     """A cable between analyzer and device."""
 
     length: float = 0.0
-    """m; 0 is no cable."""
+    """Length, m; 0 means no cable."""
     impedance: float = 50.0
-    """ohm."""
+    """Characteristic impedance, ohm."""
     velocity: float = 2e8
-    """m/s."""
+    """Wave velocity, m/s."""
     loss: float = 0.0
     """Attenuation in Np/m at 1 MHz; it grows as the square root of frequency."""
 
@@ -101,7 +101,7 @@ class TransmissionLine:
 
 @dataclass(frozen=True)
 class Scale:
-    """What a load standard would have corrected: an error of scale and a delay."""
+    """Errors that a load standard would have corrected: a scale factor and a delay."""
 
     gain: float = 1.0
     delay: float = 0.0

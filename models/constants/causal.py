@@ -1,4 +1,4 @@
-"""Lossy constants continued over frequency, whatever their sign.
+"""Continuation of lossy constants over frequency, whatever their sign.
 
 The laws themselves (constant loss, Kjartansson's causal constant Q, power laws) are those of the stack's layers. A
 causal law raises (jw) to the phase of the constant, so a negative constant (s12E, d31, a negative h33) goes as minus

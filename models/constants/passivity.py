@@ -1,9 +1,10 @@
-"""Passivity: a material takes energy and never gives any. As a check, and as coordinates that cannot leave it.
+"""Passivity: a material absorbs energy and supplies none. As a check, and as coordinates that guarantee it.
 
-Holland (IEEE Trans. Sonics Ultrason. SU-14 (1967) 18): -Im [[sE, d^T], [d, epsT]] is positive semidefinite. The
-inverse of that matrix is [[cD, -h^T], [-h, 1/epsS]], so there +Im is. Coordinates: with K and A lower triangular,
-every symmetric complex matrix with positive definite real part and loss is K (1 - j A A^T) K^T for exactly one pair
-of positive diagonals; so an optimiser may go anywhere in (K, A) and remains stable and passive.
+Holland (IEEE Trans. Sonics Ultrason. SU-14 (1967) 18): -Im [[sE, d^T], [d, epsT]] is positive semidefinite. For its
+inverse, [[cD, -h^T], [-h, 1/epsS]], +Im is. Coordinates: every symmetric complex matrix with positive definite real
+part
+and loss is K (1 - j A A^T) K^T for exactly one pair of lower triangular matrices K and A with positive diagonals; an
+optimiser may therefore choose any (K, A) and remains stable and passive.
 """
 
 import math
@@ -22,13 +23,13 @@ _ROUNDING = 1e-12
 
 
 class PassivityError(PzctlError):
-    """Constants that are not those of a stable, lossy material."""
+    """Constants that do not belong to a stable, lossy material."""
 
 
 def passivity_margin(law: Law) -> float:
-    """Return the least eigenvalue of Holland's loss matrix, each component measured by its own sE' or epsT'.
+    """Return the smallest eigenvalue of Holland's loss matrix, each component scaled by its own sE' or epsT'.
 
-    A number of the size of a loss tangent: positive for a lossy material, negative where energy would be made.
+    It has the size of a loss tangent: positive for a lossy material, negative if energy would be created.
     """
     at = convert(law, "stress_E")
     size = np.sqrt(np.abs(np.concatenate([np.diag(at.elastic), np.diag(at.dielectric)]).real))
@@ -36,7 +37,7 @@ def passivity_margin(law: Law) -> float:
 
 
 def is_passive(law: Law) -> bool:
-    """Say whether the law makes no energy; a lossless law is passive."""
+    """Return whether the law creates no energy; a lossless law is passive."""
     return passivity_margin(law) >= -_ROUNDING
 
 
@@ -78,7 +79,7 @@ class PassiveMatrix:
         return (K @ core @ K.T).astype(np.complex128), slopes
 
     def inverse(self, M: Complexes) -> Reals:
-        """Return the coordinates of M. Raises PassivityError where M is not stable and strictly lossy."""
+        """Return the coordinates of M. Raises PassivityError if M is not stable and strictly lossy."""
         rows, columns = np.tril_indices(self.size, -1)
         try:
             K = np.linalg.cholesky(M.real)
@@ -105,7 +106,7 @@ def thickness_from_coordinates(x: Reals) -> tuple[Complexes, Complexes]:
 
 
 def thickness_coordinates(constants: Thickness) -> Reals:
-    """Return the six coordinates of thickness-mode constants. Raises PassivityError where they are not passive."""
+    """Return the six coordinates of thickness-mode constants. Raises PassivityError if they are not passive."""
     c, h, beta = constants.c33D, constants.h33, 1 / constants.eps33S
     return PassiveMatrix(2).inverse(np.conj(np.array([[c, -h], [-h, beta]])))
 
@@ -139,7 +140,7 @@ def radial_from_coordinates(x: Reals) -> tuple[Complexes, Complexes]:
 
 
 def radial_coordinates(constants: Radial) -> Reals:
-    """Return the eight coordinates of radial-mode constants. Raises PassivityError where they are not passive."""
+    """Return the eight coordinates of radial-mode constants. Raises PassivityError if they are not passive."""
     s11, s12, d = constants.s11E, constants.s12E, math.sqrt(2) * constants.d31
     blocks = [np.array([[s11 - s12]]), np.array([[s11 + s12, d], [d, constants.eps33T]])]
     return np.concatenate([part.inverse(block) for part, block in zip(_RADIAL, blocks, strict=True)])
@@ -160,7 +161,7 @@ def tensor_from_coordinates(x: Reals) -> Tensor6mm:
 
 
 def tensor_coordinates(tensor: Tensor6mm) -> Reals:
-    """Return the twenty coordinates of a full tensor. Raises PassivityError where it is not passive."""
+    """Return the twenty coordinates of a full tensor. Raises PassivityError if it is not passive."""
     at = convert(tensor.law, "stress_E")
     s, d, eps = at.elastic, at.piezo, at.dielectric
     root = math.sqrt(2)

@@ -20,7 +20,7 @@ EPS0 = 8.8541878128e-12
 
 @dataclass(frozen=True)
 class Thickness:
-    """Thickness mode of a wide plate: the one strain is S3, the lateral faces do not move."""
+    """Thickness mode of a wide plate: the only strain is S3, the lateral faces do not move."""
 
     c33D: complex
     """Stiffness at constant displacement, Pa."""
@@ -170,7 +170,7 @@ class Radial:
 
     @property
     def c11p(self) -> complex:
-        """s11E/(s11E^2 - s12E^2), Pa; not 1/s11E, which the thesis's tables 4.8 and A.1 took it for."""
+        """s11E/(s11E^2 - s12E^2), Pa; not 1/s11E, with which the thesis's tables 4.8 and A.1 confuse it."""
         return self.s11E / ((self.s11E - self.s12E) * (self.s11E + self.s12E))
 
     @property

@@ -1,7 +1,7 @@
 """Sherrit's non-iterative method: complex constants from the critical frequencies of one resonance.
 
 S. Sherrit, H. D. Wiederick, B. K. Mukherjee: Ferroelectrics 134 (1992) 65 (thickness), 119 (1991) 17 (radial).
-Frequencies are taken on Y/w and wZ, where the geometric capacitance has no slope of its own: f_s at the maximum of
+Frequencies are read on Y/w and wZ, in which the geometric capacitance has no slope of its own: f_s at the maximum of
 G/w, f_p at the maximum of wR; f_plus and f_minus at the maximum and the minimum of B/w or of wX around them. For
 exp(+jwt) the maximum is the lower of the two.
 """
@@ -23,7 +23,7 @@ _ETA1 = (11.2924, -7.63859, 2.13559, -0.215782)
 
 @dataclass(frozen=True)
 class CriticalFrequencies:
-    """One peak: its top and the extremes of the other component beside it, Hz."""
+    """Critical frequencies of one peak: its maximum and the extremes of the other component beside it, Hz."""
 
     top: float
     plus: float
@@ -111,13 +111,13 @@ def _critical(frequency: Frequencies, curve: Impedances) -> CriticalFrequencies:
 
 
 def _half_width(values: Reals, top: int) -> int:
-    """Return how many points below the peak its value has fallen to half."""
+    """Return the number of points below the peak until its value has fallen to half."""
     below = np.flatnonzero(values[:top] < values[top] / 2)
     return top - int(below[-1]) if below.size else max(1, top)
 
 
 def _refined(frequency: Frequencies, values: Reals, k: int) -> float:
-    """Return where a parabola through the maximum and its neighbours has its top; the point itself at an end."""
+    """Return the vertex of a parabola through the maximum and its neighbours; the point itself at an end."""
     if not 0 < k < values.size - 1:
         return float(frequency[k])
     back, ahead = frequency[k - 1] - frequency[k], frequency[k + 1] - frequency[k]

@@ -19,7 +19,7 @@ _SYMMETRY_TOLERANCE = 1e-9
 
 
 class TensorError(PzctlError):
-    """Matrices that are not those of a poled ceramic."""
+    """Matrices that do not belong to a poled ceramic."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Tensor6mm:
 
     @classmethod
     def from_law(cls, law: Law) -> Self:
-        """Return the constants of a full law in any form. Raises TensorError where it has not the symmetry 6mm."""
+        """Return the constants of a full law in any form. Raises TensorError if it does not have the symmetry 6mm."""
         at = convert(law, "strain_E")
         c, e, eps = at.elastic, at.piezo, at.dielectric
         made = cls(c[0, 0], c[0, 1], c[0, 2], c[2, 2], c[3, 3], e[2, 0], e[2, 2], e[0, 4], eps[0, 0], eps[2, 2])

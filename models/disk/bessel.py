@@ -21,7 +21,7 @@ class RadialResonance:
 
     @classmethod
     def at(cls, eta: Complexes, sigma: Complexes) -> Self:
-        """Return it at complex arguments: finite where J1 vanishes, and no overflow however lossy the disk is."""
+        """Evaluate at complex arguments: finite where J1 vanishes, and without overflow however lossy the disk is."""
         J0, J1 = jve(0, eta), jve(1, eta)  # both scaled by exp(-|Im eta|), which cancels below
         denominator = eta * J0 - (1 - sigma) * J1
         F = np.divide(J1, denominator, dtype=np.complex128)

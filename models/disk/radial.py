@@ -1,17 +1,17 @@
-"""The radial mode of a thin round disk, electroded on both faces: plane stress, everything complex.
+"""The radial mode of a thin round disk, electroded on both faces: plane stress, all constants complex.
 
 With a the radius, J(eta) = eta J0(eta)/J1(eta), eta = w a sqrt(density/c11p):
 
     Y = jw (pi a^2/t) eps33p [1 + 2 kp_IEEE^2/(J(eta) - 1 + sigma_p)]
 
-(IEEE Std 176-1987; Sherrit et al., Ferroelectrics 119 (1991).) Finite thickness: a disk of T3 = 0 moves through its
-thickness, too, by S3 = -alpha (S1 + S2) + d33f E with alpha = c13E/c33E and d33f = e33/c33E, and that motion has mass.
-Its kinetic energy (mu/2) S3^2, mu = density w^2 t^2/12, in Hamilton's principle leaves the thin disk's equations as
-they are with c11p - mu alpha^2, c12p - mu alpha^2, e31p - mu alpha d33f, eps33p + mu d33f^2 for its constants: the
-plane compliance s11E + s12E grows, s11E - s12E stays. Real numbers are added only, so a passive disk stays passive.
+(IEEE Std 176-1987; Sherrit et al., Ferroelectrics 119 (1991).) Finite thickness: a disk with T3 = 0 also moves through
+its thickness, by S3 = -alpha (S1 + S2) + d33f E with alpha = c13E/c33E and d33f = e33/c33E, and that motion has mass.
+With its kinetic energy (mu/2) S3^2, mu = density w^2 t^2/12, Hamilton's principle gives the thin disk's equations with
+the constants c11p - mu alpha^2, c12p - mu alpha^2, e31p - mu alpha d33f, eps33p + mu d33f^2: the plane compliance
+s11E + s12E increases, s11E - s12E does not change. Only real numbers are added, so a passive disk stays passive.
 Resonances move by -alpha^2 (t/D)^2 [eta^2/6 + (1 - sigma_p)/3 eta^2/(eta^2 - 1 + sigma_p^2)], the first antiresonance
-by -0.6 alpha^2 (t/D)^2 (finite elements: 0.61 to 0.67). For mu alpha^2 small against c11p: over the first three modes
-of Pz27 the error of ln Z against a solution in both dimensions is 0.03 % at D/t = 40, 0.4 % at 20, 25 % at 10.
+by -0.6 alpha^2 (t/D)^2 (finite elements: 0.61 to 0.67). Valid for mu alpha^2 small compared with c11p: over the first
+three modes of Pz27 the error of ln Z against a two-dimensional solution is 0.03 % at D/t = 40, 0.4 % at 20, 25 % at 10.
 """
 
 import math
@@ -31,17 +31,17 @@ _CONSTANTS = ("s11E", "s12E", "d31")
 
 
 class RadialError(PzctlError):
-    """A disk that cannot exist."""
+    """A disk with impossible sizes or constants."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """The numbers on the way from constants to admittance, each of shape (N,)."""
+    """Intermediate results between constants and admittance, each of shape (N,)."""
 
     mu: Complexes
-    """density w^2 t^2/12, Pa: the mass of motion through the thickness."""
+    """density w^2 t^2/12, Pa: inertia of the motion through the thickness."""
     q: Complexes
-    """Plane compliance of the thin disk over that with this mass."""
+    """Plane compliance of the thin disk divided by that with this inertia."""
     s11: Complexes
     sigma: Complexes
     plus: Complexes
@@ -57,14 +57,14 @@ class _Motion:
 
 @dataclass(frozen=True)
 class RadialArm:
-    """What radial motion adds to the admittance of a disk whose plane is clamped.
+    """Admittance that radial motion adds to that of a disk clamped in its plane.
 
     Y_m = jw (area/t) 2 d31^2 (1 + sigma_p)/(s11E + s12E)/(J - 1 + sigma_p). Raises RadialError where a size is not
     positive or the elastic energy would be negative.
     """
 
     name: str
-    """Of the layer: parameters are called `name.s11E.re` and so on."""
+    """Name of the layer: parameters are called `name.s11E.re` and so on."""
     area: float
     """m2."""
     thickness: float
@@ -80,9 +80,9 @@ class RadialArm:
     alpha: float = 0.0
     """c13E/c33E, 0.64 to 0.75 for the usual ceramics; 0 is a disk of vanishing thickness."""
     d33f: float = 0.0
-    """e33/c33E, C/N: what d33 is of a disk clamped in its plane; 1.0e-10 to 1.5e-10 for the usual ceramics."""
+    """e33/c33E, C/N: d33 of a disk clamped in its plane; 1.0e-10 to 1.5e-10 for the usual ceramics."""
     laws: Mapping[str, LossLaw] = field(default_factory=dict[str, LossLaw])
-    """Loss law by constant's name; a constant that is not named keeps its value at all frequencies."""
+    """Loss law by name of the constant; other constants are the same at all frequencies."""
 
     def __post_init__(self) -> None:
         for what in ("area", "thickness", "density"):
@@ -104,7 +104,7 @@ class RadialArm:
         return own
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the arm with these parameters; names it does not have are left aside."""
+        """Return the arm with these parameters; unknown names are ignored."""
         return replace(self, **self._changes(values))
 
     def constants(self, frequency: Frequencies) -> dict[str, tuple[Complexes, Mapping[str, Complexes]]]:

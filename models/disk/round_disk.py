@@ -1,4 +1,4 @@
-"""A bare round disk as an analyzer sees it: its radial mode alone, or radial and thickness mode in one recording."""
+"""Models of a bare round disk: its radial mode alone, or radial and thickness mode in one recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,19 +21,20 @@ _FADES_AT = 0.45  # of the thickness mode's antiresonance
 class RadialDisk:
     """A thin disk at frequencies far below its thickness mode. Satisfies `Model`.
 
-    The radial arm beside the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E + s12E) and
-    what moving through the thickness adds to it, mu d33f^2.
+    The radial arm in parallel with the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E +
+    s12E),
+    including the contribution of the motion through the thickness, mu d33f^2.
     """
 
     arm: RadialArm
     eps33T: complex
     """F/m."""
     eps_law: LossLaw = CONSTANT
-    """How eps33T continues from the law's reference frequency."""
+    """Continuation of eps33T from the law's reference frequency."""
 
     @classmethod
     def of(cls, name: str, constants: Radial, area: float, thickness: float, density: float) -> Self:
-        """Return the thin disk of these constants; m2, m, kg/m3. Raises RadialError."""
+        """Return the thin disk with these constants; m2, m, kg/m3. Raises RadialError."""
         arm = RadialArm(name, area, thickness, density, constants.s11E, constants.s12E, constants.d31)
         return cls(arm, constants.eps33T)
 
@@ -49,7 +50,7 @@ class RadialDisk:
         return own | {f"{at}.{key}": exponent for key, exponent in self.eps_law.parameters().items()}
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        """Return the disk with these parameters. Raises KeyError for an unknown name."""
         require(values, self.parameters(), "the disk")
         at, old = f"{self.arm.name}.eps33T", self.eps33T
         eps = complex(values.get(f"{at}.re", old.real), values.get(f"{at}.im", old.imag))
@@ -74,14 +75,14 @@ class RadialDisk:
         return j_omega(frequency) * self.arm.area / self.arm.thickness
 
     def _clamped(self, frequency: Frequencies) -> Complexes:
-        """Return the admittance of the disk that does not move in its plane."""
+        """Return the admittance of the disk clamped in its plane."""
         constants = {key: value for key, (value, _) in self.arm.constants(frequency).items()}
         eps33T, _ = continued(self.eps_law, self.eps33T, frequency)
         eps33p = eps33T - 2 * constants["d31"] ** 2 / (constants["s11E"] + constants["s12E"])
         return self._empty(frequency) * (eps33p + self.arm.mass(frequency) * self.arm.d33f**2)
 
     def _clamped_slopes(self, frequency: Frequencies) -> dict[str, Complexes]:
-        """Return the derivatives of the clamped disk's admittance, for every parameter that it depends on."""
+        """Return the derivatives of the clamped disk's admittance by all its parameters."""
         constants, name = self.arm.constants(frequency), self.arm.name
         _, chain = continued(self.eps_law, self.eps33T, frequency)
         plus, d31 = constants["s11E"][0] + constants["s12E"][0], constants["d31"][0]
@@ -102,28 +103,35 @@ class BothModes:
     """A disk whose recording runs from the radial through the thickness mode. Satisfies `Model`.
 
     Y = Y_stack + Y_radial arm. In the expansion of the admittance over the disk's short-circuited modes, every mode
-    is an arm in parallel to the fully clamped capacitance; modes of pure thickness motion and modes of pure radial
-    motion are different modes, so their arms add. The capacitances join without a further constant: far below its
-    resonance the stack is the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the
-    arm adds eps33T - eps33p; so eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
+    is a branch in parallel with the fully clamped capacitance; modes of pure thickness motion and of pure radial motion
+    are
+    different modes, so their branches add. The capacitances need no further constant: far below its resonance the stack
+    is
+    the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the arm adds eps33T - eps33p.
+    So
+    eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
 
-    Towards the thickness mode the disk no longer moves alike through its thickness, and a uniform field drives the
-    overtones less and less. So the arm fades as 1/[1 + (f/0.45 fp)^6], fp the antiresonance of the plate: a rule of
-    experience, from solutions in both dimensions (Pz27 and PIC255, D/t 10 to 40; `tests/benchmarks`). It keeps the
-    sum passive, which with weight w is (1 - w) of one passive disk and w of another. What remains there are edge and
-    shear modes, which no radial model has: at D/t = 20 (Pz27) ln Z is right to 0.4 % over the first radial modes, to
-    10 % up to half fp, 15 to 30 % from there through the thickness mode, 0.2 % above it.
+    Near the thickness mode the motion is no longer uniform through the thickness, and a uniform field excites the
+    overtones
+    less and less. The arm therefore decays as 1/[1 + (f/0.45 fp)^6], fp the antiresonance of the plate: an empirical
+    rule
+    from two-dimensional solutions (Pz27 and PIC255, D/t 10 to 40; `tests/benchmarks`). It keeps the sum passive, which
+    with
+    weight w is (1 - w) of one passive disk and w of another. Edge and shear modes are missing, as in any radial model:
+    at
+    D/t = 20 (Pz27) the error of ln Z is 0.4 % over the first radial modes, 10 % up to half fp, 15 to 30 % from there
+    through the thickness mode, 0.2 % above it.
     """
 
     stack: Stack
     arm: RadialArm
-    """Its name is that of the piezo layer of the stack, its area, thickness and density are the stack's."""
+    """The radial arm, with the name of the stack's piezo layer and the stack's area, thickness and density."""
 
     @classmethod
     def of(cls, stack: Stack, name: str, constants: Radial) -> Self:
-        """Return the stack's layer `name` with its thin disk's modes; `constants.eps33T` is not used, it follows.
+        """Return the stack's layer `name` with its radial modes; `constants.eps33T` is not used, since it follows.
 
-        Raises KeyError where the stack has no piezo layer of this name, RadialError.
+        Raises KeyError if the stack has no piezo layer of this name, RadialError.
         """
         own = stack.parameters()
         require([f"{name}.c33D.re"], own, "the stack")
@@ -132,7 +140,7 @@ class BothModes:
 
     @property
     def radial(self) -> Radial:
-        """The radial-mode constants, with the eps33T that follows."""
+        """The radial-mode constants, with the resulting eps33T."""
         own, name = self.stack.parameters(), self.arm.name
         c33D, h33, eps33S = (
             complex(own[f"{name}.{key}.re"], own[f"{name}.{key}.im"]) for key in ("c33D", "h33", "eps33S")
@@ -146,7 +154,7 @@ class BothModes:
         return self.stack.parameters() | self.arm.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        """Return the disk with these parameters. Raises KeyError for an unknown name."""
         require(values, self.parameters(), "the disk")
         own = self.stack.parameters()
         stack = self.stack.replace({name: value for name, value in values.items() if name in own})
@@ -184,6 +192,6 @@ class BothModes:
         return f"{self.arm.name}.c33D.re"
 
     def _weight(self, frequency: Frequencies) -> Frequencies:
-        """Return how much of the radial arm a frequency sees, shape (N,): 1 far below the thickness mode."""
+        """Return the weight of the radial arm at each frequency, shape (N,): 1 far below the thickness mode."""
         speed = np.sqrt(self.stack.parameters()[self._stiffness] / self.arm.density)
         return 1 / (1 + (2 * self.arm.thickness * frequency / (_FADES_AT * speed)) ** 6)

@@ -1,12 +1,13 @@
-"""One band of frequencies of a reduced disk with given constants: poles and residues, and what dispersion adds.
+"""One frequency band of a reduced disk with given constants: poles and residues, and the effect of dispersion.
 
-Three steps, each exact but for what the next orders would add:
-1. The lossless disk's own modes near the band, each turned by the losses' first order into the modes outside, and
-   static shapes for the force on the modes outside: a complex basis W of some fifty shapes. The model is projected
-   on it as a stationary form, so what W misses enters the capacitance as its square.
+Three steps, each exact up to higher orders:
+1. The lossless disk's own modes near the band, each corrected to first order for the losses' coupling to modes outside,
+   and static shapes for the force on the modes outside: a complex basis W of some fifty shapes. The model is projected
+   on it as a stationary form, so the part missing in W enters the capacitance as its square.
 2. At the middle of the band the projected pencil is solved for its poles and residues.
-3. Causal constants move with frequency by 1 % or so. In the basis of step 2 that is nearly diagonal: the diagonal is
-   taken exactly, the rest by iteration (a Neumann series). Where it does not converge each frequency is solved.
+3. Causal constants change with frequency by 1 % or so. In the basis of step 2 this change is nearly diagonal: the
+   diagonal is exact, the rest follows by iteration (a Neumann series). If it does not converge each frequency is
+   solved.
 """
 
 from dataclasses import dataclass
@@ -19,11 +20,11 @@ from .line_elements import Numbers, real_times
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
 
 _BELOW, _ABOVE = 0.9, 1.1
-# Modes that are taken as they are reach from 0.8 times the lowest to 1.2 times the highest frequency.
+# Modes from 0.8 times the lowest to 1.2 times the highest frequency are included explicitly.
 _STATIC = 6
-# Static shapes at each of the band's ends and its middle.
+# Number of static shapes at each end of the band and at its middle.
 _DEPENDENT = 1e-8
-# Static shapes that add less than this are none of their own.
+# Static shapes that add less than this are dropped as linearly dependent.
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
 _TOLERANCE, _ROUNDS = 1e-4, 25
 _TINY = 1e-300
@@ -36,13 +37,13 @@ class BandModes:
     squared: Reals
     """(2 pi f)^2 of the modes, shape (nu,), rising."""
     shapes: Reals
-    """Columns over the displacement shapes of the reduced disk, shape (nu, nu)."""
+    """Modes as columns over the displacement shapes of the reduced disk, shape (nu, nu)."""
     losses: Reals | None
     """Imaginary stiffness between modes over mass, to first order in the losses, shape (nu, nu); or none."""
     force: Complexes
     """Force on each mode over mass, shape (nu,)."""
     weights: Complexes
-    """Of TERMS, for which the modes are, shape (13,)."""
+    """Weights of TERMS that the modes belong to, shape (13,)."""
 
 
 def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> BandModes:
@@ -69,7 +70,7 @@ def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -
         own, force = modes.squared + turn * diagonal, modes.force
 
     def answer(force: Numbers, squared: Reals) -> Numbers:
-        """Answer of the modes outside, by two steps of Jacobi: losses couple them by a hundredth."""
+        """Return the response of the modes outside, by two Jacobi steps: losses couple them by a hundredth."""
         inverse = 1 / (own[:, None] - squared)
         inverse[inside] = 0.0
         first = force * inverse
@@ -94,7 +95,7 @@ def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -
 
 
 def _dispersed(there: Complexes, here: Complexes) -> float:
-    """Return how far constants have moved from `there`, in their imaginary parts.
+    """Return the change of constants from `there`, in units of their imaginary parts.
 
     The real part of a causal constant rises by 2/pi of its imaginary part over a unit of ln f (Kramers and Kronig).
     """
@@ -115,7 +116,7 @@ class Band:
 
     frequency: Frequencies
     weights: Complexes
-    """Of TERMS at each frequency, shape (N, 13)."""
+    """Weights of TERMS at each frequency, shape (N, 13)."""
     stiffness: Numbers
     """Shape (7, m, m)."""
     coupling: Numbers
@@ -153,7 +154,7 @@ class Band:
         return y, form + self._still()
 
     def _nodes(self) -> tuple[Reals, Complexes]:
-        """Return what each node counts for at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
+        """Return the weight of each node at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
 
         Constants are smooth over an octave, so the parabola through all of them serves. One or two frequencies are
         their own nodes.
@@ -242,7 +243,7 @@ def _by_poles(
 def _by_each(
     matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals
 ) -> tuple[Complexes, Complexes]:
-    """Return the same, each frequency solved by itself."""
+    """Return the same by solving each frequency separately."""
     made: list[Complexes] = [
         -np.linalg.solve(np.tensordot(a, matrices, 1) - s * mass, f)
         for a, s, f in zip(at, squared.tolist(), force, strict=True)

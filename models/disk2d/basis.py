@@ -1,4 +1,4 @@
-"""The reduced basis of a disk: from solutions for many ceramics to a few hundred shapes that hold them all.
+"""The reduced basis of a disk: from solutions for many ceramics to a few hundred shapes that represent all of them.
 
 For each of a few ceramics a rational Krylov space is built on the whole mesh: K vectors (A^-1 M)^k A^-1 b for each of
 a few real shifts, A the lossless system at the shift (A. Ruhe, Lin. Alg. Appl. 58 (1984) 391). Displacements and

@@ -1,4 +1,4 @@
-"""A disk as it is built up: with bonded layers, electrodes short of the rim, a ring or spot of mass on a face."""
+"""A disk as built: with bonded layers, electrodes that end before the rim, a ring or spot of mass on a face."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,7 +32,7 @@ class Bonded:
     c: float
     """Speed of longitudinal waves, m/s."""
     q: float
-    """Of both moduli: c33 = z c (1 + j/q)."""
+    """Quality factor of both moduli: c33 = z c (1 + j/q)."""
     poisson: float
     """Poisson's ratio, -1 to 0.5, both excluded."""
 
@@ -43,7 +43,7 @@ class Bonded:
 
     @classmethod
     def of_shear(cls, name: str, thickness: float, z: float, c: float, q: float, c_shear: float) -> Self:
-        """Return the layer whose shear waves have the speed `c_shear` in m/s. Raises StackError where there is none."""
+        """Return the layer whose shear waves have the speed `c_shear` in m/s. Raises StackError if it is impossible."""
         ratio = (c_shear / c) ** 2
         if not 0 < ratio < 0.75:
             raise StackError(f"layer {name!r}: shear speed is {c_shear:g} m/s; below 0.866 times {c:g} m/s is allowed")
@@ -67,7 +67,7 @@ class RingMass:
 
     ring: Ring
     mass: float
-    """kg, in all."""
+    """Total mass, kg."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class BuiltShape(Shape):
 
     @property
     def of_term(self) -> Numbers:
-        """Which constant belongs to each term, shape (13 + 6 L,): ten of the ceramic, then two of each layer."""
+        """Index of each term's constant, shape (13 + 6 L,): ten of the ceramic, then two of each layer."""
         count = len(CONSTANTS)
         own = (np.repeat([count + 2 * k, count + 2 * k + 1], 3) for k in range(len(self.layers)))
         return np.concatenate([OF_TERM, *own])
@@ -93,10 +93,10 @@ class BuiltShape(Shape):
 
 @dataclass(frozen=True)
 class BuiltDisk:
-    """A round ceramic disk with what is bonded to it, solved on its whole mesh at every frequency."""
+    """A round ceramic disk with everything bonded to it, solved on its whole mesh at every frequency."""
 
     constants: Tensor6mm
-    """At the law's reference frequency."""
+    """Constants at the law's reference frequency."""
     radius: float
     """m."""
     thickness: float
@@ -104,18 +104,18 @@ class BuiltDisk:
     density: float
     """kg/m3."""
     back: tuple[Bonded, ...] = ()
-    """From the outermost to the ceramic."""
+    """Layers behind the ceramic, from the outermost inwards."""
     front: tuple[Bonded, ...] = ()
-    """From the ceramic to the outermost."""
+    """Layers in front of the ceramic, from the ceramic outwards."""
     electrode: float = 1.0
     """Radius of both electrodes over that of the disk."""
     masses: tuple[RingMass, ...] = ()
     law: LossLaw = CONSTANT
-    """How each constant continues to other frequencies."""
+    """Continuation of each constant to other frequencies."""
     finer: int = 0
-    """So many orders and elements per half thickness more than usual."""
+    """Additional orders and elements per half thickness."""
     clamped: bool = False
-    """Without motion in the plane: the plate of one dimension."""
+    """Without it the disk does not move in the plane: the one-dimensional plate."""
 
     def __post_init__(self) -> None:
         require_positive("disk", radius=self.radius, thickness=self.thickness, density=self.density)

@@ -23,7 +23,7 @@ class CapacitanceSlopes:
     capacitance: Complexes
     """Y/(jw), shape (N,)."""
     by_constant: Complexes
-    """By the value that each of CONSTANTS has at each frequency, shape (N, 10); F per SI unit."""
+    """Derivative by the value of each of CONSTANTS at each frequency, shape (N, 10); F per SI unit."""
     by_log_radius: Complexes
     """F, shape (N,)."""
     by_log_thickness: Complexes

@@ -1,4 +1,4 @@
-"""A round disk with its full 6mm constants as an analyzer sees it: `Model` for the fitters."""
+"""A round disk with its full 6mm constants, as a `Model` for the fitters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ class Disk2D:
 
     name: str
     constants: Tensor6mm
-    """At the law's reference frequency."""
+    """Constants at the law's reference frequency."""
     area: float
     """m2."""
     thickness: float
@@ -36,9 +36,9 @@ class Disk2D:
     """kg/m3."""
     reduced: ReducedDisk
     law: LossLaw = CONSTANT
-    """How each constant continues to other frequencies."""
+    """Continuation of each constant to other frequencies."""
     rough: bool = False
-    """To a thousandth or so, at half the cost: for a search."""
+    """Accurate to a thousandth or so, at half the cost: for a search."""
 
     def __post_init__(self) -> None:
         require_positive(self.name, area=self.area, thickness=self.thickness, density=self.density)
@@ -57,7 +57,7 @@ class Disk2D:
         return made
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the disk with these parameters. Raises KeyError for a name it does not have."""
+        """Return the disk with these parameters. Raises KeyError for an unknown name."""
         own = self.parameters()
         require(values, own, "the disk")
         all_of = {**own, **values}

@@ -1,4 +1,4 @@
-"""How wrong a reduced disk is, from what is left over when its solution is put into the full equations."""
+"""Error of a reduced disk, estimated from the residual of its solution in the full equations."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The disk solved on its whole mesh, one frequency at a time: what reduced models are made from and measured by."""
+"""The disk solved on its whole mesh, one frequency at a time: the origin and reference of reduced models."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _ORDER_R, _ORDER_Z = 7, 8
 _SIZES = {"c": 1e11, "e": 30.0, "eps": 9e-9}
 _SCALE = np.array([_SIZES["eps" if name.startswith("eps") else name[0]] for name in CONSTANTS])
 _GRADED, _SHORT = (0.1, 0.01), (6, 6)
-# Ends of elements beside an electrode's edge, over the usual length, and orders along r and z: the field is singular.
+# Ends of elements beside an electrode's edge in usual lengths, and orders along r and z: the field is singular there.
 _LAYER = 1e10
 # Pa, of the constants of a bonded layer.
 
@@ -36,12 +36,12 @@ class Shape:
     """kg/m3."""
 
     def weights(self, constants: Numbers) -> Numbers:
-        """Return what each of TERMS is weighed by, shape (..., 13), for constants in SI units, shape (..., 10)."""
+        """Return the weight of each of TERMS, shape (..., 13), for constants in SI units, shape (..., 10)."""
         return constants[..., self.of_term] * self.lengths
 
     @property
     def of_term(self) -> Numbers:
-        """Which constant belongs to each of TERMS, shape (13,)."""
+        """Index of each term's constant, shape (13,)."""
         return OF_TERM
 
     @property
@@ -91,7 +91,7 @@ class FullDisk:
 
     @cached_property
     def scale(self) -> Reals:
-        """What each unknown is measured by, shape (n,): its own static stiffness for a typical ceramic of this mesh."""
+        """Scale of each unknown, shape (n,): its static stiffness for a typical ceramic on this mesh."""
         sizes = np.append(_SCALE[OF_TERM], np.full(len(self.matrices.terms) - OF_TERM.size, _LAYER))
         diagonal = sum(s * t.diagonal() for s, t in zip(sizes, self.matrices.terms, strict=True))
         return 1 / np.sqrt(np.abs(np.asarray(diagonal)[: self.size]))
@@ -126,7 +126,7 @@ class FullDisk:
         return kept, columns[kept], inner, self.scale[rows[kept]] * self.scale[columns[kept]]
 
     def system(self, weights: Numbers, mass: float) -> Matrix:
-        """Return H with these weights of its terms, the mass matrix weighed by `mass`, shape (n + 1, n + 1)."""
+        """Return H with these weights of its terms and the mass matrix weighted by `mass`, shape (n + 1, n + 1)."""
         columns, starts, entries = self._stored
         weighed = real_times(entries, np.append(weights, mass)[:, None]).ravel()
         return sp.csr_array((weighed, columns, starts), shape=(self.size + 1, self.size + 1))
@@ -140,7 +140,7 @@ class FullDisk:
         return factors.solve
 
     def solution(self, shape: Shape, constants: Complexes, frequency: float) -> Complexes:
-        """Return displacements (m) and potential (V) within for one volt, then the volt, shape (n + 1,)."""
+        """Return displacements (m) and inner potential (V) for one volt, followed by the volt, shape (n + 1,)."""
         system = self.system(shape.weights(constants), -((2 * np.pi * frequency) ** 2) * shape.mass)
         n = self.size
         column = system[:n, [n]].toarray().ravel()

@@ -1,4 +1,4 @@
-"""Line elements of high order: the one-dimensional integrals of which all matrices of the disk are products."""
+"""High-order line elements: one-dimensional integrals from which all matrices of the disk are products."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ def _element(order: int) -> tuple[Reals, Reals, Reals, Reals, Reals]:
 
 @dataclass(frozen=True, eq=False)
 class LineElements:
-    """A line in elements of one order."""
+    """A line of elements of one order."""
 
     breaks: Reals
     """Ends of the elements, shape (E + 1,), rising."""
@@ -60,7 +60,7 @@ class LineElements:
 
     @property
     def nodes(self) -> Reals:
-        """Places of the nodes, shape (size,)."""
+        """Positions of the nodes, shape (size,)."""
         own, *_ = _element(self.order)
         parts = [low + (high - low) * (own[:-1] + 1) / 2 for low, high in pairwise(self.breaks.tolist())]
         return np.concatenate([*parts, self.breaks[-1:]])

@@ -1,4 +1,4 @@
-"""The matrices of a disk in r and z, one for each constant: assembled once per mesh, weighed by constants and sizes.
+"""The matrices of a disk in r and z, one per constant: assembled once per mesh, weighted by constants and sizes.
 
 Linear piezoelectricity with axial symmetry. On the way of integration the stationary form is
     H = 1/2 S:cE:S + S:e:grad(phi) - 1/2 grad(phi):epsS:grad(phi) - 1/2 w^2 density u^2,
@@ -18,7 +18,7 @@ from ..base.arrays import Reals
 from .line_elements import LineElements, Matrix, Numbers
 
 CONSTANTS = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
-"""The ten constants in the order that everything here keeps."""
+"""The ten constants in the order used throughout."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ TERMS = (
     Term("eps11S", 0),
     Term("eps33S", 2),
 )
-"""One for each matrix; the mass matrix, density x a^2 b, comes last and is not among them."""
+"""One term per matrix; the mass matrix, density x a^2 b, comes last and is not included."""
 OF_TERM = np.array([CONSTANTS.index(term.constant) for term in TERMS])
-"""Which of CONSTANTS belongs to each of TERMS."""
+"""Index of each term's constant in CONSTANTS."""
 POWERS = np.array([term.power for term in TERMS])
-"""Power of the radius in each of TERMS."""
+"""Exponent of the radius in each of TERMS."""
 
 _SAME = 1e-9
 
@@ -64,11 +64,11 @@ class Matrices:
     terms: tuple[Matrix, ...]
     mass: Matrix
     moving: int
-    """How many of the unknowns are displacements."""
+    """Number of unknowns that are displacements."""
 
     @property
     def size(self) -> int:
-        """Number n of unknowns, the voltage not counted."""
+        """Number n of unknowns, without the voltage."""
         return self.mass.shape[0] - 1
 
 
@@ -97,7 +97,7 @@ def assemble(
 
 
 def gathered(parts: Mapping[tuple[int, int], Matrix], keep: Matrix, count: int) -> Matrix:
-    """Return the matrix of the unknowns that `keep` makes of three fields of `count` nodes, from blocks of fields."""
+    """Return the matrix of the unknowns that `keep` selects, from blocks of three fields of `count` nodes."""
     grid = [[parts.get((i, k), sp.csr_array((count, count))) for k in range(3)] for i in range(3)]
     whole = sp.csr_array(sp.block_array(grid))
     coupling = all(i != k for i, k in parts)

@@ -1,4 +1,4 @@
-"""The reduced disk: small dense matrices, one for each term of H, that serve every ceramic and every size nearby."""
+"""The reduced disk: small dense matrices, one per term of H, valid for every ceramic and every size nearby."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -14,14 +14,14 @@ from .line_elements import Numbers
 from .matrices import TERMS
 
 ELASTIC = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("c")])
-"""Which of TERMS are elastic: seven."""
+"""Indices of the seven elastic TERMS."""
 PIEZO = np.array([k for k, term in enumerate(TERMS) if term.constant.startswith("e") and term.constant[1] != "p"])
-"""Which of TERMS are piezoelectric: four."""
+"""Indices of the four piezoelectric TERMS."""
 EPS11, EPS33 = len(TERMS) - 2, len(TERMS) - 1
 
 
 class DiskError(PzctlError):
-    """A disk that the two-dimensional model does not reach."""
+    """A disk beyond the range of the two-dimensional model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class ReducedDisk:
     drive: Reals
     """Force of the uniform field, for the piezoelectric terms, shape (4, nu)."""
     lift: Reals
-    """Charge of the uniform field on the potential shapes, for eps33S, shape (np,): nothing but beyond electrodes."""
+    """Charge of the uniform field on the potential shapes, for eps33S, shape (np,): only beyond the electrodes."""
     kappa: Reals
     """Diagonal of the matrix of eps11S, shape (np,)."""
     u: Reals
@@ -64,12 +64,12 @@ class ReducedDisk:
         )
 
     def arrays(self) -> dict[str, Reals]:
-        """Return everything by name, to be kept."""
+        """Return all arrays by name, for storage."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Reals]) -> Self:
-        """Return what `arrays` gave."""
+        """Return the reduced disk of stored `arrays`."""
         return cls(**{field.name: arrays[field.name] for field in fields(cls)})
 
     def permittivity(self, weights: Numbers) -> Numbers:
@@ -95,7 +95,7 @@ class ReducedDisk:
         return weights[PIEZO] @ self.drive + coupling @ (weights[EPS33] * self.lift / self.permittivity(weights))
 
     def solution(self, shape: Shape, weights: Complexes, frequency: float) -> Complexes:
-        """Return what `FullDisk.solution` returns, as the reduced disk has it, shape (n + 1,)."""
+        """Return the same as `FullDisk.solution`, from the reduced disk, shape (n + 1,)."""
         squared = (2 * np.pi * frequency) ** 2 * shape.mass
         force = self.force(weights)
         y = -np.linalg.solve(self.condensed(weights) - squared * np.eye(force.size), force)

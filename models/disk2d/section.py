@@ -1,4 +1,4 @@
-"""The matrices of a disk that carries something: bonded layers, electrodes that do not reach the rim, rings of mass.
+"""The matrices of a disk with additions: bonded layers, electrodes that end before the rim, rings of mass.
 
 The whole section instead of half of it, in y: -1 to 1 the ceramic, one unit for each layer before and behind it. All
 stays affine: a layer's Lame constants times powers of the radius and of its own thickness; only ratios of radii (the
@@ -19,17 +19,17 @@ from .line_elements import LineElements, Matrix
 from .matrices import Matrices, blocks_of, gathered, kron, unit_columns
 
 LAYER_POWERS = np.array([0, 1, 2, 0, 1, 2])
-"""Power of the radius in the terms of a layer: three of its first Lame constant, then three of its second."""
+"""Exponent of the radius in the terms of a layer: three of its first Lame constant, then three of its second."""
 _OF_LAME = (
     ({0: 1.0, 1: 1.0}, {2: 1.0}, {3: 1.0}),
     ({0: 2.0, 6: 1.0}, {5: 1.0}, {3: 2.0, 4: 1.0}),
 )
-# What each of these is made of: TERMS of a ceramic with c11 = c33 = lambda + 2 mu, c12 = c13 = lambda, c44 = mu.
+# Composition of these terms: TERMS of a ceramic with c11 = c33 = lambda + 2 mu, c12 = c13 = lambda, c44 = mu.
 _MASS = 13
 _GRADING = (0.15, 0.0225)
-# Elements beside an electrode's edge, or a bonded layer's, over the usual length: the field there is singular.
+# Element length beside the edge of an electrode or a bonded layer, in usual lengths: the field there is singular.
 _NEAR = 0.3
-# Ends of elements nearer than this part of one to an edge give way to it.
+# Ends of elements closer to an edge than this part of an element are dropped.
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Ring:
 
 @dataclass(frozen=True)
 class CrossSection:
-    """What there is beside the ceramic."""
+    """Everything beside the ceramic."""
 
     back: int = 0
-    """Layers behind it."""
+    """Layers behind the ceramic."""
     front: int = 0
-    """Layers before it."""
+    """Layers in front of the ceramic."""
     electrode: float = 1.0
     """Radius of both electrodes over that of the disk."""
     rings: tuple[Ring, ...] = ()
@@ -82,12 +82,12 @@ class CrossSection:
 
 @dataclass(frozen=True, eq=False)
 class SectionMatrices:
-    """The terms of H, and the masses one by one."""
+    """The terms of H, and the masses separately."""
 
     terms: tuple[Matrix, ...]
     """TERMS, then six for each layer from back to front (`LAYER_POWERS`)."""
     masses: tuple[Matrix, ...]
-    """Of the ceramic, of each layer, of each ring."""
+    """Mass matrices of the ceramic, of each layer, of each ring."""
     moving: int
 
     def loaded(self, over_ceramic: Reals) -> Matrices:

@@ -1,4 +1,4 @@
-"""Making a reduced disk for a geometry, once for every PZT; and enriching it where it falls short."""
+"""Training of a reduced disk for a geometry, once for every PZT, and enrichment where it is not accurate enough."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,20 +12,20 @@ from .full import FullDisk, Shape
 from .reduced import DiskError, ReducedDisk
 
 HIGHEST = 3400.0
-"""Frequency times thickness up to which a reduced disk serves, Hz m: 1.5 times the thickness resonance of PZT."""
+"""Frequency times thickness up to which a reduced disk is valid, Hz m: 1.5 times the thickness resonance of PZT."""
 SMALLEST, LARGEST = 2.0, 60.0
-"""Diameter over thickness that is allowed."""
+"""Allowed range of diameter over thickness."""
 DENSITY = 7800.0
 _CENTRE = np.array([125e9, 80e9, 80e9, 117e9, 22.5e9, -5.0, 16.0, 11.5, 8.5e-9, 7.5e-9])
 _SPREAD = np.array([0.16, 0.2, 0.16, 0.12, 0.18, 0.5, 0.16, 0.25, 0.3, 0.3])
-# Centre and half width of the box of constants; it holds every complete set of the material library.
+# Centre and half width of the range of constants; it contains every complete set of the material library.
 _SAMPLES = 14
 _JITTER = 0.02  # of the aspect ratio
 _ENOUGH = 1e-4
 _ADDED = 12
 _ROUNDS = 6
 _NEW = 1e-6
-# Singular values of what enriches a basis that are left out, over the largest.
+# Smallest singular values, relative to the largest, that enrich a basis.
 
 
 def sampled(rng: np.random.Generator) -> Reals:
@@ -40,13 +40,13 @@ def sampled(rng: np.random.Generator) -> Reals:
 def trained(
     diameter_to_thickness: float, progress: Callable[[int, int], None] = lambda _i, _n: None, electrode: float = 1.0
 ) -> ReducedDisk:
-    """Return a reduced disk for this D/t, good to 1e-4 of the capacitance for its box.
+    """Return a reduced disk for this D/t, accurate to 1e-4 of the capacitance for its range of constants.
 
-    `progress` is told how many of how many samples are done. Raises DiskError for a D/t beyond 2 to 60.
+    `progress` is called with the number of finished and of all samples. Raises DiskError for a D/t beyond 2 to 60.
     """
     if not SMALLEST <= diameter_to_thickness <= LARGEST:
         raise DiskError(
-            f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model serves for "
+            f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model covers "
             f"{SMALLEST:g} to {LARGEST:g}"
         )
     full, rng = FullDisk.of(diameter_to_thickness, electrode=electrode), np.random.default_rng(0)
@@ -62,7 +62,7 @@ def trained(
 
 
 def enriched(full: FullDisk, reduced: ReducedDisk, shape: Shape, snapshots: Sequence[Reals]) -> ReducedDisk:
-    """Return the reduced disk with what `snapshots`, scaled and each of shape (n, k), add to its shapes."""
+    """Return the reduced disk with shapes added from `snapshots`, scaled and each of shape (n, k)."""
     u, p = split(full, snapshots, (_NEW, _NEW))
     mass = full.matrices.mass[: full.size, : full.size]
     u = u - reduced.u @ (reduced.u.T @ (mass @ u))
@@ -82,9 +82,9 @@ def enriched(full: FullDisk, reduced: ReducedDisk, shape: Shape, snapshots: Sequ
 def ensured(
     full: FullDisk, reduced: ReducedDisk, shape: Shape, constants: Complexes, frequency: Reals
 ) -> tuple[ReducedDisk, float]:
-    """Return a reduced disk that serves for these constants, shape (N, 10), at each frequency, and its estimated error.
+    """Return a reduced disk accurate for these constants, shape (N, 10), at each frequency, and its estimated error.
 
-    Where the estimate is above 1e-4 of the capacitance the basis is enriched by the Krylov space of the worst place.
+    If the estimate exceeds 1e-4 of the capacitance, the basis is enriched by the Krylov space at the worst frequency.
     """
     errors = estimate(full, reduced, shape, constants, frequency)
     for _ in range(_ROUNDS):

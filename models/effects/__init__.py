@@ -1,6 +1,6 @@
-"""The catalogue of physics that a model can leave out: one file for each effect.
+"""The catalogue of physics that a model may lack, one file per effect.
 
-A file of this folder that defines `EFFECT` is in the catalogue; nothing else needs to be changed for a new one.
+A file of this folder that defines `EFFECT` is in the catalogue; a new effect needs no other change.
 """
 
 from functools import cache
@@ -33,14 +33,14 @@ class EffectError(PzctlError):
 
 @cache
 def catalogue() -> tuple[Effect, ...]:
-    """Return every effect, by name."""
-    modules = (import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__))
+    """Return every effect, sorted by name."""
+    modules = (import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__))
     effects = (module.EFFECT for module in modules if hasattr(module, "EFFECT"))
     return tuple(sorted(effects, key=lambda effect: effect.name))
 
 
 def find_effect(name: str) -> Effect:
-    """Return the effect called `name`. Raises EffectError."""
+    """Return the effect named `name`. Raises EffectError."""
     for effect in catalogue():
         if effect.name == name:
             return effect

@@ -1,4 +1,4 @@
-"""`bond-layer`: a glue layer of finite thickness that the model left out."""
+"""`bond-layer`: a glue layer of finite thickness that the build omits."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,15 +8,15 @@ from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, interface_at, interfaces
 
 _Z, _C, _Q = 2.9e6, 2550.0, 30.0
-"""Unfilled epoxy, Rayl, m/s and quality. Only its compliance l/(z c) can be seen, so these are assumed, not sought."""
+"""Unfilled epoxy: Rayl, m/s and quality. Only its compliance l/(z c) is visible, so these values are assumed."""
 
 
 class BondLayer(Effect):
     """A thin soft layer between two others: a spring with a little mass."""
 
     name = "bond-layer"
-    says = "There is a layer of glue at {where} that the build does not mention."
-    separates = "measure the total thickness before and after gluing, or look at a cut"
+    says = "There is a layer of glue at {where} that the build omits."
+    separates = "measure the total thickness before and after gluing, or examine a cross-section"
     references = ("Tjelde (NTNU, 2012), section 3.4.2 and appendix B",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:

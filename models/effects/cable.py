@@ -1,4 +1,4 @@
-"""`cable`: a length of line between analyzer and device that was not compensated."""
+"""`cable`: an uncompensated length of transmission line between analyzer and device."""
 
 from collections.abc import Mapping
 
@@ -11,16 +11,16 @@ from .base.assembly import Assembly
 from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 _VELOCITY = 2e8
-"""m/s, of a wave in polyethylene; only length/velocity can be seen."""
+"""Velocity of a wave in polyethylene, m/s; only length/velocity is visible."""
 
 
 class Cable(Effect):
-    """A lossy line: short, it is an inductance before and a capacitance beside the device; long, it transforms."""
+    """A lossy line: if short, a series inductance and a parallel capacitance; if long, a transformer."""
 
     name = "cable"
     stage = Stage.CABLE
     odds = 0.7
-    says = "There is a length of cable between analyzer and device that was not compensated."
+    says = "A length of cable between analyzer and device was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"
     references = (
         "Agilent 4294A Operation Manual, fixture and adapter compensation",
@@ -34,8 +34,9 @@ class Cable(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return its inductance in henry, characteristic impedance in ohm, attenuation in Np/m at 1 MHz.
 
-        A short line is its inductance and little else: told so, and not by length, a fit finds it whatever the rest.
-        Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
+        A short line is little more than its inductance, so a fit finds the inductance more easily than the length,
+        whatever the
+        other parameters are. Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
         """
         return (
             EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),

@@ -12,16 +12,17 @@ from .base.scale import resonance
 
 
 class DielectricDispersion(Effect):
-    """eps33S ~ f^(-slope), the constant being that at the resonance, and one relaxation that is no power of frequency.
+    """eps33S ~ f^(-slope), with its constant value at the resonance, and a relaxation that is not a power law.
 
-    Causality ties the slope to the loss, slope = (2/pi) atan(tan d); it is left free, so that the tie can be seen.
+    Causality relates the slope to the loss, slope = (2/pi) atan(tan d); it is left free, so that the relation can be
+    checked.
     """
 
     name = "dielectric-dispersion"
     stage = Stage.CONSTANTS
     sizes = 2
     says = "The permittivity of {where} falls with frequency, as that of any lossy dielectric does."
-    separates = "sweep up and down (a drift turns round, this does not), and measure C and tan d well below resonance"
+    separates = "sweep up and down (a drift reverses, this does not), and measure C and tan d well below resonance"
     references = (
         "Debye, Polar Molecules (1929): relaxation",
         "Jonscher, Dielectric Relaxation in Solids (1983): the universal response (jw)^(n-1)",
@@ -33,7 +34,7 @@ class DielectricDispersion(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if isinstance(layer, Piezo))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, the relaxation's f/resonance."""
+        """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, f/resonance of the relaxation."""
         return (
             EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(7e-3, 1.4)),
             EffectParameter("relaxation", "1", typical=0.01, upper=0.5, prior=(1e-2, 1.8)),

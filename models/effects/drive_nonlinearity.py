@@ -1,4 +1,4 @@
-"""`drive-nonlinearity`: the resonance bends with the oscillator level."""
+"""`drive-nonlinearity`: the resonance curve bends with the oscillator level."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,18 +14,18 @@ from .base.modified_laws import Factor
 from .base.scale import active, reactance
 
 _USUAL_SOURCE = 25.0
-"""ohm, between oscillator and device, of a recording that does not say."""
+"""Source resistance, ohm, of a recording that does not state it."""
 _RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
 _ROUNDS = 25
 _MOST = 0.3
-"""Of the stiffness is lost at most: beyond it nothing here holds."""
+"""Largest relative loss of stiffness; the model is not valid beyond."""
 _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
-"""V rms; relative softening at the resonance that would matter."""
+"""V rms, and a relative softening at resonance that would matter."""
 
 
 class DriveNonlinearity(Effect):
-    """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain that the level makes: found self-consistently."""
+    """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain at this level, found self-consistently."""
 
     name = "drive-nonlinearity"
     stage = Stage.ACQUISITION
@@ -37,14 +37,14 @@ class DriveNonlinearity(Effect):
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return the piezoelectric layer where there is one alone."""
+        """Return the piezoelectric layer if there is only one."""
         piezos = [layer.name for layer in stack.layers if isinstance(layer, Piezo)]
         return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return a, the relative softening per strain, r, the loss per softening, and the source's resistance.
+        """Return a, the relative softening per strain, r, the loss per softening, and the source resistance.
 
-        r is 4/(3 pi) by Rayleigh's law; a source that holds its voltage at the device has no resistance.
+        r is 4/(3 pi) by Rayleigh's law; a source with constant voltage at the device has no resistance.
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
@@ -53,7 +53,7 @@ class DriveNonlinearity(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as a sweep at its level records it."""
+        """Return the device as recorded by a sweep at its level."""
         name, softening, loss, source = layer_at(where), values["softening"], values["loss"], values["source"]
         if softening <= 0:
             return assembly
@@ -71,7 +71,7 @@ class DriveNonlinearity(Effect):
 
 
 def _usual_strain(stack: Stack) -> float:
-    """Return the strain at the series resonance at the usual level, of which the source's resistance keeps most."""
+    """Return the strain at the series resonance at the usual level, which the source resistance reduces."""
     disk = active(stack)
     Q = disk.c33D.real / max(disk.c33D.imag, 1e-3 * disk.c33D.real)
     per_field = abs(disk.h33) * disk.eps33S.real / disk.c33D.real
@@ -81,7 +81,7 @@ def _usual_strain(stack: Stack) -> float:
 
 
 def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:
-    """Return the softening that is what its own strain wants, shape (points,): by secants, each within half a step."""
+    """Solve for the softening consistent with its own strain, shape (points,), by damped secant steps."""
     before = np.zeros(points)
     missing_before = wanted(before)
     soft = 0.5 * missing_before
@@ -90,7 +90,7 @@ def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:
         if np.max(np.abs(missing)) < 1e-10:
             break
         slope = (missing - missing_before) / np.where(soft == before, 1.0, soft - before)
-        # where strain hardly answers to softening the slope is -1; a bent resonance makes it steeper or turns it round
+        # if strain hardly depends on softening the slope is -1; a bent resonance makes it steeper or reverses its sign
         step = np.where((slope < -0.5) & (soft != before), missing / -np.minimum(slope, -0.5), 0.5 * missing)
         before, missing_before = soft, missing
         soft = np.clip(soft + step, 0.0, _MOST)

@@ -1,4 +1,4 @@
-"""`electrode-mass`: an electrode (or wax, ink) that the model left out, as a mass."""
+"""`electrode-mass`: an electrode (or wax, ink) that the build omits, as a mass."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,11 +10,13 @@ from .base.scale import areal_mass
 
 
 class ElectrodeMass(Effect):
-    """A mass on a face or between two layers; in one band it looks like a softer or thicker disk, to 0.2 %."""
+    """A mass on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %."""
 
     name = "electrode-mass"
-    says = "There is a mass at {where} that the build does not mention: an electrode, wax or ink."
-    separates = "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band cannot tell"
+    says = "There is a mass at {where} that the build omits: an electrode, wax or ink."
+    separates = (
+        "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band is not enough"
+    )
     references = (
         "Sauerbrey, Z. Phys. 155 (1959) 206",
         "Miller and Bolef, J. Appl. Phys. 39 (1968) 5815 (a film beyond the limit of small mass)",
@@ -39,7 +41,7 @@ class ElectrodeMass(Effect):
 
 
 def with_mass(stack: Stack, where: str, mass: Mass) -> Stack:
-    """Return the stack with a mass at a face or interface; at an interface it lies on the piezoelectric layer."""
+    """Return the stack with a mass at a face or interface; at an interface it is on the piezoelectric layer."""
     k = _position(stack, where)
     return replace(stack, layers=(*stack.layers[:k], mass, *stack.layers[k:]))
 

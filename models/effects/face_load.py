@@ -1,4 +1,4 @@
-"""`face-load`: the face radiates into, or rests on, something (fluid, jig, rubber)."""
+"""`face-load`: a face radiates into something or rests on it (fluid, fixture, rubber)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,11 +13,11 @@ from .base.scale import acoustic_impedance, resonance
 
 
 class FaceLoad(Effect):
-    """A resistance and a spring added to what the face works against; in one band the resistance looks like loss."""
+    """A resistance and a spring added to the load of a face; within one band the resistance resembles loss."""
 
     name = "face-load"
     sizes = 2
-    says = "Something that the build does not mention works against {where}: a liquid, the jig, rubber."
+    says = "Something that the build omits loads {where}: a liquid, the fixture, rubber."
     separates = "sweep with three clamp forces, or with point contacts; turn the transducer over; dry the face"
     references = (
         "Kinsler et al., Fundamentals of Acoustics, sections 7.5 and 10",
@@ -43,7 +43,7 @@ class FaceLoad(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with that face pressed against it."""
+        """Return the device with that face pressed against the support."""
         support = Support("face-load", resistance=values["resistance"], stiffness=values["stiffness"])
 
         def pressed(stack: Stack) -> Stack:

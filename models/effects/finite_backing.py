@@ -1,4 +1,4 @@
-"""`finite-backing`: a backing taken as infinite and without loss, which has a rear and eats sound."""
+"""`finite-backing`: a backing treated as infinite and lossless that has a rear face and absorbs sound."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,28 +13,28 @@ from .base.scale import resonance
 
 _BACK = FACES[0]
 _DELAYS = tuple(np.geomspace(0.7e-6, 25e-6, 72).tolist())
-"""s, there and back, of 0.7 to 25 mm of tungsten-filled epoxy; closer than a fit finds its way."""
+"""Round-trip delays of 0.7 to 25 mm of tungsten-filled epoxy, s, densely enough for a fit to converge."""
 _DECAYS = (0.0, 3.0, 8.0)
-"""Np: what is no echo at the resonance may be a strong one far below."""
+"""Np; an echo that is invisible at the resonance may be strong far below."""
 
 
 class FiniteBacking(Effect):
-    """A layer with a free rear: a ripple with the period 1/delay, as deep as the echo is strong, and its own loss.
+    """A layer with a free rear face: a ripple with the period 1/delay, as deep as the echo is strong, and its own loss.
 
-    Where it eats all sound there is no ripple, and still it is not the half-space of a real impedance.
+    Even without an echo its own loss makes it differ from a half-space with a real impedance.
     """
 
     name = "finite-backing"
     sizes = 2
-    says = "The backing is no endless medium without loss: its rear sends an echo back, or its own loss is felt."
-    separates = "load the rear of the backing with water or putty: this ripple changes, that of the rim does not"
+    says = "The backing is not an infinite lossless medium: its rear face reflects an echo, or its own loss is visible."
+    separates = "load the rear of the backing with water or putty: its ripple changes, that of the rim does not"
     references = (
         "Kossoff, IEEE Trans. Sonics Ultrason. 13 (1966) 20 (backing and matching)",
         "left-out physics 4.2",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `face:back` where a half-space that is no gas is behind it."""
+        """Return `face:back` if the load behind is a half-space other than a gas."""
         return (_BACK,) if is_backing(stack.back) else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
@@ -49,7 +49,7 @@ class FiniteBacking(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device on a backing that has an end."""
+        """Return the device on a backing of finite thickness."""
         if values["strength"] <= 0 and values["loss"] <= 0:
             return assembly
         reference = resonance(assembly.nominal)

@@ -12,17 +12,19 @@ from .base.effect import Effect, EffectParameter
 from .base.scale import active, capacitance, resonance
 
 _WIDTH, _REACH = 0.2, 4.0
-"""Radial overtones are driven where the thickness mode is near: a bell of this relative width, cut at some widths."""
+"""Radial overtones are excited near the thickness mode: a Gaussian of this relative width, cut at some widths."""
 _SLOWEST = 500.0
-"""m/s, of the comb: it keeps the number of modes finite."""
+"""Lower limit of the comb's speed, m/s, which keeps the number of modes finite."""
 
 
 class LateralModes(Effect):
-    """Y + jw sum of C_k f_k^2/(f_k^2 - f^2 + j f f_k/Q): a comb whose spacing is speed/diameter, and the edge mode."""
+    """Y + jw sum of C_k f_k^2/(f_k^2 - f^2 + j f f_k/Q): a comb with the spacing speed/diameter, and the edge mode."""
 
     name = "lateral-modes"
-    says = "The finite diameter of {where} shows: radial overtones or the edge mode ripple through the thickness band."
-    separates = "sweep a disk of another diameter from the same batch, or damp the rim with wax; a 2-D model cures it"
+    says = "The finite diameter of {where} is visible: radial overtones or the edge mode ripple the thickness band."
+    separates = (
+        "sweep a disk of another diameter from the same batch, or damp the rim with wax; a 2-D model includes it"
+    )
     references = (
         "Shaw, J. Acoust. Soc. Am. 28 (1956) 38 (thick disks, edge mode)",
         "Guo, Cawley and Hitchings, J. Sound Vib. 159 (1992) 115 (finite element analysis of disks)",
@@ -34,9 +36,9 @@ class LateralModes(Effect):
         return (f"layer:{active(stack).name}",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return strength of a radial overtone (C/C0), speed (m/s) and offset (spacings) of the comb, Q, the rest.
+        """Return strength of a radial overtone (C/C0), speed (m/s) and offset (spacings) of the comb, Q, and the rest.
 
-        The rest is the edge mode: its strength (C/C0) and frequency (of the half-wave resonance).
+        The rest is the edge mode: its strength (C/C0) and its frequency (in half-wave resonances).
         """
         return (
             EffectParameter("strength", "1", typical=1e-3, upper=0.3),
@@ -50,7 +52,7 @@ class LateralModes(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device beside the branches of its lateral modes."""
+        """Return the device in parallel with the branches of its lateral modes."""
         nominal = assembly.nominal
         C0, f0 = capacitance(nominal), resonance(nominal)
         spacing = values["speed"] / (2 * sqrt(nominal.area / pi))

@@ -1,4 +1,4 @@
-"""`lead-inductance`: series inductance (and resistance) of wire, clip, coax jig."""
+"""`lead-inductance`: series inductance (and resistance) of wire, clip, coaxial fixture."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class LeadInductance(Effect):
-    """Z + R + R_s (1+j) sqrt(f/MHz) + jwL: grows with frequency, largest relative effect where |Z| is least."""
+    """Z + R + R_s (1+j) sqrt(f/MHz) + jwL: grows with frequency; largest relative effect where |Z| is smallest."""
 
     name = "lead-inductance"
     stage = Stage.TERMINALS
@@ -27,7 +27,7 @@ class LeadInductance(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return L in henry and what comes with it in ohm: the resistance, and the skin effect's share at 1 MHz."""
+        """Return L in henry, the resistance in ohm, and the skin effect's resistance at 1 MHz in ohm."""
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0)),

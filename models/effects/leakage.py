@@ -1,4 +1,4 @@
-"""`leakage`: a conductance beside the device, as of a dirty or moist rim."""
+"""`leakage`: a conductance in parallel with the device, such as a dirty or moist rim."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ from .base.scale import reactance, resonance
 
 
 class Leakage(Effect):
-    """Y + G (f/f0)^n: felt at low frequency and at the antiresonance."""
+    """Y + G (f/f0)^n: visible at low frequency and at the antiresonance."""
 
     name = "leakage"
     stage = Stage.TERMINALS
-    says = "Current leaks past the device: over its rim, through flux or moisture, or in the jig."
+    says = "Current leaks past the device: over its rim, through flux or moisture, or in the fixture."
     separates = "measure the insulation at direct current, sweep from 100 Hz, or clean and dry the rim"
     references = ("Keysight Impedance Measurement Handbook, section 4", "left-out physics 4.1")
 
@@ -24,14 +24,14 @@ class Leakage(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return G at resonance in siemens, and with which power of frequency it grows."""
+        """Return G at resonance in siemens, and its exponent in frequency."""
         return (
             EffectParameter("conductance", "S", typical=1e-4 / reactance(stack)),
             EffectParameter("exponent", "1", typical=0.1, lower=-0.5, upper=1.0, prior=(0.1, 0.15)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device beside a conductance."""
+        """Return the device in parallel with a conductance."""
         G, w0 = values["conductance"], 2 * np.pi * resonance(assembly.nominal)
         exponent = values["exponent"]
         return assembly.beside(lambda jw: G * (jw / w0 / 1j) ** exponent)

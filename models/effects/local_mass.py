@@ -12,14 +12,15 @@ from .base.scale import areal_mass
 from .electrode_mass import with_mass
 
 _HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
-"""Mass of a dot per area in that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each makes a satellite at a
-frequency of its own, and between two that are further apart than a line is wide no fit finds its way."""
+"""Mass of a dot per area relative to that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each causes a
+satellite
+at its own frequency, so start values must lie closer than a linewidth for a fit to converge."""
 _RESTING = 0.3
-"""The same while there is none."""
+"""The same while the effect is absent."""
 
 
 class LocalMass(Effect):
-    """Y = (1 - phi) Y(free) + phi Y(with the mass): a satellite below the resonance, or a dark part of the face."""
+    """Y = (1 - phi) Y(free) + phi Y(with the mass): a satellite below resonance, or an inactive part of the face."""
 
     name = "local-mass"
     stage = Stage.SHARES
@@ -35,7 +36,7 @@ class LocalMass(Effect):
         return FACES
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the part of the area that is loaded, and the mass per area there, kg/m2."""
+        """Return the loaded part of the area, and the mass per area there, kg/m2."""
         unit = areal_mass(stack)
         scan = tuple(height * unit for height in _HEIGHTS)
         return (
@@ -52,7 +53,7 @@ class LocalMass(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the free and the loaded part of the face side by side."""
+        """Return the device with the free and the loaded part of the face in parallel."""
         fraction, mass = values["fraction"], Mass(f"{self.name}@{where}", values["mass"])
         if fraction <= 0:
             return assembly

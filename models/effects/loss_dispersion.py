@@ -12,7 +12,7 @@ from .base.scale import resonance
 
 
 class LossDispersion(Effect):
-    """1/Q ~ f^n, the constants being those at the resonance: one band hardly shows it, an overtone does."""
+    """1/Q ~ f^n, with the constants at the resonance: one band hardly shows it, an overtone does."""
 
     name = "loss-dispersion"
     stage = Stage.CONSTANTS
@@ -25,11 +25,11 @@ class LossDispersion(Effect):
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return every layer whose law of loss has no exponent of its own."""
+        """Return every layer whose loss law has no exponent of its own."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if _law_of(layer))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the exponent, and how much of its causal companion the real part has (where the law has none yet)."""
+        """Return the exponent, and the weight of its causal companion (if the law is not causal yet)."""
         layer = next(layer for layer in stack.layers if layer.name == layer_at(where))
         exponent = EffectParameter("exponent", "1", typical=0.3, lower=-1.5, upper=1.5, prior=(0.0, 0.6))
         if isinstance(_law_of(layer), CausalConstantQ):
@@ -51,7 +51,7 @@ class LossDispersion(Effect):
 
 
 def _law_of(layer: Layer) -> ConstantLoss | CausalConstantQ | None:
-    """Return the law of the layer's stiffness, None where it has an exponent or no stiffness."""
+    """Return the law of the layer's stiffness; None if it has an exponent or there is no stiffness."""
     law = layer.c_law if isinstance(layer, Piezo) else layer.law if isinstance(layer, Elastic) else None
     return law if isinstance(law, ConstantLoss | CausalConstantQ) else None
 

@@ -10,11 +10,11 @@ from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class Polarity(Effect):
-    """-Z, Z* or -Z*, which no device shows. Two flags, `inverted` and `conjugated`, each 0 or 1; no parameter."""
+    """-Z, Z* or -Z*, which no device has. Two flags, `inverted` and `conjugated`, each 0 or 1; no parameter."""
 
     name = "polarity"
     stage = Stage.ACQUISITION
-    says = "The recording is inverted or conjugated: sign of R, of X or of the phase is not the usual one."
+    says = "The recording is inverted or conjugated: the sign of R, of X or of the phase is not the usual one."
     separates = "sweep a known capacitor: its R is positive and its X negative"
     references = ("exp(+jwt) throughout; a passive device has Re Z >= 0, a capacitor Im Z < 0",)
 
@@ -27,7 +27,7 @@ class Polarity(Effect):
         return ()
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as it is written down, for values `inverted` and `conjugated` of 0 (as absent) or 1."""
+        """Return the device as recorded, for values `inverted` and `conjugated` of 0 (default) or 1."""
         written = assembly.recorded(_inverted) if values.get("inverted") else assembly
         return replace(written, conjugated=assembly.conjugated != bool(values.get("conjugated")))
 

@@ -1,4 +1,4 @@
-"""`series-resistance`: contact, electrode sheet and wire in series, with the skin effect's share."""
+"""`series-resistance`: contact, electrode sheet and wire in series, including the skin effect."""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ from .base.scale import reactance
 
 
 class SeriesResistance(Effect):
-    """Z + R + R_s (1 + j) sqrt(f/1 MHz): largest relative effect where |Z| is least; looks like dielectric loss."""
+    """Z + R + R_s (1 + j) sqrt(f/1 MHz): largest relative effect where |Z| is smallest; resembles dielectric loss."""
 
     name = "series-resistance"
     stage = Stage.TERMINALS
@@ -30,7 +30,7 @@ class SeriesResistance(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the resistance, and the skin effect's share at 1 MHz, in ohm."""
+        """Return the resistance, and the skin effect's resistance at 1 MHz, in ohm."""
         typical = 3e-3 * reactance(stack)
         return (
             EffectParameter("resistance", "ohm", typical, prior=(0.3, 1.5)),

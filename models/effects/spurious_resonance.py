@@ -1,4 +1,4 @@
-"""`spurious-resonance`: one further resonance of unknown origin, as a pole pair of the admittance."""
+"""`spurious-resonance`: one additional resonance of unknown origin, as a pole pair of the admittance."""
 
 from collections.abc import Mapping
 from math import cos, pi, sin
@@ -14,19 +14,19 @@ class SpuriousResonance(Effect):
     """Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q): a mode that no other effect of the catalogue explains."""
 
     name = "spurious-resonance"
-    says = "There is one further resonance, which appears with {where}; what vibrates there is not known."
-    separates = "damp the rim with wax, hold the part elsewhere, or sweep a second sample: what moves tells what it is"
+    says = "There is one additional resonance of unknown origin, which appears with {where}."
+    separates = "damp the rim with wax, hold the part elsewhere, or sweep a second sample: a shift shows its origin"
     references = (
         "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052 (pole pairs)",
         "IEEE Standard on Piezoelectricity 176-1987 (the equivalent circuit)",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return every layer: the step with which it appears tells where it sits."""
+        """Return every layer: the step in which it appears shows where it is."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for a mode of its own)."""
+        """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for an independent mode)."""
         f0 = resonance(stack)
         return (
             EffectParameter("strength", "1", typical=1e-3, upper=1.0, prior=(4e-4, 1.6)),
@@ -36,7 +36,7 @@ class SpuriousResonance(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device beside a resonant branch."""
+        """Return the device in parallel with a resonant branch."""
         C = values["strength"] * capacitance(assembly.nominal)
         residue = C * complex(cos(values["phase"]), sin(values["phase"]))
         w_k = 2 * pi * values["frequency"]

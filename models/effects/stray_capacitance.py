@@ -1,4 +1,4 @@
-"""`stray-capacitance`: jig or cable capacitance beside the device."""
+"""`stray-capacitance`: capacitance of fixture or cable in parallel with the device."""
 
 from collections.abc import Mapping
 
@@ -11,12 +11,12 @@ from .base.scale import capacitance, resonance
 
 
 class StrayCapacitance(Effect):
-    """Y + jwC: felt where |Y| is least, at the antiresonance; in one band it looks like a larger permittivity."""
+    """Y + jwC: visible where |Y| is smallest, at the antiresonance; in one band it resembles a larger permittivity."""
 
     name = "stray-capacitance"
     stage = Stage.TERMINALS
-    says = "The jig or cable adds a capacitance beside the device that was not compensated."
-    separates = "sweep the empty jig, or compensate with it; sweep a disk of another size in the same jig"
+    says = "The fixture or cable adds a parallel capacitance that was not compensated."
+    separates = "sweep the empty fixture, or compensate with it; sweep a disk of another size in the same fixture"
     references = ("Keysight Impedance Measurement Handbook, section 4",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
@@ -31,7 +31,7 @@ class StrayCapacitance(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device beside a capacitance."""
+        """Return the device in parallel with a capacitance."""
         C, w0 = values["capacitance"], 2 * np.pi * resonance(assembly.nominal)
         power = 2 / np.pi * np.arctan(values["loss"])  # a constant loss angle: a constant-phase element is causal
         return assembly.beside(lambda jw: jw * C * (jw / w0) ** -power)

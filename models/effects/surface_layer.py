@@ -8,24 +8,26 @@ from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, layer_at
 
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
-"""What the dead layer has in common with the live one."""
+"""Constants that the dead layer shares with the live one."""
 _DEAD = (4e-6, 1.5)
-"""m, and of its logarithm: ground and lapped ceramics are dead to some micrometres."""
+"""Prior depth: median in m, standard deviation of the logarithm; ground and lapped ceramics are dead to some um."""
 _MOST = 0.8
-"""Of the thickness may be dead."""
+"""Largest part of the thickness that may be dead."""
 
 
 class SurfaceLayer(Effect):
-    """h33 = 0 down to a depth: even overtones light up if one face is dead, the overtones' coupling falls if both.
+    """h33 = 0 down to a depth: even overtones appear if one face is dead, the overtones' coupling falls if both are.
 
-    It stands for graded piezoelectricity, too: h33 (1 - exp(-z/d)) is a dead layer of sqrt(2) d, to 2e-5 of Z for
+    It also represents graded piezoelectricity: h33 (1 - exp(-z/d)) equals a dead layer of sqrt(2) d, to 2e-5 of Z for
     d = 10 um in 0.5 mm.
     """
 
     name = "surface-layer"
     sizes = 2
     says = "The ceramic of {where} is dead or depoled under a face (by grinding, soldering or heat)."
-    separates = "compare the coupling of first and third overtone, look for a line at twice the resonance, lap a face"
+    separates = (
+        "compare the coupling of first and third overtone, look for a resonance at twice the frequency, lap a face"
+    )
     references = (
         "left-out physics 4.2",
         "Jaffe, Cook and Jaffe, Piezoelectric Ceramics (1971): depoling by stress",
@@ -48,7 +50,7 @@ class SurfaceLayer(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the layer cut into dead and live ones, which share their other constants."""
+        """Return the device with the layer divided into dead and live ones with the same other constants."""
         name, depths = layer_at(where), {side: values[side] for side in ("back", "front")}
         if sum(depths.values()) <= 0:
             return assembly

@@ -1,4 +1,4 @@
-"""`sweep-lag`: swept faster than the resonance settles (bandwidth too wide for Q)."""
+"""`sweep-lag`: the sweep is faster than the resonance settles (bandwidth too wide for Q)."""
 
 from collections.abc import Mapping
 
@@ -11,14 +11,13 @@ from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import resonance
 
 _AGO, _WEIGHTS = np.polynomial.laguerre.laggauss(6)
-"""How long ago, in time constants, and how much what was there then still counts."""
+"""Delays in time constants, and weights of the exponential memory (Gauss-Laguerre quadrature)."""
 
 
 class SweepLag(Effect):
-    """What is read at f is Y at frequencies that were passed a moment ago: below f upwards, above f downwards.
+    """The reading at f is Y at frequencies passed a moment ago: below f in upward sweeps, above f in downward ones.
 
-    Of the reading, the part `memory` forgets exponentially, as a filter does that settles; the rest comes late as it
-    was.
+    The part `memory` of the reading decays exponentially, as in a settling filter; the rest is delayed without change.
     """
 
     name = "sweep-lag"
@@ -32,9 +31,9 @@ class SweepLag(Effect):
         return (SWEEP,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return by how many hertz the reading lags in the step's first sweep (its rate times the time to settle).
+        """Return the lag of the reading in the step's first sweep in hertz (its rate times the settling time).
 
-        And the part of it that settles exponentially.
+        The second parameter is the part of it that settles exponentially.
         """
         f0 = resonance(stack)
         return (
@@ -43,7 +42,7 @@ class SweepLag(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as such a sweep records it."""
+        """Return the device as recorded by such a sweep."""
         ran = assembly.conditions
         lag, memory = values["lag"] * ran.pace * (1 if ran.direction == "up" else -1), values["memory"]
         if lag == 0:
@@ -53,7 +52,7 @@ class SweepLag(Effect):
         weights = np.array([*([1 - memory] if memory < 1 else []), *(memory * _WEIGHTS if memory > 0 else [])])
 
         def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            steps = np.gradient(frequency)  # a sweep takes as long for each point, so it is fastest where they are wide
+            steps = np.gradient(frequency)  # equal time per point: the rate is highest where steps are wide
             behind = lag * steps / np.mean(steps)
             then = np.maximum(frequency - ago[:, None] * behind, 0.5 * frequency)
             # all at once: a stack takes hardly longer for many points than for few

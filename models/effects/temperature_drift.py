@@ -12,15 +12,15 @@ from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import active
 
 _FEW, _MANY = 3, 6
-"""Instants at which the drifting device is looked at; between them ln Z is a polynomial in time."""
+"""Number of instants at which the drifting device is evaluated; between them ln Z is a polynomial in time."""
 _SLIGHT = 0.05
-"""Of a line's half width: a drift that few instants describe."""
+"""Largest drift, in half linewidths, for which few instants suffice."""
 
 
 class TemperatureDrift(Effect):
     """Resonance frequencies and permittivity drift linearly with time; a downward sweep sees the opposite order.
 
-    The constants are those at the beginning of the step's first sweep, where the device is as in the other steps.
+    The constants refer to the beginning of the step's first sweep, where the device is as in the other steps.
     """
 
     name = "temperature-drift"
@@ -42,7 +42,7 @@ class TemperatureDrift(Effect):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as a sweep during the drift records it."""
+        """Return the device as recorded by a sweep during the drift."""
         speed, permittivity = values["relative"], values["permittivity"]
         if speed == 0 and permittivity == 0:
             return assembly
@@ -66,7 +66,7 @@ class TemperatureDrift(Effect):
 
 
 def _instants(stack: Stack, speed: float, lasting: float) -> int:
-    """Return how many instants it takes: as many as the lines move by, in their half widths."""
+    """Return the number of instants needed for the drift of the lines in half widths."""
     c33D = active(stack).c33D
     return _FEW if abs(speed) * lasting < _SLIGHT * c33D.imag / (2 * c33D.real) else _MANY
 
@@ -74,21 +74,21 @@ def _instants(stack: Stack, speed: float, lasting: float) -> int:
 def _moved(part: ParallelSection, names: Sequence[str], factors: Sequence[float]) -> ParallelSection:
     """Return the part with these parameters times their factors."""
     now = part.stack.parameters()
-    moved = {own: now[own] * factors[k] for k, own, _ in part.moved_by(names)}
+    moved = {parameter: now[parameter] * factors[k] for k, parameter, _ in part.moved_by(names)}
     return replace(part, stack=part.stack.replace(moved))
 
 
 def _between(tau: Reals, instants: Reals, courses: Complexes) -> Complexes:
-    """Return, of courses (K, N) at K instants, at each of N points what it is at that point's instant tau (N,)."""
-    found = np.zeros(tau.size, np.complex128)
+    """Interpolate `courses`, shape (K, N), given at K instants, to each point's own instant tau, shape (N,)."""
+    interpolated = np.zeros(tau.size, np.complex128)
     for k, course in enumerate(courses):
         others = np.delete(instants, k)
-        found += course * np.prod((tau[:, None] - others) / (instants[k] - others), axis=1)
-    return found
+        interpolated += course * np.prod((tau[:, None] - others) / (instants[k] - others), axis=1)
+    return interpolated
 
 
 def _drifts(stack: Stack, stiffness: float, permittivity: float) -> dict[str, float]:
-    """Return the relative drift of each parameter: both parts of a complex constant alike."""
+    """Return the relative drift of each parameter; both parts of a complex constant drift alike."""
     piezo = active(stack).name
     return {f"{piezo}.c33D.{part}": stiffness for part in ("re", "im")} | {
         f"{piezo}.eps33S.{part}": permittivity for part in ("re", "im")

@@ -1,4 +1,4 @@
-"""`thickness-variation`: faces that are not parallel; a distribution of thickness over the area."""
+"""`thickness-variation`: faces that are not parallel, or a distribution of thickness over the area."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,20 +15,20 @@ from .base.scale import active
 
 _STRIPS = (9, 17, 33, 65)
 _NEARLY = 1e-7
-"""Error of the mean over the face, relative, that more strips would mend."""
+"""Tolerated relative error of the mean over the face; determines the number of strips."""
 _WEDGE, _ARCHED = 1.0, 0.6
-"""Shape of a wedge, and of the faces that are mostly far from the mean; at 1/2 quadrature has a singular case."""
+"""Shape of a wedge, and of faces that are mostly far from the mean; at 1/2 the quadrature is singular."""
 _THIN = 0.1
-"""Of the disk's thickness: a glue line varies by tens of per cent where ground layers vary by one."""
+"""In units of the disk's thickness: a glue line varies by tens of per cent, ground layers by one."""
 _WIDEST = 0.95
-"""Half the range of thickness, relative to its mean, at most."""
+"""Largest half range of thickness, relative to its mean."""
 
 
 class ThicknessVariation(Effect):
-    """Strips of different thickness side by side: Y = mean of Y(t) over a symmetric distribution of t.
+    """Parallel strips of different thickness: Y is the mean of Y(t) over a symmetric distribution of t.
 
-    (t/t0 - 1)/w has the density (1 - x^2)^(shape - 1) in -1 ... 1 (a beta distribution): shape 1 is uniform, as of a
-    rectangle that is a wedge or a disk that is a dome; 3/2 a disk that is a wedge; large ones nearly normal, as of
+    (t/t0 - 1)/w has the density (1 - x^2)^(shape - 1) in -1 ... 1 (a beta distribution): shape 1 is uniform, for a
+    rectangular wedge or a dome-shaped disk; 3/2 is a wedge-shaped disk; large values are nearly normal, as for
     roughness.
     """
 
@@ -43,24 +43,24 @@ class ThicknessVariation(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the variance of the thickness, relative to its mean squared (it acts linearly), and the shape."""
+        """Return the variance of the relative thickness (on which Z depends linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
         shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
         if thin:
             return (EffectParameter("variance", "1", typical=0.02, upper=0.3, prior=(0.02, 1.5)), shape)
-        own = 3e-6 if name == active(stack).name else 1e-4
-        return (EffectParameter("variance", "1", typical=own, upper=0.01, prior=(own, 2.0)), shape)
+        typical = 3e-6 if name == active(stack).name else 1e-4
+        return (EffectParameter("variance", "1", typical=typical, upper=0.01, prior=(typical, 2.0)), shape)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return half the range of thickness, relative to its mean, of a wedge of this variance.
+        """Return half the relative range of thickness of a wedge with this variance.
 
-        Where the effect is small a recording tells the variance, and hardly the shape on which the true range hangs.
+        For a small effect a recording determines the variance, but hardly the shape on which the true range depends.
         """
         return {"half_range": (_half_range({**values, "shape": _WEDGE}), "1")}
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as strips side by side."""
+        """Return the device as parallel strips."""
         name, w = f"{layer_at(where)}.thickness", _half_range(values)
         if w == 0:
             return assembly
@@ -82,12 +82,12 @@ class ThicknessVariation(Effect):
 
 
 def _half_range(values: Mapping[str, float]) -> float:
-    """Return w of the distribution of this variance and shape: less than 1, for nothing is thinner than nothing."""
+    """Return w of the distribution with this variance and shape, below 1 because no thickness is negative."""
     return min(_WIDEST, float(np.sqrt((2 * values["shape"] + 1) * values["variance"])))
 
 
 def _strips(stack: Stack, w: float) -> int:
-    """Return how many strips it takes: Gauss's error falls by rho^2 with each, rho by how far off the poles are."""
+    """Return the number of strips: Gauss's error falls by rho^2 with each, rho by the distance of the poles."""
     c33D = active(stack).c33D
     away = c33D.imag / (2 * c33D.real * w)
     needed = -np.log(_NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))
@@ -96,7 +96,7 @@ def _strips(stack: Stack, w: float) -> int:
 
 @lru_cache(maxsize=64)
 def _gauss(n: int, shape: float) -> tuple[Reals, Reals]:
-    """Return nodes and weights, their sum 1, of Gauss and Jacobi's quadrature with the density of this shape."""
+    """Return nodes and normalised weights of Gauss-Jacobi quadrature with the density of this shape."""
     nodes, weights = roots_jacobi(n, shape - 1, shape - 1)
     return nodes, weights / np.sum(weights)
 

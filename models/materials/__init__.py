@@ -15,7 +15,7 @@ MATERIALS: tuple[Material, ...] = (*CERAMICS, *PASSIVE)
 
 
 class MaterialError(PzctlError):
-    """A material that nobody knows."""
+    """An unknown material."""
 
 
 def _key(name: str) -> str:
@@ -23,9 +23,9 @@ def _key(name: str) -> str:
 
 
 def find(name: str, own: Iterable[Material] = ()) -> Material:
-    """Return the material called `name`; case, spaces and hyphens do not matter.
+    """Return the material named `name`; case, spaces and hyphens do not matter.
 
-    `own`: the user's materials, which go before the library's. Raises MaterialError naming the nearest.
+    `own`: the user's materials, which have precedence over the library's. Raises MaterialError naming the closest.
     """
     known = {_key(material.name): material for material in (*MATERIALS, *own)}
     found = known.get(_key(name))

@@ -2,48 +2,55 @@
 
 from ..build import Quantity
 from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
+from ..constants.tensor import Tensor6mm
 from .material import Material, ceramics, from_tensor, lossless_tensor
 
 _THESIS = "Ferroperm data sheet as printed by Tjelde, NTNU 2012"
+_FERROPERM = (
+    "Ferroperm Piezoceramics, full data matrix of Pz27, rounded; its kp, kt, eps33T and d31 agree with the columns "
+    "that Tjelde, NTNU 2012, prints to 2 %"
+)
+_BERGEN = "Knappskog, master thesis, University of Bergen 2007: constants of Pz27 adjusted to measured disks"
 _KOCBACH = "Kocbach's set, PiezoAcousticFEM.jl"
-_FULL = f"{_THESIS}, completed by c13E/c33E, c44E/c33E, e15/e33 and eps11S/eps33S of PZT-5A ({_KOCBACH})"
 _PIC = "PI Ceramic, Piezo Material Data (table of the catalogue), scribd.com/document/413108158"
 _CTS = "CTS data sheet, dtsheet.com/doc/1396950"
 
 
-_PZT_5A = (121, 75.4, 75.2, 111, 22.6), (-5.4, 15.8, 12.3), (916, 830)
-
-
 def _pz27() -> dict[str, Quantity]:
-    """Pz27 of the thesis: its data-sheet columns, Qm 80 and tan d 0.017.
-
-    The columns determine six of the ten constants once c13E/c33E is known; that and the three of shear are PZT-5A's.
-    """
+    """Pz27 of the thesis: its data-sheet columns, the rest of the matrix from Ferroperm, Qm 80 and tan d 0.017."""
     Q, tan = 80.0, 0.017
-    h33, eps33S, s11E, s12E, d31 = 19.8367e8, 913.73, 16.9555e-12, -6.5991e-12, -169.9915e-12
-    (_, _, c13, c33, c44), (_, e33, e15), (eps11, eps33) = _PZT_5A
-    axial = 144.4e9 - h33**2 * eps33S * EPS0
-    across, along, e = c13 / c33 * axial, h33 * eps33S * EPS0, 1 / (s11E + s12E)
-    both, shear = e + 2 * across**2 / axial, 1 / (s11E - s12E)  # c11E + c12E, c11E - c12E
-    c11, c12 = (both + shear) / 2e9, (both - shear) / 2e9
-    full = lossless_tensor(
-        (c11, c12, across / 1e9, axial / 1e9, c44 / c33 * axial / 1e9),
-        (d31 * e + c13 / c33 * along, along, e15 / e33 * along),
-        (eps11 / eps33 * eps33S, eps33S),
-        Q,
-        tan,
-    )
+    full = lossless_tensor((147, 105, 93.7, 113, 23.0), (-3.09, 16.0, 11.64), (1130, 914), Q, tan)
     printed: dict[str, complex] = {
         "density": 7700,
         "c33D": 144.4e9 * (1 + 1j / Q),
-        "h33": h33,
-        "eps33S": eps33S * EPS0 * (1 - 1j * tan),
-        "s11E": s11E * (1 - 1j / Q),
-        "s12E": s12E * (1 - 1j / Q),
+        "h33": 19.8367e8,
+        "eps33S": 913.73 * EPS0 * (1 - 1j * tan),
+        "s11E": 16.9555e-12 * (1 - 1j / Q),
+        "s12E": -6.5991e-12 * (1 - 1j / Q),
         # half the loss angle of s eps, which keeps the planar coupling real
-        "d31": d31 * (1 - 0.5j * (1 / Q + tan)),
+        "d31": -169.9915e-12 * (1 - 0.5j * (1 / Q + tan)),
     }
-    return {**from_tensor(full, 7700, _FULL), **ceramics(printed, _THESIS)}
+    return {
+        **from_tensor(full, 7700, _FERROPERM),
+        **ceramics(printed, _THESIS),
+        "eps33T": ceramics({"eps33T": 1795 * EPS0 * (1 - 1j * tan)}, _FERROPERM)["eps33T"],
+    }
+
+
+def _bergen() -> dict[str, Quantity]:
+    full = Tensor6mm(
+        118.75e9 * (1 + 1j / 95.75),
+        74.30e9 * (1 + 1j / 71.24),
+        74.25e9 * (1 + 1j / 120.19),
+        112.05e9 * (1 + 1j / 177.99),
+        21.10e9 * (1 + 1j / 75),
+        -5.40 * (1 - 1j / 166),
+        16.0389 * (1 - 1j / 323.77),
+        11.20 * (1 - 1j / 200),
+        916 * EPS0 * (1 - 1j / 50),
+        920 * EPS0 * (1 - 1j / 86.28),
+    )
+    return from_tensor(full, 7700, _BERGEN)
 
 
 SHERRIT_RADIAL = Radial(
@@ -108,11 +115,12 @@ def _li() -> dict[str, Quantity]:
 
 CERAMICS: tuple[Material, ...] = (
     Material("Pz27", "piezo", _pz27(), "soft PZT; thickness and radial constants as the thesis prints them"),
+    Material("Pz27 Bergen", "piezo", _bergen(), "complete complex set; passive"),
     Material(
         "PZT-5A",
         "piezo",
         from_tensor(
-            lossless_tensor(*_PZT_5A, 75, 0.02),
+            lossless_tensor((121, 75.4, 75.2, 111, 22.6), (-5.4, 15.8, 12.3), (916, 830), 75, 0.02),
             7750,
             f"{_KOCBACH}; Q 75 and tan d 0.02 are usual for the class",
         ),

@@ -1,4 +1,4 @@
-"""What a material is, and the few ways its values are written down."""
+"""Definition of a material, and the usual forms in which its values are given."""
 
 import math
 from collections.abc import Mapping
@@ -10,11 +10,11 @@ from ..constants.piezo_constants import EPS0
 from ..constants.tensor import Tensor6mm
 
 Kind: TypeAlias = Literal["piezo", "elastic", "electrode", "backing", "fluid"]
-"""Elastic: glue, matching layer, foil. Electrode and backing are elastic, too, named by their use."""
+"""Elastic: glue, matching layer, foil. Electrode and backing are elastic, too, named after their use."""
 
 _LIMIT_TO_U = 1 / math.sqrt(3)
-# A data sheet's "+-10 %" are limits; the standard uncertainty of an even spread between limits is limit/sqrt(3)
-# (JCGM 100:2008, 4.3.7).
+# A data sheet's "+-10 %" are limits; the standard uncertainty of a uniform distribution between limits is
+# limit/sqrt(3) (JCGM 100:2008, 4.3.7).
 _EPS, _FREQUENCY, _COUPLING = 0.10, 0.05, 0.05  # limits that ceramics makers print
 _Q = 0.30  # scatter of Q between data sheet and sample: tens of per cent
 _PIEZO_LOSS = 0.01  # u of the loss angle of h, d, e: no data sheet gives it
@@ -36,12 +36,12 @@ class Material:
 
 
 def standard_uncertainty(limit: float) -> float:
-    """Return the standard uncertainty that belongs to a tolerance of +- limit."""
+    """Return the standard uncertainty for a tolerance of +- limit."""
     return limit * _LIMIT_TO_U
 
 
 def _relative_u(name: str) -> float:
-    """Return the relative standard uncertainty of a ceramic's constant, from what makers guarantee."""
+    """Return the relative standard uncertainty of a ceramic's constant, from manufacturers' guarantees."""
     u_eps, u_f, u_k = (standard_uncertainty(limit) for limit in (_EPS, _FREQUENCY, _COUPLING))
     u_c = 2 * u_f  # stiffness goes as frequency squared
     if name == "density":

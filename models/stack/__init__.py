@@ -9,9 +9,9 @@
 >>> Z.shape, J.shape
 ((801,), (2, 801))
 
-`laws` says how losses continue over frequency, `layers` and `lumps` what a stack is made of, `loads` and `radiation`
-what it rests on; `line` is the wave in one layer, `active` what the piezoelectric effect adds, `network` puts layers
-together, `slopes` differentiates; `strips` evaluates stacks side by side.
+`laws` describes how losses continue over frequency, `layers` and `lumps` are the elements of a stack, `loads` and
+`radiation` its terminations; `acoustic_line` is the wave in one layer, `active` adds the piezoelectric effect,
+`network` connects the layers, `slopes` differentiates; `strips` evaluates parallel stacks.
 """
 
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous

@@ -1,13 +1,13 @@
-"""The acoustic line: what a wave meets in a layer, seen from one face with a load at the other.
+"""The acoustic line: a wave in one layer, seen from one face with a load at the other.
 
 All quantities are per area: pressure F (Pa, compressive), velocity v (m/s, towards the front), specific acoustic
 impedance F/v (Rayl). A layer of characteristic impedance Zc and phase `theta = gamma t` (gamma = jw/v) enters only
 through `D = 1 - exp(-theta)`, computed without cancellation, and `b = (1 - exp(-2 theta))/2 = D (1 - D/2)`. With
-`q = (Z_L - Zc) b` and `share = Zc/(Zc + q)` a load Z_L is seen as
+`q = (Z_L - Zc) b` and `share = Zc/(Zc + q)` the input impedance for a load Z_L is
 
-    Z = (Z_L - q) share        and its face moves with exp(-theta) share of the near face's velocity.
+    Z = (Z_L - q) share        and the far face's velocity is exp(-theta) share times the near face's.
 
-That is Z = Zc (Z_L cosh + Zc sinh)/(Zc cosh + Z_L sinh) without a tan and its poles: nothing overflows for a thick
+This is Z = Zc (Z_L cosh + Zc sinh)/(Zc cosh + Z_L sinh) without tan and its poles: nothing overflows for a thick
 lossy backing (exp(-theta) -> 0), and no digit is lost for a glue line at 40 Hz (D -> theta).
 """
 
@@ -20,10 +20,11 @@ from .laws import ComplexLike
 
 
 def one_minus_exp(growth: Reals, half_turn: Reals) -> Complexes:
-    """Return 1 - exp(growth - 2j half_turn), of the shape of the arguments, to rounding for any size of them.
+    """Return 1 - exp(growth - 2j half_turn), accurate to rounding for arguments of any size, in their shape.
 
-    Real functions of the half angle: np.tan and np.expm1 are vectorised where np.exp of complex numbers is not, and
-    sin and cos of the whole follow without cancellation. At a pole of the tangent it is large but finite.
+    Uses real functions of the half angle: NumPy vectorises np.tan and np.expm1 but not np.exp of complex numbers, and
+    sin
+    and cos of the full angle follow without cancellation. At a pole of the tangent it is large but finite.
     """
     tangent = np.tan(half_turn)
     square = tangent * tangent
@@ -36,7 +37,7 @@ def one_minus_exp(growth: Reals, half_turn: Reals) -> Complexes:
     return result
 
 
-@dataclass(slots=True, eq=False)  # not frozen: made anew for every evaluation, and frozen ones are slow to make
+@dataclass(slots=True, eq=False)  # not frozen: created for every evaluation, and frozen ones are slow to create
 class Line:
     """One layer at all frequencies."""
 
@@ -52,21 +53,23 @@ class Line:
     """(1 - exp(-2 theta))/2, shape (N,)."""
 
     def input_impedance(self, load: ComplexLike) -> tuple[Complexes, Complexes]:
-        """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and `share`."""
+        """Return the input impedance of one face in Rayl with `load` (Rayl) at the other, and `share`."""
         q = (load - self.Zc) * self.b
         share = self.Zc / (self.Zc + q)
         return (load - q) * share, share
 
     def transmission(self, share: ComplexLike) -> ComplexLike:
-        """Return the far face's velocity per velocity of the near face, from the second answer of `input_impedance`."""
+        """Return the far face's velocity per velocity of the near face, from the second result of `input_impedance`."""
         return (1.0 - self.D) * share
 
     def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, ComplexLike]:
-        """Return how the terminals feel the layer: d Z_el / d ln of its quantities, ohm m2.
+        """Return the sensitivity of the terminals to the layer: d Z_el / d ln of its quantities, ohm m2.
 
-        `v` and `F` are those of the back (1) and front (2) face per unit current density. Reciprocity makes every
-        derivative of the terminals' impedance a quadratic form of this field; written in the two waves that enter
-        the layer, one at each face, nothing cancels.
+        `v` and `F` are those of the back (1) and front (2) face per unit current density. By reciprocity every
+        derivative of
+        the terminal impedance is a quadratic form of this field; written in the two waves that enter the layer, one at
+        each
+        face, nothing cancels.
         """
         yc = 1.0 / self.Zc
         forward = v1 + F1 * yc

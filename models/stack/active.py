@@ -1,8 +1,8 @@
-"""The piezoelectric layer: an acoustic line that a current drives at both faces and that hears their approach.
+"""The piezoelectric layer: an acoustic line driven by a current at both faces, whose motion generates a voltage.
 
 Mason's three-port (forces on the layer, velocities into it) adds to the line of stiffness c33D the same pressure
 `H I` at both faces and the voltage `H (v1 + v2) + W I`, with `H = h33/(jw)` and `W = t/(jw eps33S)`; I is the
-current density. Written with D and b of `line` and loads Z1 (back), Z2 (front):
+current density. With D and b of `acoustic_line` and loads Z1 (back), Z2 (front):
 
     v1 = -H (Z2 b + Zc D^2/2)/N,  v2 = -H (Z1 b + Zc D^2/2)/N,  N = (Zc - Z1)(Zc - Z2) b + Zc (Z1 + Z2),
     Z = W + H (v1 + v2).
@@ -32,13 +32,13 @@ class ActiveLine(Line):
         return drive * (front * self.b + inner), drive * (back * self.b + inner)
 
     def self_impedance(self, v1: ComplexLike, v2: ComplexLike) -> Complexes:
-        """Return voltage per current density, ohm m2, from the velocities that `radiates` gave."""
+        """Return voltage per current density, ohm m2, from the result of `face_velocities`."""
         return self.W + self.H * (v1 + v2)
 
     def open_circuit_voltage(self, load: ComplexLike, share: ComplexLike) -> Complexes:
         """Return the voltage per velocity of one face into the layer, with `load` at the other and no current.
 
-        `share` is the second answer of `input_impedance(load)`.
+        `share` is the second result of `input_impedance(load)`.
         """
         return self.H * share * (0.5 * self.D * self.D + load * (1.0 / self.Zc) * self.b)
 

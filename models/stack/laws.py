@@ -1,9 +1,10 @@
-"""Loss laws: how a lossy constant, given at one frequency, continues to the others.
+"""Loss laws: continuation of a lossy constant from its reference frequency to others.
 
-A lossy constant is one complex number `M = M' + jM''`, as it stands at the reference frequency. Its loss tangent
-`M''/M'` is positive for a stiffness (1/Q) and negative for a permittivity (-tan d); every law below serves both.
-A law that lets the loss be what it is and keeps the constant's real part still is not causal (Q = 80 forces c' to
-rise by 0.88 % from f to 3f); the others carry the Kramers-Kronig companion and need no further constant for it.
+A lossy constant is one complex number `M = M' + jM''` at the reference frequency. Its loss tangent `M''/M'` is positive
+for a stiffness (1/Q) and negative for a permittivity (-tan d); every law below applies to both. A law with arbitrary
+loss
+and a constant real part is not causal (Q = 80 requires c' to rise by 0.88 % from f to 3f); the other laws contain the
+Kramers-Kronig companion, without an additional constant.
 """
 
 import math
@@ -22,7 +23,7 @@ ComplexLike: TypeAlias = complex | Complexes
 
 
 class StackError(PzctlError):
-    """A layer, load or stack that cannot exist, or a parameter it does not have."""
+    """A layer, load or stack that cannot exist, or an unknown parameter."""
 
 
 def require_positive(owner: str, **values: float) -> None:
@@ -34,11 +35,11 @@ def require_positive(owner: str, **values: float) -> None:
 
 
 class LossLaw(ABC):
-    """A complex constant over frequency. A negative one (h33 seen from the other side) goes as minus its positive."""
+    """A complex constant over frequency. A negative one (h33 seen from the other side) is minus its positive."""
 
     @abstractmethod
     def parameters(self) -> Mapping[str, float]:
-        """Return the law's own parameters by name (`exponent`), empty where it has none."""
+        """Return the law's own parameters by name (`exponent`); empty if it has none."""
 
     @abstractmethod
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -60,7 +61,7 @@ class LossLaw(ABC):
 
 @dataclass(frozen=True)
 class ConstantLoss(LossLaw):
-    """The same complex number at every frequency (hysteretic loss). Not causal, and what most papers use."""
+    """The same complex number at every frequency (hysteretic loss). Not causal, but used in most papers."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return nothing: the law has no parameter."""
@@ -83,12 +84,12 @@ class ConstantLoss(LossLaw):
 class CausalConstantQ(LossLaw):
     """Kjartansson's law (J. Geophys. Res. 84 (1979) 4737): M(f) = M (f/reference)^(2/pi atan(M''/M')).
 
-    The loss tangent is the same at all frequencies, and the real part moves as causality demands: a stiffness
-    rises with frequency, a permittivity falls.
+    The loss tangent is the same at all frequencies, and the real part changes as causality requires: a stiffness rises
+    with frequency, a permittivity falls.
     """
 
     reference: float
-    """Hz, where the constant has the value that was given."""
+    """Frequency at which the constant has the given value, Hz."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return nothing: causality fixes the dispersion."""
@@ -111,7 +112,7 @@ class CausalConstantQ(LossLaw):
 
 
 def _slope(value: complex) -> float:
-    """Return 2/pi times the loss angle, that is the exponent of frequency; the sign of the constant is no loss."""
+    """Return 2/pi times the loss angle, which is the exponent of frequency; the constant's sign does not matter."""
     return 2 / math.pi * math.atan2(math.copysign(1.0, value.real) * value.imag, abs(value.real))
 
 
@@ -119,14 +120,14 @@ def _slope(value: complex) -> float:
 class PowerLoss(LossLaw):
     """Loss tangent proportional to f^exponent: M(f) = M' + M'' [cot(n pi/2) (x^n - 1) + j x^n], x = f/reference.
 
-    This is the fractional Kelvin-Voigt solid M0 [1 + (jw tau)^n] (and, for n < 0, the universal dielectric
-    response (jw)^n), written so that M is the value at the reference. Causal. n = 1 is the viscous law; n = 0 is
-    its limit M' + M'' [(2/pi) ln x + j], the causal constant Q of small losses (for Q = 4 the stiffness would be
-    negative below x = 0.002; there CausalConstantQ serves). An attenuation ~ f^y is n = y - 1.
+    This is the fractional Kelvin-Voigt solid M0 [1 + (jw tau)^n] (and, for n < 0, the universal dielectric response
+    (jw)^n), written so that M is the value at the reference. Causal. n = 1 is the viscous law; n = 0 is its limit
+    M' + M'' [(2/pi) ln x + j], the causal constant Q of small losses (for Q = 4 the stiffness would be negative below
+    x = 0.002; use CausalConstantQ there). An attenuation ~ f^y corresponds to n = y - 1.
     """
 
     reference: float
-    """Hz, where the constant has the value that was given."""
+    """Frequency at which the constant has the given value, Hz."""
     exponent: float
     """n, between -1 and 1."""
 
@@ -177,10 +178,10 @@ def viscous(reference: float) -> PowerLoss:
 
 
 CONSTANT = ConstantLoss()
-"""The law where nothing else is said."""
+"""The default law."""
 
 
 def law_with(law: LossLaw, values: Mapping[str, float], prefix: str) -> LossLaw:
-    """Return the law with those of its parameters that `values` names under `prefix`."""
+    """Return the law with those of its parameters that `values` contains under `prefix`."""
     own = {key: values[prefix + key] for key in law.parameters() if prefix + key in values}
     return law.replace(own) if own else law

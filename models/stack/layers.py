@@ -1,4 +1,4 @@
-"""What a stack is made of: piezoelectric and elastic layers."""
+"""Elements of a stack: piezoelectric and elastic layers."""
 
 import cmath
 import math
@@ -13,9 +13,9 @@ from .laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_
 from .row import Joins
 
 Gradient: TypeAlias = tuple[str, ComplexLike]
-"""The one quantity that a parameter p moves (a key of the section's `weights`), and d ln(quantity) / dp.
+"""The quantity that a parameter p changes (a key of the section's `weights`), and d ln(quantity) / dp.
 
-`h33` and `mass` may be zero; of them it is d(quantity) / dp, and the weight is made to match.
+`h33` and `mass` may be zero; for them it is d(quantity) / dp, and the weight matches that.
 """
 
 
@@ -33,7 +33,7 @@ class Elastic(Joins):
     q: float = math.inf
     """Quality factor: c33 = z c (1 + j/q)."""
     law: LossLaw = CONSTANT
-    """How c33 continues from the law's reference frequency."""
+    """Continuation of c33 from the law's reference frequency."""
 
     def __post_init__(self) -> None:
         require_positive(f"layer {self.name!r}", thickness=self.thickness, z=self.z, c=self.c, q=self.q)
@@ -45,11 +45,11 @@ class Elastic(Joins):
 
     @property
     def density(self) -> float:
-        """kg/m3."""
+        """Density z/c, kg/m3."""
         return self.z / self.c
 
     def parameters(self) -> dict[str, float]:
-        """Return `thickness` (m), `z` (Rayl), `c` (m/s), `q`, and `q.exponent` where the law has one."""
+        """Return `thickness` (m), `z` (Rayl), `c` (m/s), `q`, and `q.exponent` if the law has one."""
         own = {"thickness": self.thickness, "z": self.z, "c": self.c, "q": self.q}
         return own | {f"q.{key}": value for key, value in self.law.parameters().items()}
 
@@ -65,11 +65,11 @@ class Elastic(Joins):
         )
 
     def wave(self, frequency: Frequencies) -> tuple[ComplexLike, ComplexLike]:
-        """Return the characteristic impedance (Rayl) and the time t/v (s) that a wave takes through the layer."""
+        """Return the characteristic impedance (Rayl) and the travel time t/v (s) of a wave through the layer."""
         return _wave(self.density, self.law.over(self.c33, frequency), self.thickness)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return for every parameter the quantity it moves, and how much."""
+        """Return for every parameter the quantity that it changes, and the derivative."""
         stiffness = self.law.log_derivatives(self.c33, frequency)
         own: dict[str, Gradient] = {
             "thickness": ("theta", 1 / self.thickness),
@@ -92,17 +92,17 @@ class Piezo(Joins):
     c33D: complex
     """Stiffness at constant D, Pa; im > 0 is loss."""
     h33: complex
-    """V/m; zero is a dead (depoled) layer."""
+    """V/m; zero for a dead (depoled) layer."""
     eps33S: complex
     """Clamped permittivity, F/m; im < 0 is loss."""
     polarity: int = 1
-    """+1, or -1 where the layer is poled against the way the terminals' current runs through it."""
+    """+1, or -1 if the layer is poled against the direction of the terminal current through it."""
     c_law: LossLaw = CONSTANT
-    """How c33D continues from the law's reference frequency."""
+    """Continuation of c33D from the law's reference frequency."""
     h_law: LossLaw = CONSTANT
-    """How h33 does."""
+    """The same for h33."""
     eps_law: LossLaw = CONSTANT
-    """How eps33S does."""
+    """The same for eps33S."""
 
     def __post_init__(self) -> None:
         parts = {"c33D_re": self.c33D.real, "eps33S_re": self.eps33S.real}
@@ -141,7 +141,7 @@ class Piezo(Joins):
         )
 
     def wave(self, frequency: Frequencies) -> tuple[ComplexLike, ComplexLike]:
-        """Return the characteristic impedance (Rayl) and the time t/v (s) that a wave takes through the layer."""
+        """Return the characteristic impedance (Rayl) and the travel time t/v (s) of a wave through the layer."""
         return _wave(self.density, self.c_law.over(self.c33D, frequency), self.thickness)
 
     def field_per_strain(self, frequency: Frequencies) -> ComplexLike:
@@ -153,7 +153,7 @@ class Piezo(Joins):
         return self.thickness / self.eps_law.over(self.eps33S, frequency)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return for every parameter the quantity it moves, and how much."""
+        """Return for every parameter the quantity that it changes, and the derivative."""
         own: dict[str, Gradient] = {
             "thickness": ("thickness", 1 / self.thickness),
             "density": ("density", 1 / self.density),

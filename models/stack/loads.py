@@ -1,4 +1,4 @@
-"""What the outermost faces rest on, as a specific acoustic impedance over frequency."""
+"""Loads of the outermost faces, as specific acoustic impedances over frequency."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from .row import Joins
 
 
 class Load(Joins, ABC):
-    """Anything that answers the velocity of a face with a pressure."""
+    """Any load that relates the pressure on a face to its velocity."""
 
     @abstractmethod
     def parameters(self) -> dict[str, float]:
@@ -34,7 +34,7 @@ class Load(Joins, ABC):
 
 @dataclass(frozen=True)
 class HalfSpace(Load):
-    """A medium without end: what goes in does not come back."""
+    """An infinite medium without reflections."""
 
     name: str
     z: float
@@ -63,7 +63,7 @@ class HalfSpace(Load):
 
 @dataclass(frozen=True)
 class Support(Load):
-    """What a jig, a rubber pad or a finger is to a face: `resistance + stiffness/(jw) + jw mass`, each per area."""
+    """A fixture, rubber pad or finger on a face: `resistance + stiffness/(jw) + jw mass`, each per area."""
 
     name: str
     resistance: float = 0.0
@@ -99,14 +99,14 @@ class Support(Load):
 
 @dataclass(frozen=True)
 class AnyLoad(Load):
-    """Any specific acoustic impedance of frequency, given as a function: measured, or from another program."""
+    """Any specific acoustic impedance over frequency, given as a function: measured, or from another program."""
 
     name: str
     function: Callable[[Frequencies], Complexes]
-    """Takes Hz, shape (N,), returns Rayl, shape (N,)."""
+    """Maps Hz, shape (N,), to Rayl, shape (N,)."""
 
     def parameters(self) -> dict[str, float]:
-        """Return nothing: what the function depends on is its own affair."""
+        """Return nothing: the function's parameters are not known here."""
         return {}
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -114,7 +114,7 @@ class AnyLoad(Load):
         return self
 
     def impedance(self, frequency: Frequencies) -> ComplexLike:
-        """Return what the function says. Raises StackError where its shape is wrong or a value is not finite."""
+        """Return the value of the function. Raises StackError if its shape is wrong or a value is not finite."""
         Z = np.asarray(self.function(frequency), np.complex128)
         if Z.shape != frequency.shape or not np.all(np.isfinite(Z)):
             raise StackError(

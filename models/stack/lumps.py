@@ -1,6 +1,7 @@
-"""Interfaces without thickness: the limits of a layer much thinner than the wave.
+"""Interfaces without thickness: limits of a layer much thinner than the wavelength.
 
-A thin layer is its compliance t/c33 between two halves of its mass rho t; where one of the two rules, it stands alone:
+A thin layer is its compliance t/c33 between two halves of its mass rho t. If one of the two dominates, it remains
+alone:
 a soft glue line is a spring, an electrode on a free face is a mass.
 """
 
@@ -17,11 +18,11 @@ from .row import Joins
 
 @dataclass(frozen=True)
 class Spring(Joins):
-    """An interface that gives way: the velocities of its two sides differ, the pressure does not."""
+    """A compliant interface: the velocities of its two sides differ, the pressures do not."""
 
     name: str
     stiffness: float
-    """Pressure per gap, c33'/t of the layer it stands for, Pa/m."""
+    """Pressure per gap, c33'/t of the layer that it represents, Pa/m."""
     q: float = math.inf
     """Quality factor: stiffness (1 + j/q)."""
 
@@ -37,7 +38,7 @@ class Spring(Joins):
         return replace(self, **values)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return for every parameter the quantity it moves, and how much."""
+        """Return for every parameter the quantity that it changes, and the derivative."""
         return {
             "stiffness": ("stiffness", 1 / self.stiffness),
             "q": ("stiffness", -1j / self.q**2 / complex(1.0, 1 / self.q)),
@@ -50,11 +51,11 @@ class Spring(Joins):
 
 @dataclass(frozen=True)
 class Mass(Joins):
-    """An interface that is heavy: the pressures of its two sides differ, the velocity does not."""
+    """A heavy interface: the pressures of its two sides differ, the velocities do not."""
 
     name: str
     mass: float
-    """Mass per area rho t, kg/m2; zero is allowed, as the start of a search for a forgotten electrode."""
+    """Mass per area rho t, kg/m2; zero is allowed, as the start of a search for a missing electrode."""
 
     def __post_init__(self) -> None:
         if self.mass != 0:
@@ -69,7 +70,7 @@ class Mass(Joins):
         return replace(self, **values)
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
-        """Return that the mass moves the mass."""
+        """Return the derivative of the mass by itself."""
         return {"mass": ("mass", 1.0)}
 
     def section(self, jw: Complexes) -> "Weight":
@@ -85,7 +86,7 @@ class Gap:
     """jw/stiffness: velocity difference per pressure, 1/Rayl, shape (N,)."""
 
     def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
-        """Return the impedance of one side in Rayl with `load` at the other, and the far side's share of velocity."""
+        """Return the impedance of one side in Rayl with `load` at the other, and the velocity ratio of the far side."""
         share = 1.0 / (1.0 + load * self.y)
         return load * share, share
 
@@ -108,7 +109,7 @@ class Weight:
     """jw mass: pressure difference per velocity, Rayl, shape (N,)."""
 
     def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
-        """Return the impedance of one side in Rayl with `load` at the other, and that both sides move alike."""
+        """Return the impedance of one side in Rayl with `load` at the other, and 1, since both sides move alike."""
         return load + self.z, 1.0
 
     def transmission(self, share: ComplexLike) -> ComplexLike:

@@ -1,8 +1,8 @@
-"""A stack as a network: the pressure and velocity at every interface per unit of terminal current.
+"""A stack as a network: pressure and velocity at every interface per unit of terminal current.
 
 Interface k is the back face of section k, interface n the front load. First the impedances that each interface sees
-towards the back and towards the front, then the velocities that the piezoelectric layers send out. Velocities count
-towards the front; everything is per unit area, the terminal current included.
+towards the back and towards the front are computed, then the velocities caused by the piezoelectric layers. Velocities
+count towards the front; everything is per unit area, including the terminal current.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ from .laws import ComplexLike
 
 
 class Section(Protocol):
-    """A layer at all frequencies, as the network sees it."""
+    """A layer at all frequencies, as an element of the network."""
 
     def input_impedance(self, load: ComplexLike) -> tuple[ComplexLike, ComplexLike]:
-        """Return the impedance of one face in Rayl with `load` (Rayl) at the other, and what `transmission` needs."""
+        """Return the input impedance of one face in Rayl with `load` (Rayl) at the other, and `share`."""
         ...
 
     def transmission(self, share: ComplexLike) -> ComplexLike:
-        """Return the far face's velocity per velocity of the near face, from the second answer of `input_impedance`."""
+        """Return the far face's velocity per velocity of the near face, from the second result of `input_impedance`."""
         ...
 
     def weights(self, v1: ComplexLike, F1: ComplexLike, v2: ComplexLike, F2: ComplexLike) -> dict[str, ComplexLike]:
@@ -34,16 +34,16 @@ class Section(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """What each interface sees in one direction."""
+    """Impedances that each interface sees in one direction."""
 
     Z: dict[int, ComplexLike]
     """Impedance in Rayl by interface."""
     share: dict[int, ComplexLike]
-    """For `Section.transmission`, by the section that the wave runs through."""
+    """Input for `Section.transmission`, by the section that the wave passes."""
 
 
 class Network:
-    """The sections between two loads, back to front, with at least one of them piezoelectric."""
+    """The sections between two loads, back to front, at least one of them piezoelectric."""
 
     def __init__(self, sections: Sequence[Section], back: ComplexLike, front: ComplexLike, parallel: bool) -> None:
         self.sections = sections
@@ -101,7 +101,7 @@ class Network:
         return result
 
     def _sent_to_front(self) -> dict[int, ComplexLike]:
-        """Return the velocity at every interface that the piezoelectric layers behind it cause."""
+        """Return the velocity at every interface caused by the piezoelectric layers behind it."""
         sent: dict[int, ComplexLike] = {}
         for k in range(self.first, len(self.sections)):
             if k in sent:
@@ -111,7 +111,7 @@ class Network:
         return sent
 
     def _sent_to_back(self) -> dict[int, ComplexLike]:
-        """Return the velocity at every interface that the piezoelectric layers before it cause."""
+        """Return the velocity at every interface caused by the piezoelectric layers in front of it."""
         sent: dict[int, ComplexLike] = {}
         for k in range(self.last, -1, -1):
             if k + 1 in sent:
@@ -121,7 +121,7 @@ class Network:
         return sent
 
     def weights(self, k: int, field: Sequence[tuple[ComplexLike, ComplexLike]]) -> dict[str, ComplexLike]:
-        """Return d Z_el / d ln of the quantities of section k, ohm m2, from the answer of `field`."""
+        """Return d Z_el / d ln of the quantities of section k, ohm m2, from the result of `field`."""
         faces = *field[k], *field[k + 1]
         if k in self.active:
             return self.active[k].weights_driven(self.currents[k], *faces)

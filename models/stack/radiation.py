@@ -1,8 +1,8 @@
 """A face that radiates into a fluid as a rigid piston in a baffle (Rayleigh; Kinsler et al., Fundamentals, 7.5).
 
 With x = 2 k a the specific impedance is z [R1(x) + j X1(x)], R1 = 1 - 2 J1(x)/x, X1 = 2 H1(x)/x (Bessel and Struve).
-A face many wavelengths wide (x >> 1) is the half-space; for a thin disk at its thickness resonance in water the
-difference is far below one per cent, for its radial resonance it is everything.
+A face many wavelengths wide (x >> 1) sees the half-space; for a thin disk in water the difference is far below one per
+cent at the thickness resonance, but decisive at the radial resonance.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The notation `air | disk | glue | ml1 | air`: parts beside each other, back to front."""
+"""The notation `air | disk | glue | ml1 | air`: parts joined back to front."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 
 class Joins:
-    """A part that can stand in a row."""
+    """A part that can be joined in a row."""
 
     def __or__(self, other: Joins | LayerRow) -> LayerRow:
-        """Return the row in which `other` stands in front of this part."""
+        """Return the row with `other` in front of this part."""
         return LayerRow((self,)) | other
 
 
@@ -24,12 +24,12 @@ class LayerRow:
 
     parts: tuple[Joins, ...]
     stack_of: ClassVar[Callable[[Sequence[Joins], float], Stack]]
-    """Makes a stack of a row; set where stacks are defined, which stand on rows."""
+    """Makes a stack of a row; set by the module of stacks, which imports this one."""
 
     def __or__(self, other: Joins | LayerRow) -> LayerRow:
-        """Return the row in which `other` stands in front of these parts."""
+        """Return the row with `other` in front of these parts."""
         return LayerRow(self.parts + (other.parts if isinstance(other, LayerRow) else (other,)))
 
     def with_area(self, area: float) -> Stack:
-        """Return the stack of these parts with faces of `area` m2. Raises StackError where no load ends the row."""
+        """Return the stack of these parts with faces of `area` m2. Raises StackError if a load is missing at an end."""
         return LayerRow.stack_of(self.parts, area)

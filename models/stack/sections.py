@@ -1,4 +1,4 @@
-"""From layers to sections: every layer at all frequencies, the waves of all layers in one go."""
+"""From layers to sections: every layer at all frequencies, with the waves of all layers computed together."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from .layers import Elastic, Piezo
 from .lumps import Mass, Spring
 from .network import Section
 
-# glibc gives freed memory beyond 128 kB back to the system, and the next evaluation pays a page fault for every 4 kB
-# of it: more than all the arithmetic. Once it has seen a larger block freed, it keeps as much (never touched, so it
-# costs nothing); elsewhere the line does nothing.
+# glibc returns freed memory beyond 128 kB to the system, and the next evaluation pays a page fault for every 4 kB
+# of it: more than all the arithmetic. Once a larger block was freed, glibc keeps that much (it is never touched, so it
+# costs nothing); on other systems this line has no effect.
 np.empty(16 << 20, np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""d Z / d parameter, from the field in the stack: one multiplication per parameter."""
+"""Derivatives d Z / d parameter from the field in the stack: one multiplication per parameter."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from .network import Network
 
 
 class Slopes:
-    """The derivatives of one stack at one set of frequencies; a layer's are made when first asked for."""
+    """The derivatives of one stack at one set of frequencies; those of a layer are computed on first use."""
 
     def __init__(
         self,

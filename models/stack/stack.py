@@ -17,7 +17,7 @@ from .sections import sections_of
 from .slopes import Slopes
 
 Layer: TypeAlias = Piezo | Elastic | Spring | Mass
-"""What can stand between the loads."""
+"""Elements that can be placed between the loads."""
 
 _OWN = ("area", "back", "front")
 
@@ -26,7 +26,7 @@ _OWN = ("area", "back", "front")
 class Stack:
     """A transducer as a plate: layers back to front, in thickness-extensional motion.
 
-    `(AIR | disk | glue | ml1 | AIR).with_area(2.01e-4)` is the same thing, written the way it looks.
+    `(AIR | disk | glue | ml1 | AIR).with_area(2.01e-4)` is an equivalent notation that looks like the sample.
     """
 
     layers: tuple[Layer, ...]
@@ -34,13 +34,13 @@ class Stack:
     back: Load = AIR
     front: Load = AIR
     area: float = 1.0
-    """m2."""
+    """Area of the faces, m2."""
     connection: Literal["series", "parallel"] = "series"
-    """How several piezoelectric layers are wired; `Piezo.polarity` says which way round."""
+    """Wiring of several piezoelectric layers; `Piezo.polarity` gives their orientation."""
     _asked: list[tuple[Frequencies, Network]] = field(
         default_factory=list[tuple[Frequencies, Network]], init=False, repr=False, compare=False
     )
-    """The last answer: what stands outside the stack asks again and again while the stack stays the same."""
+    """One-entry cache of the network: callers evaluate the same stack repeatedly at the same frequencies."""
 
     def __post_init__(self) -> None:
         require_positive("stack", area=self.area)
@@ -55,7 +55,7 @@ class Stack:
 
     @classmethod
     def from_row(cls, parts: Sequence[Joins], area: float) -> Self:
-        """Return the stack of a row `load | layers | load`. Raises StackError where a load is missing or inside."""
+        """Return the stack of a row `load | layers | load`. Raises StackError if a load is missing or inside."""
         ends, inner = [parts[0], parts[-1]], parts[1:-1]
         if len(parts) < 3 or not all(isinstance(end, Load) for end in ends):
             raise StackError("stack: a row begins and ends with a load, as in AIR | disk | AIR")
@@ -70,7 +70,7 @@ class Stack:
         return {f"{owner}.{key}": value for owner, values in own for key, value in values.items()} | {"area": self.area}
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the stack with these parameters. Raises KeyError for a name it does not have."""
+        """Return the stack with these parameters. Raises KeyError for an unknown name."""
         parts = self._parts()
         groups: dict[str, dict[str, float]] = {}
         for name, value in values.items():
@@ -94,7 +94,7 @@ class Stack:
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N), in the order of `names`.
 
-        Raises KeyError for a name the stack does not have.
+        Raises KeyError for an unknown name.
         """
         network = self._network(frequency)
         slopes = Slopes(network, self.layers, {"back": self.back, "front": self.front}, frequency)
@@ -120,7 +120,7 @@ class Stack:
         return network
 
     def _parts(self) -> dict[str, Layer | Load]:
-        """Return layers and loads by the name that their parameters carry."""
+        """Return layers and loads by the prefix of their parameters."""
         return {layer.name: layer for layer in self.layers} | {"back": self.back, "front": self.front}
 
     def _unknown(self, name: str) -> KeyError:

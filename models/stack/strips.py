@@ -1,4 +1,4 @@
-"""Stacks side by side that differ in the thickness of one layer only: evaluated together."""
+"""Parallel stacks that differ in the thickness of one layer only, evaluated together."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -14,11 +14,11 @@ from .sections import sections_of
 from .stack import Stack
 
 _TOGETHER = 4096
-"""Numbers in an array: more of them leave the processor's cache."""
+"""Largest number of elements per array, so that the arrays fit into the processor's cache."""
 
 
 def parallel_admittance(stacks: Sequence[Stack], fractions: Sequence[float], frequency: Frequencies) -> Complexes:
-    """Return the sum of fraction/Z, S, shape (N,), of stacks (Q of them) that share an area."""
+    """Return the sum of fraction/Z, S, shape (N,), of Q stacks that share an area."""
     varied = _varied(stacks)
     total = np.zeros(frequency.size, np.complex128)
     if varied is None:
@@ -39,7 +39,7 @@ def parallel_admittance(stacks: Sequence[Stack], fractions: Sequence[float], fre
 
 
 def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
-    """Return the place of the only layer that differs, and its thickness in each stack; None where more differs."""
+    """Return the index of the only layer that differs, and its thickness in each stack; None if more differs."""
     first = stacks[0]
     if len(stacks) < 2 or sum(isinstance(layer, Piezo) for layer in first.layers) > 1:
         return None
@@ -58,10 +58,14 @@ def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
     return k, np.array([layer.thickness for layer in layers if isinstance(layer, Elastic | Piezo)])
 
 
-def _same_but_thickness(one: object, other: object) -> bool:
-    if type(one) is not type(other) or not isinstance(one, Elastic | Piezo):
+def _same_but_thickness(first: object, second: object) -> bool:
+    if type(first) is not type(second) or not isinstance(first, Elastic | Piezo):
         return False
-    pairs = ((getattr(one, own.name), getattr(other, own.name)) for own in fields(one) if own.name != "thickness")
+    pairs = (
+        (getattr(first, member.name), getattr(second, member.name))
+        for member in fields(first)
+        if member.name != "thickness"
+    )
     return all(a is b or a == b for a, b in pairs)
 
 

@@ -1,4 +1,4 @@
-"""The thesis's errors, each with a proof computed from its own numbers."""
+"""The thesis's errors, each shown from its own numbers."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from . import printed, rebuilt
 
 @dataclass(frozen=True)
 class Erratum:
-    """One error: where, what is printed, what is right, and how one sees it."""
+    """One error: its place, the printed and the correct version, and the evidence."""
 
     where: str
     printed: str

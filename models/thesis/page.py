@@ -9,7 +9,7 @@ from ..materials import find
 from . import printed, rebuilt
 from .errata import errata
 
-_INTRODUCTION = """# The thesis, rebuilt
+_INTRODUCTION = """# The thesis, recomputed
 
 E. S. Tjelde, *Model based estimation of the complex material constants for thickness extension and radial mode in an
 ultrasound disk transducer*, NTNU 2012. Every number below the heading "printed" is the thesis's own; all others are

@@ -1,4 +1,4 @@
-"""The numbers of E. S. Tjelde's thesis (NTNU, January 2012) as they are printed, misprints and all.
+"""The numbers of E. S. Tjelde's thesis (NTNU, January 2012) as printed, including misprints.
 
 Signs stand as printed: the thesis writes c (1 - j/Q) in table 4.7 and a positive h'' in table 4.3.
 """
@@ -81,7 +81,7 @@ class RadialSample:
     c11p: complex
     sigma_p: complex
     kp_IEEE: complex
-    """Printed as k^p and left undefined."""
+    """Printed as k^p without a definition."""
     eps33p: complex
 
 

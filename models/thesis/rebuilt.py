@@ -1,4 +1,4 @@
-"""The thesis's tables computed anew: from its own printed numbers, by its own formulas and by the right ones."""
+"""The thesis's tables recomputed: from its own printed numbers, by its own formulas and by the correct ones."""
 
 import cmath
 import math
@@ -32,7 +32,7 @@ def thesis_formulas(sample: RadialSample) -> dict[str, complex]:
 
 
 def corrected(sample: RadialSample) -> Radial:
-    """Return the radial-mode constants that the printed c11p, sigma_p, k^p and eps33T really mean."""
+    """Return the radial-mode constants that follow from the printed c11p, sigma_p, k^p and eps33T."""
     eps33p = sample.eps33T / (1 + 2 * sample.kp_IEEE**2 / (1 + sample.sigma_p))
     return Radial.from_sherrit(sample.c11p, sample.sigma_p, sample.kp_IEEE, eps33p)
 
@@ -57,7 +57,7 @@ def table_4_9(*, right: bool) -> dict[str, tuple[complex, complex]]:
 
 @dataclass(frozen=True)
 class Recovery:
-    """One constant that was turned into a spectrum and found again."""
+    """One constant that was turned into a spectrum and recovered from it."""
 
     name: str
     truth: complex
@@ -65,7 +65,7 @@ class Recovery:
 
 
 def recovered_radial() -> list[Recovery]:
-    """Return Sherrit's radial constants and what the critical frequencies of their noise-free spectrum give."""
+    """Return Sherrit's radial constants, and those recovered from their noise-free spectrum."""
     area = math.pi * _RADIUS**2
     disk = RadialDisk.of("disk", SHERRIT_RADIAL, area, _THICKNESS, _DENSITY)
     first, second, low = np.arange(130e3, 300e3, 2.0), np.arange(430e3, 580e3, 2.0), np.array([1e3])
@@ -83,7 +83,7 @@ def recovered_radial() -> list[Recovery]:
 
 
 def recovered_thickness(truth: Thickness) -> list[Recovery]:
-    """Return thickness constants and what the critical frequencies of their noise-free spectrum give."""
+    """Return thickness constants, and those recovered from their noise-free spectrum."""
     area = math.pi * _RADIUS**2
     layer = Piezo("disk", _THICKNESS, _DENSITY, truth.c33D, truth.h33, truth.eps33S)
     plate = Stack((layer,), VACUUM, VACUUM, area)

@@ -6,7 +6,7 @@ CALCulate, INITiate and TRIGger, and a MATLAB class. What none of them sends is 
 """
 
 from collections.abc import AsyncIterator, Callable
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -73,12 +73,15 @@ def _answer(setting: Setting, value: object) -> str:
 def _restart(instrument: Instrument, axis: bool) -> None:
     """Let a setting have its effect; segments have speed, level and averaging from the sweep."""
     state = instrument.state
-    common: dict[str, Any] = {
-        "bandwidth": state.count("BWFACT"),
-        "level": state.levels[str(state["POWMOD"])],
-        "point_average": state.count("PAVERFACT") if state.on("PAVER") else 1,
-    }
-    state.table.segments = [ListSegment(**{**vars(s), **common}) for s in state.table.segments]
+    state.table.segments = [
+        replace(
+            segment,
+            bandwidth=state.count("BWFACT"),
+            level=state.levels[str(state["POWMOD"])],
+            point_average=state.count("PAVERFACT") if state.on("PAVER") else 1,
+        )
+        for segment in state.table.segments
+    ]
     if axis:
         instrument.new_axis()
     instrument.sweeper.averaged = 0

@@ -47,7 +47,7 @@ def test_what_an_analyzer_can_do_is_known_by_its_identification() -> None:
 def test_an_installation_from_before_there_were_entry_points_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(analyzers, "GROUP", "pzctl.none")
     for ask in (lambda: capabilities_of(""), lambda: open_analyzer("recording:disk.csv")):
-        with pytest.raises(InstrumentError, match="install pzctl anew with pip"):
+        with pytest.raises(InstrumentError, match="reinstall pzctl with pip"):
             ask()
 
 

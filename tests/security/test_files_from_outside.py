@@ -13,7 +13,7 @@ import pytest
 
 from pzctl.daemon.files.builds.build_file import BuildError, read_build
 from pzctl.daemon.files.config import ConfigError, settings
-from pzctl.daemon.server.sockets import EndpointError, gate_for
+from pzctl.daemon.server.sockets import EndpointError, access_control_for
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.base.analyzer import InstrumentError
 from pzctl.drivers.recordings import RecordingError, read_recording, write_hdf5, write_netcdf
@@ -146,7 +146,7 @@ def test_a_nul_in_a_path_is_a_sentence() -> None:
     "bench", ["x", "host", ":5026", "host:", "host:0", "host:99999", "host:-1", "host:\u0661", "h\0:1"]
 )
 def test_what_is_no_bench_is_refused(bench: str) -> None:
-    with pytest.raises(ConfigError, match=r"--bench is .*; needed is host:port"):
+    with pytest.raises(ConfigError, match=r"--bench is .*; allowed is host:port"):
         settings({"bench": bench})
     assert settings({"bench": "localhost:5026"}) == {"bench": "localhost:5026"}
 
@@ -156,4 +156,4 @@ def test_what_is_no_bench_is_refused(bench: str) -> None:
 )
 def test_what_is_no_port_is_refused(tmp_path: Path, endpoint: str) -> None:
     with pytest.raises(EndpointError, match=r"does not exist; 0 to 65535 or \* is allowed"):
-        gate_for((endpoint, "tcp://127.0.0.1:*"), tmp_path / "keys")
+        access_control_for((endpoint, "tcp://127.0.0.1:*"), tmp_path / "keys")

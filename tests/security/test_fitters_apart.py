@@ -108,7 +108,7 @@ def test_a_fitter_that_has_gone_leaves_the_table_and_its_name_is_free(tmp_path: 
         "",
         None,
         limits=Limits(),
-        ledger=PendingResults(["mason"]),
+        pending=PendingResults(["mason"]),
         changed=lambda state, says: told.append(f"{state.name} {state.state} {says}".strip()),
         died=lambda _: None,
         visitors=Visitors(["mason"], lambda: now),
@@ -126,6 +126,6 @@ def test_a_fitter_that_has_gone_leaves_the_table_and_its_name_is_free(tmp_path: 
     now = LEASE + 1
     supervisor.forget_silent()
     assert [*supervisor.states] == ["bens", "mason"], "what the daemon itself keeps stays"
-    assert told[-1] == f"anas ended not heard of for {LEASE:g} s"
+    assert told[-1] == f"anas ended silent for {LEASE:g} s"
     assert not visitors.belongs_to_another("anas", "ben")
     assert supervisor.states["bens"] == FitterState("bens", "ready", "1")

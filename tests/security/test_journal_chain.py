@@ -225,7 +225,7 @@ def test_a_forged_seal_does_not_hold(folder: Path) -> None:
 def test_a_damaged_journal_is_not_sealed(folder: Path) -> None:
     change(folder, lambda db: db.execute("UPDATE events SET topic = x'00' WHERE seq = 2"))
     told = pzctl(folder.parent, "journal", "seal")
-    assert (told.returncode, "a journal that is not whole is not sealed" in told.stderr) == (1, True), told
+    assert (told.returncode, "not sealed, because the journal is damaged" in told.stderr) == (1, True), told
 
 
 def test_a_replay_over_what_was_pruned_says_so(start_daemon, build: Build, tmp_path: Path, plain_socket) -> None:

@@ -320,7 +320,7 @@ def test_the_daemon_says_so_and_the_command_repairs(start_daemon, build: Build, 
     assert (told.returncode, "run `pzctl journal repair`" in " ".join(told.stderr.split())) == (1, True), told
     done = json.loads(pzctl(tmp_path, "journal", "repair", "--json").stdout)
     assert (done["measurements"], done["set_aside"]) == (1, [])
-    assert "all whole" in pzctl(tmp_path, "journal", "verify").stdout
+    assert "all intact" in pzctl(tmp_path, "journal", "verify").stdout
     start_daemon("Echo")
     with connect() as lab:
         assert [one.measurement for one in lab.samples()[0].measurements] == [measurement]

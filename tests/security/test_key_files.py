@@ -136,5 +136,7 @@ def test_an_expiry_that_is_written_into_the_file_counts_at_once(
     with Client(where.events, where.requests, key) as lab:
         assert lab.status().seq > 0
         path.write_text(json.dumps(json.loads(path.read_text()) | {"expires": "2020-01-01"}))
-        with pytest.raises(DaemonError, match=r"the key of 'ana' expired after 2020-01-01; ask who runs the daemon"):
+        with pytest.raises(
+            DaemonError, match=r"the key of 'ana' expired after 2020-01-01; ask the daemon.s administrator"
+        ):
             lab.status()

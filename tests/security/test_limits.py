@@ -100,7 +100,7 @@ def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_p
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("max_bias_V = -1", "max_bias_V is -1; volts from 0 up are needed"),
+        ("max_bias_V = -1", "max_bias_V is -1; 0 V or more is needed"),
         ('max_bias_V = "5"', "a number is needed"),
         ("max_oscillator_mV = 5", "max_oscillator_mV is not a known key"),
     ],

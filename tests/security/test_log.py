@@ -69,7 +69,7 @@ def test_keys_that_are_not_known_leave_few_lines(start_daemon: Callable[..., Loc
             heard.close()
     with connect() as lab:
         assert lab.status().seq > 0
-    assert Path(where.log).read_text().count("a key that is not known was turned away") == REPEATED
+    assert Path(where.log).read_text().count("an unknown or expired key was refused") == REPEATED
 
 
 def _is_refused(heard: "zmq.Socket[bytes]") -> bool:

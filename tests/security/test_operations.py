@@ -155,7 +155,7 @@ def test_restore_drill_a_backup_replaces_a_data_folder_that_is_lost(
 
     shutil.copytree(shelf / "journal", restored / "journal")
     told = pzctl(restored, "journal", "verify", "--public-key", str(shelf / "public.pem"))
-    assert "all whole" in told
+    assert "all intact" in told
     assert "sealed up to" in told, "the seals came along, and hold"
     monkeypatch.setenv("PZCTL_HOME", str(restored))
     start_daemon()

@@ -30,12 +30,12 @@ def _home(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (b"[" * 60_000, "Expected `object`, got `array`"),
         (b'{"step":' * 8_000, "Expected `str`, got `object`"),
-        (b"{", "no JSON object"),
-        (b"\xff\xfe", "no JSON object"),
+        (b"{", "not a JSON object"),
+        (b"\xff\xfe", "not a JSON object"),
         (b"[]", "Expected `object`, got `array`"),
         (b'[["step", "disk"]]', "Expected `object`, got `array`"),
-        (b'{"step": NaN}', "no JSON object"),
-        (b'{"step": "\\ud800"}', "no JSON object"),
+        (b'{"step": NaN}', "not a JSON object"),
+        (b'{"step": "\\ud800"}', "not a JSON object"),
         (b'{"step": 7}', "Expected `str`, got `int`"),
         (b"{}", "missing required field `step`"),
         (b'{"step": "disk", "token": 1}', "unknown field `token`"),
@@ -56,7 +56,7 @@ def test_a_band_is_two_frequencies() -> None:
 
 def test_a_body_is_read_no_further_than_its_limit() -> None:
     status, _, answer = ask("/api/look", method="POST", body=b" " * (request_body.MOST_BODY + 1), **OWN)
-    assert (status, b"at most these are allowed" in answer) == (413, True)
+    assert (status, b"bytes that are allowed" in answer) == (413, True)
 
 
 def test_a_body_that_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,7 @@ def test_who_may_read_sees_everything_and_commands_nothing(file: Path) -> None:
         assert (status, json.loads(body)["user"]["name"]) == (200, name)
     for path in ("measure", "cancel", "diagnose", "look", "fit", "keep"):
         status, _, body = ask(f"/api/{path}", users=users, method="POST", cookie=f"pzctl-token={reads}", **FROM_PAGE)
-        assert (status, json.loads(body)["error"]) == (403, "eva may look at everything here, and command nothing")
+        assert (status, json.loads(body)["error"]) == (403, "eva has the right to read only, so commands are refused")
     status, _, body = ask("/api/cancel", users=users, method="POST", cookie=f"pzctl-token={acts}", **FROM_PAGE)
     assert (status, b"no daemon runs" in body) == (409, True), "let through"
 
@@ -101,7 +101,7 @@ def test_a_removed_user_hears_no_further_event(file: Path) -> None:
     assert b"".join(message.get("body", b"") for message in heard) == b"retry: 1000\n\n"
 
 
-@pytest.mark.parametrize(("name", "says"), [("../ana", "a name has"), ("ana", "is there already")])
+@pytest.mark.parametrize(("name", "says"), [("../ana", "a name has"), ("ana", "exists already")])
 def test_a_user_that_cannot_be_added_is_refused(file: Path, name: str, says: str) -> None:
     add_user(file, "ana", "act")
     with pytest.raises(PageUsersError, match=says):
@@ -193,7 +193,7 @@ class _Stay(urllib.request.HTTPRedirectHandler):
 
 def test_what_is_no_certificate_is_a_sentence(certificate: tuple[Path, Path], tmp_path: Path) -> None:
     check_certificate(*certificate)
-    with pytest.raises(PageError, match="no certificate and its key"):
+    with pytest.raises(PageError, match="a certificate and its key are needed"):
         check_certificate(certificate[1], certificate[0])
     with pytest.raises(PageError, match="cannot be read"):
         check_certificate(tmp_path / "none.pem", certificate[1])

@@ -1,1 +1,1 @@
-"""Commands that work on recordings: fit, diagnose, and the catalogues behind them."""
+"""Commands that evaluate recordings: fit and diagnose, and lists of the available fitters, effects and materials."""

@@ -1,4 +1,4 @@
-"""`pzctl diagnose`: where model and recording differ, and which physics was left out."""
+"""`pzctl diagnose`: where model and recording differ, and which physical effect the model lacks."""
 
 import json
 import sys
@@ -18,26 +18,28 @@ if TYPE_CHECKING:
 def diagnose(
     recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
     build: Annotated[Path, typer.Option(help="build.toml")],
-    effects: Annotated[str | None, typer.Option(help="Only these effects, as cable,bond-layer.")] = None,
+    effects: Annotated[
+        str | None, typer.Option(help="Consider only these effects, for example cable,bond-layer.")
+    ] = None,
     unseen: Annotated[
-        bool, typer.Option("--unseen", help="Let the uncertainties count what may be there unseen.")
+        bool, typer.Option("--unseen", help="Include effects that could be present undetected in the uncertainties.")
     ] = False,
     hold_out: Annotated[
         Literal["bands", "repeats", "overtones", "steps"],
-        typer.Option(help="What takes no part in the fits that prove it."),
+        typer.Option(help="Data to hold out of the fits and to test the findings on."),
     ] = "bands",
     other_sample: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to prove the findings on."),
+        typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to test the findings on."),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Say where recordings and model differ, which physics was left out, and what cannot be decided.
+    """Show where recordings and model differ, which physical effects the model lacks, and what cannot be decided.
 
     Example: pzctl diagnose --build build.toml disk=disk.csv ml1=ml1.csv
     """
-    from ....fitters.diagnosis.diagnose import diagnose as find_out
+    from ....fitters.diagnosis.diagnose import diagnose as run_diagnosis
     from ....fitters.diagnosis.inference.inflated_uncertainty import widened
     from ....fitters.interface import FitTask
     from ....models.effects import find_effect
@@ -54,30 +56,30 @@ def diagnose(
     )
     if picture is not None:
         check_picture(picture)
-    known = read_build(build)
+    device = read_build(build)
     others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
-    task = FitTask(known, read_steps(recordings))
+    task = FitTask(device, read_steps(recordings))
     with screen.status("diagnosing") as status:
-        diagnosis = find_out(task, chosen, status.update, hold_out, others)
+        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others)
     if unseen:
         diagnosis = widened(diagnosis)
-    found = diagnosis_json(diagnosis)
+    shown_diagnosis = diagnosis_json(diagnosis)
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(shown_diagnosis))
     else:
-        print_diagnosis(console(), found)
-        if found["findings"] or unseen:
+        print_diagnosis(console(), shown_diagnosis)
+        if shown_diagnosis["findings"] or unseen:
             print_constants(console(), diagnosis)
     if picture is None and as_json:
         return
-    target = picture or Path(f"{known.name}-diagnosis.png")
-    drawn = diagnosis_picture(found, diagnosis_curves(diagnosis), known, target)
+    target = picture or Path(f"{device.name}-diagnosis.png")
+    drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
 
 
 def _sample_in(folder: Path) -> "FitTask":
-    """Return what a sample's folder holds; what is odd about it is said on standard error. Raises NoSamplesError."""
+    """Return the fit task of a sample's folder; print its notes on standard error. Raises NoSamplesError."""
     from ...samples.sample_selection import NoSamplesError, folder_sample
 
     sample = folder_sample(folder)

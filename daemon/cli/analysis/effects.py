@@ -1,4 +1,4 @@
-"""`pzctl effects`: the catalogue of physics that a model can leave out."""
+"""`pzctl effects`: the catalogue of physical effects that a model may lack."""
 
 import json
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 def effects(
-    name: Annotated[str | None, typer.Argument(help="One effect with all it says; without it, the list.")] = None,
+    name: Annotated[str | None, typer.Argument(help="One effect, to be shown in full; without it, the list.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """List the physics that a model can leave out, or show one effect: what it is, and what tells it from others.
+    """List the physical effects that a model may lack, or show one: what it is, and how to tell it from others.
 
     Example: pzctl effects lead-inductance
     """
@@ -34,13 +34,13 @@ def effects(
         console().print(_page(_described(chosen[0])))
         return
     table = Table("effect", "where", "the physics")
-    for told in map(_described, chosen):
-        table.add_row(told["name"], " ".join(told["where"]), told["physics"])
+    for described in map(_described, chosen):
+        table.add_row(described["name"], " ".join(described["where"]), described["physics"])
     console().print(table)
 
 
 def _described(effect: "Effect") -> dict[str, Any]:
-    """Return what the catalogue says of an effect; sizes and places are those of an example."""
+    """Return the catalogue's entry of an effect as plain data; sizes and places are those of an example device."""
     stack = _example()
     places = effect.places(stack)
     effect_parameters = effect.effect_parameters(stack, places[0])
@@ -53,20 +53,20 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "references": list(effect.references),
         "parameters": [
             {
-                "name": knob.name,
-                "unit": knob.unit,
-                "null": knob.null,
-                "typical": knob.typical,
-                "limits": _limits(knob.lower, knob.upper),
+                "name": parameter.name,
+                "unit": parameter.unit,
+                "null": parameter.null,
+                "typical": parameter.typical,
+                "limits": _limits(parameter.lower, parameter.upper),
             }
-            for knob in effect_parameters
+            for parameter in effect_parameters
         ],
         "example": list(places),
     }
 
 
 def _kind(place: str) -> str:
-    """Return `layer` of `layer:NAME`, `face:back` as it is."""
+    """Return the kind of a place: `layer` for `layer:NAME`; `face:back` stays as it is."""
     return place if place.startswith("face:") else place.partition(":")[0]
 
 
@@ -75,7 +75,7 @@ def _limits(lower: float, upper: float) -> list[float | None]:
 
 
 def _example() -> "Stack":
-    """Return a stack that has a place for every effect: a disk, 10 mm x 0.5 mm, with a matching layer and backing."""
+    """Return a stack with a place for every effect: a disk, 10 mm x 0.5 mm, with a matching layer and a backing."""
     from ....models.stack import AIR, Elastic, HalfSpace, Piezo
 
     disk = Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1j / 80), 1.98e9 + 0j, 8.09e-9 * (1 - 0.017j))
@@ -83,19 +83,19 @@ def _example() -> "Stack":
     return (HalfSpace("backing", 5e6) | disk | glue | ml1 | AIR).with_area(7.854e-5)
 
 
-def _page(told: dict[str, Any]) -> "Table":
-    """Return one effect as a table of headings and texts."""
+def _page(described: dict[str, Any]) -> "Table":
+    """Return one effect as a table with a heading and a text in each row."""
     from rich.table import Table
 
     page = Table(show_header=False)
     for heading, text in (
-        ("effect", told["name"]),
-        ("where", " ".join(told["where"])),
-        ("the physics", told["physics"]),
-        ("says", told["says"]),
-        ("told apart by", told["separates"]),
-        ("typical on a disk of 10 mm x 0.5 mm", "\n".join(map(_size, told["parameters"])) or "there or not"),
-        ("references", "\n".join(told["references"])),
+        ("effect", described["name"]),
+        ("where", " ".join(described["where"])),
+        ("the physics", described["physics"]),
+        ("says", described["says"]),
+        ("told apart by", described["separates"]),
+        ("typical on a disk of 10 mm x 0.5 mm", "\n".join(map(_size, described["parameters"])) or "there or not"),
+        ("references", "\n".join(described["references"])),
     ):
         page.add_row(heading, text)
     return page

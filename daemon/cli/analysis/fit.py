@@ -1,4 +1,4 @@
-"""`pzctl fit`: recordings to constants, without a daemon."""
+"""`pzctl fit`: material constants from recordings, without a daemon."""
 
 import json
 import sys
@@ -20,7 +20,7 @@ _MEMORY = "@memory"
 
 
 def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
-    """Return the files of each step from `STEP=FILE` words. Raises UsageError."""
+    """Return the files of each step, read from `STEP=FILE` arguments. Raises UsageError."""
     files: dict[str, list[Path]] = {}
     for word in given:
         step, equals, file = word.partition("=")
@@ -33,7 +33,7 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
 
 
 def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
-    """Read the recordings of `STEP=FILE` words, by step; what is odd about one is said on standard error."""
+    """Read the recordings named by `STEP=FILE` arguments, by step; print their notes on standard error."""
     sweeps = {step: tuple(map(read_trace, paths)) for step, paths in parse_recordings(given).items()}
     for of_step in sweeps.values():
         for sweep in of_step:
@@ -43,7 +43,7 @@ def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
 
 
 def read_trace(path: Path) -> "Sweep":
-    """Read a recording; of `FILE@memory`, the memory trace that a 4294A export may carry. Raises RecordingError."""
+    """Read a recording; `FILE@memory` reads the memory trace that a 4294A export may hold. Raises RecordingError."""
     from ....drivers.recordings import RecordingError, read_memory_trace, read_recording
 
     if not path.name.endswith(_MEMORY):
@@ -58,29 +58,34 @@ def fit(
     recordings: Annotated[
         list[str] | None, typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")
     ] = None,
-    build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` does without.")] = None,
+    build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` needs none.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter, see `pzctl fitters`; may be repeated.")] = None,
-    free: Annotated[str | None, typer.Option(help="Constants to free, as disk.c33D,glue1.thickness.")] = None,
-    hold: Annotated[str | None, typer.Option(help="Constants to hold, as glue1.z,area.")] = None,
+    free: Annotated[str | None, typer.Option(help="Constants to free, for example disk.c33D,glue1.thickness.")] = None,
+    hold: Annotated[str | None, typer.Option(help="Constants to hold, for example glue1.z,area.")] = None,
     tie: Annotated[
-        list[str] | None, typer.Option(help="Two that are one, as glue2.z=glue1.z; may be repeated.")
+        list[str] | None,
+        typer.Option(help="Two constants to keep equal, for example glue2.z=glue1.z; may be repeated."),
     ] = None,
     prior: Annotated[
-        list[str] | None, typer.Option(help="NAME=VALUE:UNCERTAINTY in SI units, as ml1.z=10.3e6:0.5e6.")
+        list[str] | None, typer.Option(help="NAME=VALUE:UNCERTAINTY in SI units, for example ml1.z=10.3e6:0.5e6.")
     ] = None,
     bound: Annotated[list[str] | None, typer.Option(help="NAME=LOWEST:HIGHEST in SI units.")] = None,
     objective: Annotated[str, typer.Option(help="log (noise-weighted ln Z), thesis (sum |w dZ|^2) or kt2.")] = "log",
     uncertainty: Annotated[str, typer.Option(help="covariance, profile or bootstrap.")] = "covariance",
-    sequential: Annotated[bool, typer.Option(help="Step by step, each with all the one before has told.")] = False,
-    freeze: Annotated[bool, typer.Option(help="Step by step, earlier constants frozen (the thesis's way).")] = False,
-    budget: Annotated[bool, typer.Option(help="Show what the uncertainties are made of.")] = False,
-    picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
-    every: Annotated[
-        bool, typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders.")
+    sequential: Annotated[
+        bool, typer.Option(help="Step by step; each starts from the result of the step before.")
     ] = False,
-    dask: Annotated[str | None, typer.Option(help="With --all: on the Dask cluster at tcp://HOST:PORT.")] = None,
+    freeze: Annotated[
+        bool, typer.Option(help="Step by step, with the earlier constants frozen (as in the thesis).")
+    ] = False,
+    budget: Annotated[bool, typer.Option(help="Show what contributes to the uncertainties.")] = False,
+    picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Fit every sample of the journal, or of one FOLDER of sample folders.")
+    ] = False,
+    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
     with_withdrawn: Annotated[
-        bool, typer.Option("--with-withdrawn", help="With --all: withdrawn measurements of the journal as well.")
+        bool, typer.Option("--with-withdrawn", help="With --all: include withdrawn measurements of the journal.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -88,9 +93,9 @@ def fit(
 
     Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
     """
-    words = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
+    arguments = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
     frees = free_names(free)
-    wanted = FitSelection(frees, words.amendments(frees), words.options())
+    wanted = FitSelection(frees, arguments.amendments(frees), arguments.options())
     if every or dask or with_withdrawn or not recordings:
         needs_all = "--dask" if dask else "--with-withdrawn" if with_withdrawn else None
         _check_all(every, needs_all, {"build": build, "picture": picture, "budget": budget or None})
@@ -114,7 +119,7 @@ def fit(
 
 
 def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") -> None:
-    """Refuse what does not go with --all, and what goes only with it. Raises UsageError."""
+    """Refuse options that exclude --all, and options that need it. Raises UsageError."""
     if not every:
         raise UsageError(
             f"{needs_all} needs --all" if needs_all else "no recording is given; STEP=FILE is needed, or --all"
@@ -127,28 +132,28 @@ def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") 
 def _fitted(
     recordings: list[str], build: Path | None, names: list[str], wanted: FitSelection
 ) -> "tuple[list[FitResult], Build | None]":
-    """Return what each fitter answers, and the build as it was fitted. Raises PzctlError."""
+    """Return the result of each fitter, and the build with the amendments. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended
     from ....fitters.interface import FitTask
     from ....fitters.plugins import DEFAULT, load_fitter
     from ...files.builds.build_file import read_build
 
     fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
-    for one in fitters:
-        check_options(one, wanted.options)
+    for fitter in fitters:
+        check_options(fitter, wanted.options)
     known = read_build(build) if build is not None else None
     if known is not None:
         known = amended(known, wanted.amendments)
     elif wanted.amendments != Amendments():
-        raise UsageError("--hold, --tie, --prior and --bound are about constants of a build; give --build as well")
+        raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
     task = FitTask(known, read_steps(recordings), wanted.free, wanted.options)
-    return [one.fit(task) for one in fitters], known
+    return [fitter.fit(task) for fitter in fitters], known
 
 
 def _show(
     results: "list[FitResult]", known: "Build | None", picture: Path | None, *, as_json: bool, budget: bool
 ) -> None:
-    """Print tables and budgets, and draw the pictures; with `as_json` only those."""
+    """Print tables and budgets, and draw the pictures; with `as_json`, draw the pictures only."""
     from ...report.pictures.fit_pictures import fit_picture
     from ...report.tables.budget_table import print_budget
     from ...report.tables.fit_tables import print_fit

@@ -1,4 +1,4 @@
-"""`pzctl fit --all`: every sample of the journal, or of a folder, fitted in one go; then the population."""
+"""`pzctl fit --all`: fit every sample of the journal or of a folder, then summarise the population."""
 
 import json
 import sys
@@ -22,7 +22,10 @@ class BatchFailure(CannotError):
 
 
 def _amended(sample: "Sample", wanted: FitSelection) -> "Sample":
-    """Return the sample with its build and task as wanted; where its build has no such constant, it is not fitted."""
+    """Return the sample with the requested changes to build and task.
+
+    A sample whose build lacks a named constant gets an `error` in place of a job.
+    """
     from ....fitters.engine.parameters.overrides import amended
 
     job = sample.job
@@ -44,11 +47,11 @@ def fit_all(
     as_json: bool,
     with_withdrawn: bool,
 ) -> None:
-    """Fit all samples with each of `fitters` (none: mason) and print the populations; `words`: nothing, or one folder.
+    """Fit all samples with each of `fitters` (none: mason) and print the populations.
 
-    Results of the journal's samples are kept in the journal. What goes wrong with a sample is said on standard error
-    and stops no other. Raises BatchFailure at the end where any failed; UsageError, NoSamplesError, JournalError,
-    PluginError, BatchError where nothing can be done.
+    `words` is empty (the journal's samples) or names one folder. Results of the journal's samples are added to the
+    journal. A sample that fails is reported on standard error; the others go on. Raises BatchFailure at the end if any
+    failed; UsageError, NoSamplesError, JournalError, PluginError or BatchError if nothing can be fitted.
     """
     from ....fitters.plugins import DEFAULT, load_fitter
     from ...samples.sample_selection import folder_samples, journal_samples, open_journal
@@ -56,29 +59,29 @@ def fit_all(
     if len(words) > 1 or any("=" in word for word in words):
         raise UsageError(f"--all takes one folder, or nothing for the journal; found {' '.join(words)}")
     if words:
-        found = folder_samples(Path(words[0]), wanted.free)
+        samples = folder_samples(Path(words[0]), wanted.free)
     else:
         journal = open_journal()
         try:
-            found = journal_samples(journal, wanted.free, with_withdrawn=with_withdrawn)
+            samples = journal_samples(journal, wanted.free, with_withdrawn=with_withdrawn)
         finally:
             journal.close()
     for fitter in fitters or [DEFAULT]:
         check_options(load_fitter(fitter), wanted.options)
-    found = [_amended(sample, wanted) for sample in found]
-    for sample in found:
+    samples = [_amended(sample, wanted) for sample in samples]
+    for sample in samples:
         for note in sample.notes:
             print(shown(f"note: {sample.name}: {note}"), file=sys.stderr)
-    batches = {fitter: _batch(found, fitter, dask) for fitter in fitters or [DEFAULT]}
-    _report(found, batches, as_json)
+    batches = {fitter: _batch(samples, fitter, dask) for fitter in fitters or [DEFAULT]}
+    _report(samples, batches, as_json)
     failed = [outcome.sample for outcomes in batches.values() for outcome in outcomes if outcome.result is None]
     if failed:
-        total = len(found) * len(batches)
+        total = len(samples) * len(batches)
         raise BatchFailure(f"{len(failed)} of {total} fits failed: {', '.join(dict.fromkeys(failed))}; see above")
 
 
 def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[Outcome]":
-    """Fit, keep what the journal's samples gave, and return an outcome for every sample, in their order."""
+    """Fit, add the results of the journal's samples to it, and return one outcome per sample, in the same order."""
     from rich.progress import Progress
 
     from ....fitters.population.batch import Outcome, fit_on_cores, fit_on_dask
@@ -91,11 +94,13 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[
     with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
         bar = progress.add_task(fitter, total=len(jobs))
 
-        def heard(outcome: Outcome) -> None:
+        def report_outcome(outcome: Outcome) -> None:
             screen.print(f"{fitter}: {_line(outcome)}", highlight=False, markup=False, soft_wrap=True)
             progress.advance(bar)
 
-        outcomes = fit_on_dask(jobs, fitter, dask, heard) if dask else fit_on_cores(jobs, fitter, heard)
+        outcomes = (
+            fit_on_dask(jobs, fitter, dask, report_outcome) if dask else fit_on_cores(jobs, fitter, report_outcome)
+        )
     of_journal = [sample for sample in samples if sample.measurement is not None]
     if of_journal:
         try:

@@ -1,4 +1,4 @@
-"""What the command line says of a fit: constants to free, hold, tie, bound; how to fit, and what to say of it."""
+"""The options of `pzctl fit`: constants to free, hold, tie and bound, and how to fit them."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ _CONSTANTS = "disk.c33D,ml1.z"
 
 
 class UsageError(PzctlError):
-    """A command line that does not say what is wanted."""
+    """A command line that is incomplete or contradicts itself."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class FitArguments:
     freeze: bool = False
 
     def amendments(self, free: tuple[str, ...] | None) -> "Amendments":
-        """Return what is to be different from the build file. Raises UsageError."""
+        """Return the changes to the build file that the options ask for. Raises UsageError."""
         from ....fitters.engine.parameters.overrides import Amendments
 
         hold = comma_names("--hold", self.hold, _CONSTANTS) if self.hold is not None else ()
         both = sorted(set(hold) & set(free or ()))
         if both:
-            raise UsageError(f"{both[0]} is given to --free and to --hold; give it to one of the two")
+            raise UsageError(f"{both[0]} is given to both --free and --hold; give it to one of the two")
         return Amendments(
             hold=hold,
             tie=tuple(_tie(word) for word in self.tie),
@@ -48,11 +48,11 @@ class FitArguments:
         )
 
     def options(self) -> "Options":
-        """Return how a fitter is to work. Raises UsageError."""
+        """Return the fitter's options. Raises UsageError."""
         from ....fitters.interface import Options
 
         if self.sequential and self.freeze:
-            raise UsageError("--sequential and --freeze are two ways through the gluing steps; give one of the two")
+            raise UsageError("--sequential and --freeze exclude each other; give one of the two")
         objective: Any = _choice("objective", self.objective)
         uncertainty: Any = _choice("uncertainty", self.uncertainty)
         if objective != "log" and uncertainty == "profile":
@@ -63,7 +63,7 @@ class FitArguments:
 
 @dataclass(frozen=True)
 class FitSelection:
-    """What is wanted of a fit, or of the fits of all samples."""
+    """The constants to free, the changes to the build and the options of a fit, or of the fits of all samples."""
 
     free: tuple[str, ...] | None
     amendments: "Amendments"
@@ -71,15 +71,15 @@ class FitSelection:
 
 
 def comma_names(option: str, text: str, example: str) -> tuple[str, ...]:
-    """Return the names of an option that has commas between them. Raises UsageError."""
+    """Return the names that an option lists with commas between them. Raises UsageError."""
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
-        raise UsageError(f"{option} is {text!r}; names with commas between are needed, for example {example}")
+        raise UsageError(f"{option} is {text!r}; give names with commas between them, for example {example}")
     return names
 
 
 def free_names(text: str | None) -> tuple[str, ...] | None:
-    """Return the names of --free; None where it was not given. Raises UsageError."""
+    """Return the names of --free, or None if it was not given. Raises UsageError."""
     return None if text is None else comma_names("--free", text, _CONSTANTS)
 
 

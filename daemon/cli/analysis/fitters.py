@@ -1,4 +1,4 @@
-"""`pzctl fitters`: what is installed; and one of them at work for a daemon elsewhere."""
+"""`pzctl fitters`: list the installed fitters, or run one of them for a daemon on another machine."""
 
 import json
 import sys
@@ -16,7 +16,9 @@ def fitters(
     ] = None,
     events: Annotated[str | None, typer.Option(help="With --run: the daemon's events, tcp://HOST:PORT.")] = None,
     requests: Annotated[str | None, typer.Option(help="With --run: the daemon's requests, tcp://HOST:PORT.")] = None,
-    key: Annotated[Path | None, typer.Option(help="With --run: file of a key with the right to measure.")] = None,
+    key: Annotated[
+        Path | None, typer.Option(help="With --run: key file of a client with the right to measure.")
+    ] = None,
 ) -> None:
     """List the installed fitters, broken ones included; or run one for a daemon on another machine.
 

@@ -1,4 +1,4 @@
-"""`pzctl materials`: the library, each value with its source."""
+"""`pzctl materials`: the material library, each value with its source."""
 
 import json
 from typing import Annotated
@@ -7,12 +7,13 @@ import typer
 
 
 def materials(
-    name: Annotated[str | None, typer.Argument(help="One material with all its values; without it, the list.")] = None,
+    name: Annotated[str | None, typer.Argument(help="One material, to be shown in full; without it, the list.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """List the materials, or show one with every value, its uncertainty and its source.
 
-    Your own stand in materials.toml in the data folder, with the units in the keys as in build.toml; they go first.
+    Your own materials are read from materials.toml in the data folder, where each key ends in its unit as in
+    build.toml; they take precedence over the library's.
 
     Example: pzctl materials Pz27
     """

@@ -1,7 +1,7 @@
-"""What a diagnosis reaches that is told which effects are there: the best that the recordings of a proof can give.
+"""Oracle run: diagnose each case with only its true effects as candidates, an upper bound on performance.
 
-Asked when all answers are given and kept, as this opens the truth. What it leaves of an error is noise, and what the
-build file gives, which no diagnosis takes away.
+It opens the truth and so runs only after all answers have been written. The errors that remain come from noise and from
+the build file; no diagnosis can remove them.
 """
 
 import json
@@ -15,17 +15,17 @@ from .run_case import diagnose_case
 
 
 def tell_all(folder: Path, published: str, jobs: int) -> None:
-    """Diagnose once more the cases with detectable effects, only these considered, and keep what is answered.
+    """Diagnose the cases with detectable effects again, with only these effects as candidates; write the answers.
 
-    Raises ProofError where the truth is not the one whose hash was published.
+    Raises ProofError if the truth does not match the published hash.
     """
     cases = [case for case in read_judged(folder, published) if case.kind in ("one", "two")]
-    effects = {case.name: tuple(one["effect"] for one in case.truth["findings"]) for case in cases}
+    effects = {case.name: tuple(finding["effect"] for finding in case.truth["findings"]) for case in cases}
     answers: dict[str, Any] = {}
     items = [(folder / "cases" / name, of_case) for name, of_case in effects.items()]
     with started(_told, items, jobs) as waiting:
         for done in as_completed(waiting):
-            if done.exception() is None:  # a defect of ours has shown in the first answer, where it counts
+            if done.exception() is None:  # a defect of pzctl already showed in the first answer, which is scored
                 answers[waiting[done][0].name] = done.result()
     (folder / TOLD).write_text(json.dumps(dict(sorted(answers.items()))))
 

@@ -1,8 +1,8 @@
-"""Cases of real recordings with exact parts put onto them.
+"""Blind cases made from real recordings by adding circuit parts with an exact model.
 
 `python -m pzctl.daemon.cli.analysis.plant_real FOLDER OUT SEED` writes them and prints the hash of their truth.
-Every readable recording of a folder that has a build is taken: as it is, as what the planted ones are compared with;
-and once with each part. Which build: `build.toml` beside it, else the one of `real_builds` under its folder's name.
+Every readable recording in the folder that has a build gives one unchanged case, for comparison, and one case with each
+part. The build is the `build.toml` beside the recording, or else the file in `real_builds` named after its folder.
 """
 
 import math
@@ -24,16 +24,16 @@ from ....sim.blind_cases.waves import Complexes, Reals
 from ...files.builds.build_file import parse_build
 
 _MOVES = 0.05, 0.3
-"""Root mean square of ln Z that a part moves a recording by, drawn evenly in its logarithm."""
+"""Range of the root mean square change of ln Z that a part makes; drawn uniformly in its logarithm."""
 _IN_TIME = 0.2
-"""How much less of it a drift or a lag moves."""
+"""Factor on this change for a drift or a lag."""
 _SUFFIXES = frozenset({".csv", ".txt", ".tsv", ".s1p", ".z1p", ".y1p"})
 _SECONDS = 100.0
-"""What a pair of sweeps says it took; only how far a drift or lag gets in one sweep counts."""
+"""Duration stated for each sweep of a pair; only the drift or lag within one sweep matters."""
 
 
 class NothingToPlantError(CannotError):
-    """No recording that a part could be put onto."""
+    """The folder holds no recording that a part could be added to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Source:
     """A real recording with its build."""
 
     name: str
-    """Without anything that a file name cannot hold."""
+    """Usable as a file name."""
     step: str
     build: str
     frequency: Reals
@@ -58,16 +58,16 @@ def plant_all(folder: Path, out: Path, seed: int) -> str:
         rng = np.random.default_rng([seed, number])
         truths.append(_bare(source, out / "cases"))
         planted = (_planted(source, part, out / "cases", rng) for part in PARTS)
-        truths += [one for one in planted if one is not None]
+        truths += [case for case in planted if case is not None]
     if not truths:
-        raise NothingToPlantError(f"{folder}: no recording with a build.toml beside it; write one, `pzctl new` helps")
+        raise NothingToPlantError(f"{folder}: no recording with a build.toml beside it; `pzctl new` writes one")
     return seal(out, truths)
 
 
 def sources(folder: Path) -> Iterator[Source]:
-    """Yield all recordings below a folder that have a build, by name; what is no recording is passed over.
+    """Yield all recordings below a folder that have a build, by name; skip files that are no recordings.
 
-    Raises BuildError where a build is none.
+    Raises BuildError if a build file is not valid.
     """
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() not in _SUFFIXES:
@@ -117,7 +117,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
         return None
     name = f"{source.name}-{part.effect}"
     if part.in_time:
-        # two sweeps of one recording would have the same noise: each gets some of its own, of the recording's size
+        # two sweeps made from one recording would share its noise: add independent noise of the same size to each
         sigma = own_noise(z)
         for k, down in enumerate((False, True)):
             noise = sigma * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
@@ -139,7 +139,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
 
 
 def _write(source: Source, place: Path, z: Complexes, number: int | None = None, down: bool = False) -> None:
-    """Write a case's build and one recording, in the order in which it was swept; eight digits."""
+    """Write a case's build and one recording, in the order in which it was swept, with nine digits."""
     place.mkdir(parents=True, exist_ok=True)
     (place / "build.toml").write_text(source.build)
     lines = [f"# {key}: {value:g}" for key, value in source.settings.items()]

@@ -1,4 +1,4 @@
-"""`pzctl prove`: concealed cases made, diagnosed without knowing their truth, and scored."""
+"""`pzctl prove`: make blind cases, diagnose them without knowing their truth, and score the answers."""
 
 import json
 import subprocess
@@ -15,51 +15,53 @@ import typer
 from ....models.base.errors import PzctlError
 
 _SEALED = range(1000, 2000)
-"""Seeds of the part that is never used while the diagnosis is developed."""
+"""Seeds of the sealed cases, which are never used while the diagnosis is developed."""
 _PATIENCE = 10.0
-"""Seconds that a process of ours has to end its own."""
+"""Seconds that a child process has to end its own children."""
 
 
 class ProofWorld(StrEnum):
-    """Where cases come from."""
+    """The simulated world that cases come from."""
 
     ideal = "ideal"
     """White noise, exact effects."""
     lab = "lab"
-    """Devices, instruments and effects as laboratories have them."""
+    """Realistic devices, instruments and effects."""
 
 
 class ProveError(PzctlError):
-    """A proof that cannot be made as asked."""
+    """A proof that cannot be run as requested."""
 
 
 def prove(
     world: Annotated[
-        ProofWorld, typer.Option(help="Where cases come from: exact ones, or as in a laboratory.")
+        ProofWorld, typer.Option(help="The kind of cases: exact effects with white noise, or as in a laboratory.")
     ] = ProofWorld.ideal,
     real: Annotated[
-        Path | None, typer.Option(help="Folder of real recordings to plant exact parts in, instead of a world's cases.")
+        Path | None, typer.Option(help="Folder of real recordings to add exact parts to, in place of simulated cases.")
     ] = None,
-    count: Annotated[int, typer.Option(min=1, help="How many cases.")] = 300,
-    seed: Annotated[int, typer.Option(min=0, help="Which cases; from 1000 to 1999 never used for developing.")] = 1,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
+    count: Annotated[int, typer.Option(min=1, help="Number of cases.")] = 300,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the cases; 1000 to 1999 are never used in development.")
+    ] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of processes that run at the same time.")] = 2,
     out: Annotated[Path, typer.Option(help="Folder for cases, truth, answers and page.")] = Path("proof"),
     runs: Annotated[
         Path | None,
-        typer.Option(help="List of all sealed runs, to which a sealed one is added. [default: OUT/runs.json]"),
+        typer.Option(help="List of all sealed runs; a sealed run is added to it. [default: OUT/runs.json]"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Prove the diagnosis on concealed cases: make them, publish the hash of their truth, diagnose, score.
+    """Test the diagnosis on blind cases: make them, publish the hash of their truth, diagnose and score them.
 
     Example: pzctl prove --world lab --count 60 --out proof
     """
     from ...report.terminal import console
 
     if (out / "truth.json").exists():
-        raise ProveError(f"{out}: there is a proof already; --out names another folder")
+        raise ProveError(f"{out}: this folder holds a proof already; give --out another folder")
     screen = console(stderr=as_json)
-    # Another process makes them and a third one scores: what diagnoses has never seen a truth.
+    # One process makes the cases and another one scores them, so the process that diagnoses never sees the truth.
     if real is not None:
         published = _child("pzctl.daemon.cli.analysis.plant_real", real, out, seed).strip()
     else:
@@ -74,16 +76,16 @@ def prove(
     part = "Sealed part, never used while the diagnosis was developed" if sealed else "Development cases"
     title = f"{part}: seed {seed}, {_commit()}."
     seconds = time.perf_counter() - began
-    told = _judged(kind, out, published, title, jobs, listed if sealed else None)
+    scored = _judged(kind, out, published, title, jobs, listed if sealed else None)
     if as_json:
-        print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **told}))
+        print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **scored}))
         return
-    screen.print(Path(told["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
-    screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {told['page']}", highlight=False)
+    screen.print(Path(scored["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
+    screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {scored['page']}", highlight=False)
 
 
 def _enter(listed: Path, world: str, seed: int, count: int, published: str) -> None:
-    """Enter a sealed run in the list before anything is diagnosed: one that is broken off stays there."""
+    """Add a sealed run to the list before anything is diagnosed, so that an interrupted run is listed too."""
     from ....fitters.proof.run_list import SealedRun, enter
 
     now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00")
@@ -91,7 +93,7 @@ def _enter(listed: Path, world: str, seed: int, count: int, published: str) -> N
 
 
 def _judged(kind: str, out: Path, published: str, title: str, jobs: int, listed: Path | None) -> dict[str, Any]:
-    """Return page and figures of a proof that is answered."""
+    """Score the answers of a proof and return its page and figures."""
     kept = [listed] if listed is not None else []
     if kind == "lab":
         return json.loads(_child("pzctl.fitters.proof.lab_page", out, published, title, *kept))
@@ -104,7 +106,7 @@ def _judged(kind: str, out: Path, published: str, title: str, jobs: int, listed:
 
 
 def _commit() -> str:
-    """Return which code was proved: the commit of the checkout it lies in, or the version."""
+    """Return which code was tested: the commit of its git checkout, or its version."""
     run = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
     try:
         done = subprocess.run(run, capture_output=True, text=True, check=True)  # noqa: S603 (fixed words, no shell)
@@ -114,26 +116,26 @@ def _commit() -> str:
 
 
 def _child(module: str, *words: object) -> str:
-    """Run a module of ours in a process of its own and return what it prints. Raises ProveError."""
+    """Run a module of pzctl in a child process and return its output. Raises ProveError."""
     from ....fitters.population.process_pool import ctrl_c_blocked
 
     run = [sys.executable, "-m", module, *map(str, words)]
-    with ctrl_c_blocked():  # we answer it, and end the child
+    with ctrl_c_blocked():  # this process handles Ctrl-C and ends the child
         process = subprocess.Popen(run, stdout=subprocess.PIPE, text=True)  # noqa: S603 (our own module, no shell)
     with process:
         try:
             printed, _ = process.communicate()
         except BaseException:
             process.terminate()
-            process.wait(_PATIENCE)  # it has processes of its own to end
+            process.wait(_PATIENCE)  # it has children of its own to end
             raise
     if process.returncode:
-        raise ProveError(f"{module} ended with status {process.returncode}; what it said stands above")
+        raise ProveError(f"{module} ended with status {process.returncode}; its output above says why")
     return printed
 
 
 def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
-    """Diagnose every case; what one answers is kept, and said on standard error, as it comes."""
+    """Diagnose every case; write each answer to `kept` and print it on standard error as soon as it is there."""
     from concurrent.futures import as_completed
 
     from ....fitters.population.process_pool import started
@@ -144,10 +146,10 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
     with started(diagnose_case, folders, jobs) as waiting:
         for done in as_completed(waiting):
             name = waiting[done].name
-            defect = done.exception()  # a defect of ours is an answer that is wrong; the other cases go on
+            defect = done.exception()  # a defect of pzctl counts as a wrong answer; the other cases go on
             answers[name] = {"error": f"a defect: {defect!r}"} if defect else done.result()
-            found = [one["effect"] for one in answers[name].get("findings", [])]
+            effects = [finding["effect"] for finding in answers[name].get("findings", [])]
             kept.write_text(json.dumps(dict(sorted(answers.items()))))
-            says = f"{len(answers)}/{len(folders)} {name}: {', '.join(found) or 'nothing'}"
+            says = f"{len(answers)}/{len(folders)} {name}: {', '.join(effects) or 'nothing'}"
             console(stderr=True).print(says, markup=False, highlight=False, soft_wrap=True)
     return answers

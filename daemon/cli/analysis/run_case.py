@@ -1,4 +1,4 @@
-"""One concealed case diagnosed from its files alone, as any user's recordings are."""
+"""Diagnosis of one blind case from its files alone, as for a user's recordings."""
 
 import time
 from collections.abc import Sequence
@@ -9,9 +9,9 @@ from ....models.base.errors import PzctlError
 
 
 def diagnose_case(folder: Path, effects: Sequence[str] | None = None) -> dict[str, Any]:
-    """Diagnose the build and the recordings in a folder as `pzctl diagnose --json` does; `seconds` beside it.
+    """Return the diagnosis of a folder's build and recordings as in `pzctl diagnose --json`, and the `seconds` it took.
 
-    `effects`: those to consider, None for all.
+    `effects` are the candidates; None stands for the whole catalogue. An error is returned under `error`.
     """
     from ....drivers.recordings import read_recording
     from ....fitters.diagnosis.diagnose import diagnose
@@ -26,7 +26,7 @@ def diagnose_case(folder: Path, effects: Sequence[str] | None = None) -> dict[st
         for file in sorted(folder.glob("*.csv"), key=lambda path: path.stem):
             step = file.stem.split("-")[0]
             sweeps[step] = (*sweeps.get(step, ()), read_recording(file))
-        found = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps), effects))
+        diagnosis = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps), effects))
     except PzctlError as error:
         return {"error": str(error), "seconds": time.perf_counter() - began}
-    return {**found, "seconds": time.perf_counter() - began}
+    return {**diagnosis, "seconds": time.perf_counter() - began}

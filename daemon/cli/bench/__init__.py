@@ -1,1 +1,1 @@
-"""Commands used while measuring: measure, watch, the live page, a new build file."""
+"""Commands used while measuring: measure, watch, status, the live page, a new build file."""

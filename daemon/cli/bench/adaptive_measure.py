@@ -1,4 +1,4 @@
-"""`pzctl measure --adaptive`: a fast look, and the plan that comes of it."""
+"""`pzctl measure --adaptive`: fast preliminary sweeps, and the sweep plan made from them."""
 
 from typing import TYPE_CHECKING
 
@@ -14,31 +14,32 @@ if TYPE_CHECKING:
 
 
 def adapted_plan(lab: "Client", build: "Build", step: str, console: "Console") -> "SweepPlan":
-    """Look at the device over the range of the build's own plan; return the plan that takes the same time in all.
+    """Sweep the range of the build's plan quickly; return a plan adapted to the resonances seen.
 
-    Looks are measurements like any other, in the journal too. Raises UsageError where the build says nothing of what
-    to sweep, AdaptiveError where nothing is seen, DaemonError.
+    Preliminary sweeps and adapted plan together take as long as the build's plan. The preliminary sweeps are ordinary
+    measurements and are kept in the journal. Raises UsageError if the build has no sweep plan, AdaptiveError if no
+    resonance is seen, DaemonError.
     """
     from ....drivers import capabilities_of
     from ....drivers.planning.adaptive import adapted
 
     if build.plan is None:
-        raise UsageError(f"--adaptive: build {build.name!r} has no [sweep]; its range and its time are needed")
+        raise UsageError(f"--adaptive: build {build.name!r} has no [sweep]; its range and its duration are needed")
     can = capabilities_of(lab.hello().instrument.idn)
     seconds = can.seconds(build.plan)
-    found = adapted(build.plan, seconds, lambda plan: lab.measure(build, step, plan).sweeps, can)
-    points = sum(segment.points for segment in found.plan.segments)
+    adaptation = adapted(build.plan, seconds, lambda plan: lab.measure(build, step, plan).sweeps, can)
+    points = sum(segment.points for segment in adaptation.plan.segments)
     console.print(
-        f"{step}: looked {len(found.looks)} time(s); {points} points in {len(found.plan.segments)} segments for "
-        f"{seconds:.0f} s; resonances in kHz (linewidth): {_listed(found.resonances)}",
+        f"{step}: {len(adaptation.looks)} preliminary sweep(s); {points} points in {len(adaptation.plan.segments)} "
+        f"segments for {seconds:.0f} s; resonances in kHz (linewidth): {_listed(adaptation.resonances)}",
         highlight=False,
         soft_wrap=True,
     )
-    if found.left_out:
-        weak = _listed(found.left_out)
-        console.print(f"{step}: left to the background for want of time: {weak}", highlight=False, soft_wrap=True)
-    return found.plan
+    if adaptation.left_out:
+        weak = _listed(adaptation.left_out)
+        console.print(f"{step}: no time for segments of their own: {weak}", highlight=False, soft_wrap=True)
+    return adaptation.plan
 
 
 def _listed(resonances: "tuple[Resonance, ...]") -> str:
-    return ", ".join(f"{one.frequency / 1e3:.5g} ({one.linewidth / 1e3:.3g})" for one in resonances)
+    return ", ".join(f"{resonance.frequency / 1e3:.5g} ({resonance.linewidth / 1e3:.3g})" for resonance in resonances)

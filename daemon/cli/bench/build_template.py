@@ -1,4 +1,4 @@
-"""A commented build.toml from a few answers, with the values of the material library and their sources in it."""
+"""The text of a commented build.toml from a few answers, with values and sources from the material library."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ bandwidth = 5                      # 1 fast to 5 precise
 
 @dataclass(frozen=True)
 class NewLayer:
-    """One layer as a person answered; lengths in mm, as they stand in the file."""
+    """One layer as a person described it; lengths in mm, as in the file."""
 
     name: str
     kind: str
@@ -34,7 +34,7 @@ class NewLayer:
 
 @dataclass(frozen=True)
 class NewBuild:
-    """A transducer as a person answered; its layers back to front, each glued in the order they stand."""
+    """A transducer as a person described it; its layers from back to front, which is the order of gluing."""
 
     name: str
     diameter_mm: float
@@ -44,14 +44,14 @@ class NewBuild:
 
 
 def build_text(new: NewBuild) -> str:
-    """Return the text of build.toml. Every glued layer that is not glue ends a gluing step.
+    """Return the text of build.toml, with one gluing step for every layer that is not glue.
 
-    Raises MaterialError where a material is not in the library.
+    Raises MaterialError if a material is not in the library.
     """
     parts = [
-        f"# Transducer {new.name}. Values that are not given here come from the material library, with its tolerances;",
-        "# give a value here and it counts instead. In { value = ..., u = ... }, u is the standard uncertainty; a bare",
-        "# number is taken as exact and held in the fit.",
+        f"# Transducer {new.name}. A value that is not given here comes from the material library, with its tolerance;",
+        "# a value given here replaces it. In { value = ..., u = ... }, u is the standard uncertainty; a number by",
+        "# itself is taken as exact and held in the fit.",
         f"name = {_quoted(new.name)}",
         f"diameter_mm = {new.diameter_mm:g}",
     ]
@@ -60,13 +60,13 @@ def build_text(new: NewBuild) -> str:
     parts += ["", "[load]                             # what the outermost faces rest on"]
     parts += [f"back = {_quoted(new.back)}", f"front = {_quoted(new.front)}"]
     for name, present in steps_of(new.layers):
-        layers = ", ".join(_quoted(one) for one in present)
+        layers = ", ".join(_quoted(layer_name) for layer_name in present)
         parts += ["", "[[steps]]", f"name = {_quoted(name)}", f"layers = [{layers}]"]
     return "\n".join(parts) + "\n" + _sweep(new)
 
 
 def steps_of(layers: Sequence[NewLayer]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the gluing steps: one with each layer that is not the glue below the next."""
+    """Return name and layers of each gluing step: one step for every layer that is not glue."""
     names = [layer.name for layer in layers]
     ends = [k for k, layer in enumerate(layers) if not layer.name.startswith("glue")]
     return [(names[k], tuple(names[: k + 1])) for k in ends]
@@ -90,7 +90,7 @@ def _layer(layer: NewLayer) -> list[str]:
 
 
 def _sweep(new: NewBuild) -> str:
-    """Return the sweep table: the half-wave resonance of the first piezo layer, and three times it."""
+    """Return the [sweep] table, which covers the first piezo layer's half-wave resonance and its third harmonic."""
     disk = next(layer for layer in new.layers if layer.kind == "piezo")
     values = find(disk.material).values
     speed = (values["c33D"].re / values["density"].re) ** 0.5 if "c33D" in values else 4400.0
@@ -106,6 +106,6 @@ def _sweep(new: NewBuild) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a TOML string."""
+    """Return the text as a TOML string."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

@@ -1,4 +1,4 @@
-"""`pzctl measure --diagnose`: say what is wrong with a step, and measure what decides, if a person agrees."""
+"""`pzctl measure --diagnose`: diagnose a step and, with consent, make the sweeps that decide between explanations."""
 
 import sys
 from collections.abc import Callable
@@ -19,89 +19,91 @@ if TYPE_CHECKING:
     from ...client.result_waiter import Measurement
 
 _OPEN = 0.05
-"""Probability of something else from which a finding counts as open."""
+"""Probability of an alternative above which a finding counts as undecided."""
 _MOST_ROUNDS = 2
-"""How often what was measured may give rise to further measurements of one step."""
+"""Greatest number of rounds of further measurements for one step."""
 
 
 @dataclass
 class Diagnoser:
-    """Diagnoses step after step; what was measured to decide one counts in all later ones."""
+    """Diagnoses one step after the other; further measurements of one step are used in all later diagnoses."""
 
     lab: "Client"
     build: "Build"
     console: "Console"
     sweep: Callable[["SweepPlan", str, str], "Measurement"]
-    """Measures (plan, step, measurement to decide)."""
+    """Measures with (plan, step, id of the measurement whose diagnosis it helps to decide)."""
     yes: bool
-    """Whether nobody has to be asked."""
+    """Whether to measure without asking."""
     aside: list[str] = field(default_factory=list[str])
-    """The measurements that were made to decide, of all steps."""
+    """The ids of the further measurements of all steps."""
 
     def step(self, step: str, measurement: str) -> dict[str, Any]:
-        """Diagnose a step, measure what decides, and return the last diagnosis, with its picture and all that was done.
+        """Diagnose a step, make the deciding sweeps, and return the last diagnosis with its picture and these sweeps.
 
-        Raises FitError where it cannot be diagnosed, DaemonError.
+        Raises FitError if the step cannot be diagnosed, DaemonError.
         """
         from ...report.tables.diagnosis_output import print_diagnosis
 
-        made: list[dict[str, Any]] = []
-        found: dict[str, Any] = {}
+        measured: list[dict[str, Any]] = []
+        diagnosis: dict[str, Any] = {}
         for left in range(_MOST_ROUNDS, -1, -1):
             with self.console.status(f"{step}: diagnosing"):
-                found = self.lab.diagnose(measurement, also=self.aside, propose=left > 0)
-            print_diagnosis(self.console, found)
-            agreed = [one for one in found.get("would_measure", []) if self._agreed(step, one)]
+                diagnosis = self.lab.diagnose(measurement, also=self.aside, propose=left > 0)
+            print_diagnosis(self.console, diagnosis)
+            agreed = [proposal for proposal in diagnosis.get("would_measure", []) if self._agreed(step, proposal)]
             if not agreed:
-                self._by_hand(found)
+                self._by_hand(diagnosis)
                 break
-            made += [self._measured(step, measurement, one) for one in agreed]
+            measured += [self._measured(step, measurement, proposal) for proposal in agreed]
         picture = self._picture(step, measurement)
-        return found | {"step": step, "measurement": measurement, "decided_by": made, "picture": picture}
+        return diagnosis | {"step": step, "measurement": measurement, "decided_by": measured, "picture": picture}
 
-    def _by_hand(self, found: dict[str, Any]) -> None:
-        """Say what a person could do where the instrument alone cannot decide."""
+    def _by_hand(self, diagnosis: dict[str, Any]) -> None:
+        """Print what a person could do if no sweep can decide."""
         from ....models.effects import EffectError, find_effect
 
-        if found.get("would_measure"):
+        if diagnosis.get("would_measure"):
             return
-        for finding in found["findings"]:
-            others = [one["effect"] for one in finding["alternatives"] if one["probability"] > _OPEN]
+        for finding in diagnosis["findings"]:
+            others = [
+                alternative["effect"] for alternative in finding["alternatives"] if alternative["probability"] > _OPEN
+            ]
             for name in (finding["effect"], *others) if others else ():
                 with suppress(EffectError):
                     says = f"to tell {finding['effect']} from {', '.join(others)}: {find_effect(name).separates}"
                     self.console.print(f"no sweep can decide; {says}", style="cyan", highlight=False, soft_wrap=True)
 
     def _agreed(self, step: str, proposal: dict[str, Any]) -> bool:
-        """Propose a measurement, and return whether it is to be made."""
+        """Propose a measurement and return whether to make it."""
         says = f"{step}: {proposal['what']}, {proposal['why']}: {_duration(proposal['seconds'])}"
         self.console.print(f"proposal for {says}", style="cyan", highlight=False, soft_wrap=True)
         if self.yes:
             return True
         if not sys.stdin.isatty():
-            self.console.print("not measured: nobody can be asked here, and --yes was not given", style="dim")
+            self.console.print("not measured: this is no terminal to ask in, and --yes was not given", style="dim")
             return False
         return typer.confirm("Measure it now?", default=True, err=True)
 
     def _measured(self, step: str, measurement: str, proposal: dict[str, Any]) -> dict[str, Any]:
         from ...report.json_output.experiment_json import plan_in
 
-        done = self.sweep(plan_in(proposal), step, measurement)
-        self.aside.append(done.id)
-        return {"id": done.id, "sweeps": [sweep.id for sweep in done.sweeps], **proposal}
+        decisive = self.sweep(plan_in(proposal), step, measurement)
+        self.aside.append(decisive.id)
+        return {"id": decisive.id, "sweeps": [sweep.id for sweep in decisive.sweeps], **proposal}
 
     def _picture(self, step: str, measurement: str) -> str:
-        """Draw the latest diagnosis of a measurement; return where the picture is."""
+        """Draw the latest diagnosis of a measurement; return the picture's path."""
         from ...files.paths import home
         from ...report.pictures.diagnosis_picture import diagnosis_picture
         from ...wire.events import DiagnosisEvent
         from ...wire.result_messages import curves_of
 
-        heard = [one for one in self.lab.fits(measurement) if isinstance(one.event, DiagnosisEvent)][-1]
-        assert isinstance(heard.event, DiagnosisEvent)  # noqa: S101 - of what was filtered above
-        curves = curves_of(heard.event.curves, heard.arrays)
+        received = [answer for answer in self.lab.fits(measurement) if isinstance(answer.event, DiagnosisEvent)][-1]
+        assert isinstance(received.event, DiagnosisEvent)  # noqa: S101 - the filter above
+        curves = curves_of(received.event.curves, received.arrays)
         path = home() / "pictures" / f"{as_file_name(self.build.name, step)}-diagnosis.png"
-        drawn = diagnosis_picture(heard.event.diagnosis, curves, self.build, path)
+        drawn = diagnosis_picture(received.event.diagnosis, curves, self.build, path)
         self.console.print(f"picture: {drawn}\n", highlight=False, soft_wrap=True)
         return str(drawn)
 

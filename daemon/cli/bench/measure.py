@@ -1,4 +1,4 @@
-"""`pzctl measure`: sweep each gluing step and, with --fit, see its constants at once."""
+"""`pzctl measure`: sweep each gluing step and, with --fit, print its constants at once."""
 
 import json
 import sys
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from .deciding_sweep import Diagnoser
 
 _STORY_TIME_SCALE = 0.02
-"""The simulated story runs fifty times faster than a real 4294A, which needs over four minutes a step."""
+"""The simulated measurement runs fifty times faster than a real 4294A, which needs over four minutes per step."""
 
 
 @dataclass
 class Report:
-    """What `--json` prints at the end."""
+    """The object that `--json` prints at the end."""
 
     build: str
     measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     diagnoses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     truth: dict[str, Any] | None = None
-    """What a simulated bench knows of its device; None for a real one."""
+    """The true constants of a simulated device; None for a real one."""
 
 
 def measure(
@@ -50,18 +50,21 @@ def measure(
         float | None, typer.Option(help="Speed of a simulated 4294A started here; 0.02 unless it is configured.")
     ] = None,
     adaptive: Annotated[
-        bool, typer.Option("--adaptive", help="Look first, then measure where the resonances are, in the same time.")
+        bool, typer.Option("--adaptive", help="Find the resonances first, then measure around them, in the same time.")
     ] = False,
     diagnose: Annotated[
-        bool, typer.Option("--diagnose", help="Say what is wrong after each step, and propose what would decide.")
+        bool, typer.Option("--diagnose", help="Diagnose each step, and propose sweeps that would decide.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="With --diagnose: measure what is proposed, unasked.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="With --diagnose: make the proposed sweeps without asking.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Measure a transducer step by step. Asks the daemon; where none runs, starts one and says so.
+    """Measure a transducer step by step. Uses the running daemon, or starts one and says so.
 
-    With nothing else, plays the whole story on a simulated bench: disk, first and second matching layer. A daemon
-    started here takes what no flag says from the environment (PZCTL_RESOURCE ...), then from config.toml.
+    Without options it measures the whole transducer on a simulated bench: disk, first and second matching layer. For
+    the settings of a daemon started here a flag precedes the environment (PZCTL_RESOURCE ...), which precedes
+    config.toml.
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
@@ -69,21 +72,21 @@ def measure(
     from ...files.builds.build_file import THESIS_BUILD, read_build
     from ...report.terminal import console
 
-    known = read_build(build or THESIS_BUILD)
-    names = [one.name for one in known.steps]
+    device = read_build(build or THESIS_BUILD)
+    names = [gluing_step.name for gluing_step in device.steps]
     if step is not None and step not in names:
-        raise UsageError(f"--step {step}: build {known.name!r} has the steps {', '.join(names)}")
+        raise UsageError(f"--step {step}: build {device.name!r} has the steps {', '.join(names)}")
     wanted = tuple(fitter or (["mason"] if fit else []))
     screen = console(stderr=as_json)
-    report = Report(known.name)
+    report = Report(device.name)
     with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
-        kept = lab.status().fitters if wanted else ()
+        fitters = lab.status().fitters if wanted else ()
         for name in wanted:
-            require(name, kept)  # before anything is swept
-        diagnoser = _diagnoser(lab, known, screen, yes) if diagnose else None
+            require(name, fitters)  # before anything is swept
+        diagnoser = _diagnoser(lab, device, screen, yes) if diagnose else None
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)
-            _one_step(lab, known, name, wanted, screen, report, adaptive)
+            _one_step(lab, device, name, wanted, screen, report, adaptive)
             if diagnoser is not None:
                 report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:
@@ -100,9 +103,9 @@ def measure(
 def _daemon(
     resource: str | None, fitters: tuple[str, ...], time_scale: float | None, console: "Console"
 ) -> "Generator[tuple[Client, bool]]":
-    """Give a client of the daemon that runs, or of one started here; and whether its instrument is a simulated one.
+    """Yield a client of the running daemon, or of one started here, and whether its instrument is simulated.
 
-    A daemon started for a simulated bench ends with the story; one for a real instrument stays.
+    A daemon started here for a simulated bench is stopped afterwards; one for a real instrument keeps running.
     """
     from ....fitters.plugins import installed
     from ...client.client import connect
@@ -117,16 +120,18 @@ def _daemon(
         installed(name)
     simulated = False
     if place is None:
-        found = settings({"resource": resource, "time_scale": time_scale})
-        wished = options({"time_scale": _STORY_TIME_SCALE} | found)
-        simulated = wished.resource is None
-        console.print(f"no daemon runs: starting one for {wished.resource or 'a simulated 4294A'}", style="dim")
+        given = settings({"resource": resource, "time_scale": time_scale})
+        daemon_options = options({"time_scale": _STORY_TIME_SCALE} | given)
+        simulated = daemon_options.resource is None
+        console.print(f"no daemon runs: starting one for {daemon_options.resource or 'a simulated 4294A'}", style="dim")
         if fitters:
-            wished = replace(wished, fitters=tuple(dict.fromkeys((*fitters, *found.get("fitters", ())))))
-        place = start(wished)
+            daemon_options = replace(
+                daemon_options, fitters=tuple(dict.fromkeys((*fitters, *given.get("fitters", ()))))
+            )
+        place = start(daemon_options)
     elif resource is not None and not same_resource(resource, place.resource):
         raise DaemonError(
-            f"the daemon that runs owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
+            f"the running daemon owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
         )
     console.print(f"instrument: {place.resource}", style="dim", highlight=False, soft_wrap=True)
     with connect(place.events, place.requests) as lab:
@@ -136,7 +141,7 @@ def _daemon(
             if started and simulated:
                 lab.shutdown()
             elif started:
-                console.print("the daemon stays; end it with `pzctl daemon --stop`", style="dim")
+                console.print("the daemon keeps running; end it with `pzctl daemon --stop`", style="dim")
 
 
 def _one_step(
@@ -172,26 +177,26 @@ def _diagnoser(lab: "Client", build: "Build", console: "Console", yes: bool) -> 
 
 
 def _in_the_background(lab: "Client", report: Report, console: "Console") -> list[dict[str, Any]]:
-    """Return what the daemon finds by itself about fits that left a mismatch, and print the verdicts."""
+    """Return the daemon's own diagnoses of fits with a significant misfit, and print their sentences."""
     from ...files.auto_diagnosis import is_significant
 
-    found: list[dict[str, Any]] = []
+    diagnoses: list[dict[str, Any]] = []
     wanted = [fit for fit in report.fits if is_significant(fit["chi2_per_dof"], fit["fitter"], lab.settings())]
     for fit in wanted:
         step = fit["steps"][-1]
-        measurement = next(one["id"] for one in report.measurements if one["step"] == step)
+        measurement = next(measured["id"] for measured in report.measurements if measured["step"] == step)
         with console.status(f"{step}: chi2/dof is {fit['chi2_per_dof']:.3g}; the daemon is finding out why"):
-            one = lab.wait_diagnosis(measurement)
-        found.append(one | {"step": step, "measurement": measurement})
-        for sentence in one["says"]:
+            diagnosis = lab.wait_diagnosis(measurement)
+        diagnoses.append(diagnosis | {"step": step, "measurement": measurement})
+        for sentence in diagnosis["says"]:
             console.print(f"{step}: {sentence}", style="yellow", highlight=False)
-    if found:
+    if diagnoses:
         console.print("more: pzctl report, the live page, or pzctl measure --diagnose", style="dim")
-    return found
+    return diagnoses
 
 
 def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
-    """Bring the device to its step: the simulated bench glues, a person is asked."""
+    """Bring the device to its step: tell the simulated bench to glue, or ask a person to."""
     from ...client.protocol import DaemonError
 
     if simulated:
@@ -226,7 +231,7 @@ def _sweep(
 
 
 def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:
-    """Print table and picture of one fit, and how long after the sweep they came."""
+    """Print one fit's table and draw its picture; print and record how long after the sweep the constants came."""
     from ...files.paths import home
     from ...report.json_output.fit_json import fit_json
     from ...report.pictures.fit_pictures import fit_picture
@@ -241,10 +246,10 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
 
 
 def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
-    """On the simulated bench, print how far the last fit is from what the bench knows, in stated uncertainties."""
+    """Print the deviation of the last fit from the simulated device's true constants, in stated uncertainties."""
     from rich.table import Table
 
-    table = Table(title="Recovered against the truth of the simulated bench", title_justify="left")
+    table = Table(title="Fitted constants compared with the simulated bench's true ones", title_justify="left")
     for column in ("constant", "fitted", "true", "error", "|error|/u"):
         table.add_column(column, justify="left" if column == "constant" else "right")
     for name, fitted in fit["constants"].items():

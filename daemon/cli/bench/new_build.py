@@ -1,4 +1,4 @@
-"""`pzctl new`: a build.toml by asking."""
+"""`pzctl new`: write a build.toml from the answers to a few questions."""
 
 import json
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ _ELASTIC = ("z", "c", "q")
 
 
 class NotWritten(PzctlError):
-    """The file was not written."""
+    """The build file was not written."""
 
 
 def new(
     out: Annotated[Path, typer.Argument(help="The file to write.")] = Path("build.toml"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Write a commented build.toml by asking a few questions; nominal values stand in it with their sources.
+    """Ask a few questions and write a commented build.toml with nominal values and their sources.
 
     Questions go to standard error. An existing file is never overwritten. Exit status: 0 written, 2 not.
 
@@ -36,15 +36,15 @@ def new(
     from .build_template import build_text
 
     if out.exists():
-        raise NotWritten(f"{out}: this file is there already; name another one")
+        raise NotWritten(f"{out}: this file exists already; name another one")
     try:
-        made = _asked()
+        new_build = _asked()
     except typer.Abort as error:
         if isinstance(error.__context__, EOFError):
             raise NotWritten(f"{out}: not written: the answers ended before the questions did") from None
         raise
-    text = build_text(made)
-    known = parse_build(text, str(out))  # what is written can be read
+    text = build_text(new_build)
+    known = parse_build(text, str(out))  # only write what can be read back
     try:
         with out.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -63,7 +63,7 @@ def _asked() -> "NewBuild":
     name = _ask_name()
     diameter = _ask_number("Diameter (mm)", 16.0)
     layers = _layers()
-    back, front = (_ask_material(f"What the {face} face rests on", "air", ("z",)) for face in ("back", "front"))
+    back, front = (_ask_material(f"Medium at the {face} face", "air", ("z",)) for face in ("back", "front"))
     return NewBuild(name, diameter, tuple(layers), back, front)
 
 
@@ -97,7 +97,7 @@ def _ask_name() -> str:
         try:
             check_build_name(name, "name")
         except BuildError:
-            typer.echo(f"{name!r} is not possible; letters, digits, space and _ + - . inside are", err=True)
+            typer.echo(f"{name!r} is not possible; use letters, digits, space and _ + - . inside", err=True)
         else:
             return name
 
@@ -115,18 +115,18 @@ def _ask_number(question: str, default: float) -> float:
 
 
 def _ask_material(question: str, default: str, needed: Sequence[str]) -> str:
-    """Ask until a material is named of which the library knows all that is needed."""
+    """Ask until the answer is a material for which the library has all the needed constants; return its name."""
     from ....models.materials import MATERIALS, find
 
-    allowed = [one.name for one in MATERIALS if all(name in one.values for name in needed)]
+    allowed = [material.name for material in MATERIALS if all(constant in material.values for constant in needed)]
     while True:
         name = _ask(f"{question} (? lists them)", default)
         if name != "?":
             try:
-                found = find(name).name
+                full_name = find(name).name
             except PzctlError as error:
                 typer.echo(str(error), err=True)
                 continue
-            if found in allowed:
-                return found
+            if full_name in allowed:
+                return full_name
         typer.echo(f"possible: {', '.join(allowed)}", err=True)

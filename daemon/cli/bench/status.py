@@ -1,4 +1,4 @@
-"""`pzctl status`: what the daemon is doing, and how it has been doing."""
+"""`pzctl status`: what the daemon is doing, its counters and its response times."""
 
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from ....models.base.names import shown
 def status(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Say what the daemon measures, what waits, how its fitters are, and how long things take.
+    """Show what the daemon measures, its queue, the state of its fitters, and response times.
 
     Example: pzctl status --json
     """

@@ -1,4 +1,4 @@
-"""`pzctl watch`: the live view in a terminal."""
+"""`pzctl watch`: a live view in the terminal."""
 
 import json
 from typing import TYPE_CHECKING, Annotated
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 def watch(
     as_json: Annotated[bool, typer.Option("--json", help="Print each event's header as one line of JSON.")] = False,
 ) -> None:
-    """Show what the daemon does as it happens: progress, sweeps, constants. Until Ctrl-C.
+    """Show live what the daemon does, until Ctrl-C: progress, sweeps, constants.
 
-    Where the output is piped, one line for each event, without colour. Never slows the measurement. What was missed
-    and is no longer in the journal is said in one sentence, as JSON by a line of kind `missing`.
+    Piped output has one line for each event, without colour. Watching never slows the measurement. Events that were
+    missed and are no longer in the journal are reported in one sentence, with --json in a line of kind `missing`.
 
-    Exit status: 130 after Ctrl-C, 2 where no daemon runs or it ends.
+    Exit status: 130 after Ctrl-C, 2 if no daemon runs or it ends.
 
     Example: pzctl watch
     """
@@ -43,22 +43,22 @@ def _print_json(lab: "Client") -> None:
 
     from ...wire.replies import MissingEvents
 
-    def tell(header: object) -> None:
+    def print_header(header: object) -> None:
         print(json.dumps(header), flush=True)
 
-    def missing(hole: MissingEvents) -> None:
-        tell({"kind": "missing", **msgspec.to_builtins(hole)})
+    def report_missing(gap: MissingEvents) -> None:
+        print_header({"kind": "missing", **msgspec.to_builtins(gap)})
 
-    for heard in lab.listen(missing=missing):
-        tell(msgspec.to_builtins(heard.event))
+    for received in lab.listen(missing=report_missing):
+        print_header(msgspec.to_builtins(received.event))
 
 
 def _print_lines(lab: "Client") -> None:
     from ...report.tables.watch_view import line
 
-    for heard in lab.listen(missing=lambda hole: print(hole.sentence, flush=True)):
-        if (text := line(heard)) is not None:
-            print(f"{heard.event.time[11:19]} {shown(text)}", flush=True)
+    for received in lab.listen(missing=lambda gap: print(gap.sentence, flush=True)):
+        if (text := line(received)) is not None:
+            print(f"{received.event.time[11:19]} {shown(text)}", flush=True)
 
 
 def _live(lab: "Client", screen: "Console") -> None:
@@ -68,6 +68,6 @@ def _live(lab: "Client", screen: "Console") -> None:
 
     watched = Watched()
     with Live(watched.screen(), console=screen, refresh_per_second=8) as live:
-        for heard in lab.listen(missing=watched.miss):
-            watched.hear(heard)
+        for received in lab.listen(missing=watched.miss):
+            watched.hear(received)
             live.update(watched.screen())

@@ -1,1 +1,1 @@
-"""Commands that run the lab: the daemon, the simulator, fixture compensation, keys, self-test."""
+"""Commands that run the lab: daemon, simulator, fixture compensation, keys, self-test, screenshots."""

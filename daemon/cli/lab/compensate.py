@@ -1,4 +1,4 @@
-"""`pzctl compensate`: measure what the fixture adds, step by step, and keep it."""
+"""`pzctl compensate`: measure the fixture's compensation standard by standard, and keep it in a file."""
 
 import json
 from dataclasses import replace
@@ -17,23 +17,24 @@ if TYPE_CHECKING:
 
 
 def compensate(
-    file: Annotated[Path, typer.Argument(help="Where the compensation is kept, or was.")],
+    file: Annotated[Path, typer.Argument(help="File to write the compensation to, or with --apply to read it from.")],
     resource: Annotated[
-        str | None, typer.Option(help="VISA resource of the 4294A; none: that of PZCTL_RESOURCE or config.toml.")
+        str | None, typer.Option(help="VISA resource of the 4294A; default: PZCTL_RESOURCE or config.toml.")
     ] = None,
     standard: Annotated[
-        list[str] | None, typer.Option(help="open, short or load, in this order; open and short where none is given.")
+        list[str] | None, typer.Option(help="open, short or load, measured in this order; default: open and short.")
     ] = None,
     adapter: Annotated[str, typer.Option(help="OFF (none), M1, M2, APC7 or PROBE.")] = "OFF",
-    fixture: Annotated[str, typer.Option(help="What the fixture is called; every sweep says so.")] = "",
-    apply: Annotated[bool, typer.Option("--apply", help="Give the instrument what FILE holds.")] = False,
+    fixture: Annotated[str, typer.Option(help="Name of the fixture, recorded with every sweep.")] = "",
+    apply: Annotated[bool, typer.Option("--apply", help="Load the compensation in FILE into the instrument.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Measure the fixture open, shorted and, where wanted, with a load; every later sweep is corrected by it.
+    """Measure the fixture open, shorted and, if requested, with a load; the instrument then corrects every sweep.
 
-    Says what to put into the fixture, waits for Enter, and refuses a standard that is not what it should be. FILE keeps
-    the arrays; `--apply` gives them back to the same instrument later. Date and fixture are written down, and go with
-    every sweep that the daemon takes; with `compensation_days` in config.toml each says where that was too long ago.
+    The command says what to put into the fixture, waits for Enter, and refuses a reading that does not fit the
+    standard. FILE keeps the arrays; `--apply` loads them into the same instrument later. Every sweep of the daemon
+    records the compensation's date and fixture; with `compensation_days` in config.toml, a sweep under an older
+    compensation says so.
 
     Example: pzctl compensate clips.json --fixture clips-2 --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
@@ -46,8 +47,7 @@ def compensate(
 
     if apply and (standard or adapter != "OFF" or fixture):
         raise UsageError(
-            "--apply: standards, adapter and fixture are those of the file; leave --standard, --adapter and --fixture "
-            "away"
+            "--apply: the file gives standards, adapter and fixture; leave out --standard, --adapter and --fixture"
         )
     wanted = _standards(standard or ["open", "short"])
     screen = console(stderr=True)
@@ -58,16 +58,16 @@ def compensate(
         else:
             stored = replace(_measured(analyzer, wanted, adapter, screen), fixture=fixture.strip())
             compensation_file.save(file, stored, analyzer.capabilities.model)
-    between = analyzer.capabilities.adapters.get(stored.adapter, stored.adapter)
-    record = CompensationRecord(between, tuple(stored.arrays), stored.taken, stored.fixture)
+    adapter_name = analyzer.capabilities.adapters.get(stored.adapter, stored.adapter)
+    record = CompensationRecord(adapter_name, tuple(stored.arrays), stored.taken, stored.fixture)
     keep_record(record_file(home()), stored.instrument, record)
     if as_json:
-        told = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
-        print(json.dumps(told | {"measured": not apply, "fixture": stored.fixture}))
+        answer = {"file": str(file), "standards": list(stored.arrays), "taken": stored.taken, "adapter": stored.adapter}
+        print(json.dumps(answer | {"measured": not apply, "fixture": stored.fixture}))
         return
-    held = ", ".join(stored.arrays)
+    arrays = ", ".join(stored.arrays)
     screen.print(
-        f"{file}: {held}, taken {stored.taken}; the instrument corrects by it", highlight=False, soft_wrap=True
+        f"{file}: {arrays}, taken {stored.taken}; the instrument corrects by it", highlight=False, soft_wrap=True
     )
 
 
@@ -94,7 +94,7 @@ def _measured(analyzer: "Analyzer", wanted: "list[Standard]", adapter: str, cons
     task = progress.add_task("", total=1.0)
 
     def ask(what: str) -> None:
-        progress.stop()  # a bar and a question do not share a line
+        progress.stop()  # so that the bar does not overwrite the question
         typer.prompt(f"{what} Then press Enter", default="", show_default=False, err=True)
         progress.start()
 

@@ -9,41 +9,43 @@ import typer
 
 def daemon(
     resource: Annotated[
-        str | None, typer.Option(help="VISA resource of the analyzer, or recording:FILE; none: a simulated 4294A.")
+        str | None, typer.Option(help="VISA resource of the analyzer, or recording:FILE; default: a simulated 4294A.")
     ] = None,
-    events: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that events are published on.")] = None,
-    requests: Annotated[str | None, typer.Option(help="ZeroMQ endpoint that requests are taken on.")] = None,
+    events: Annotated[str | None, typer.Option(help="ZeroMQ endpoint for publishing events.")] = None,
+    requests: Annotated[str | None, typer.Option(help="ZeroMQ endpoint for receiving requests.")] = None,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to keep running; may be repeated.")] = None,
-    bench: Annotated[str | None, typer.Option(help="host:port of the bench of a simulated instrument.")] = None,
+    bench: Annotated[str | None, typer.Option(help="host:port of a simulated instrument's bench.")] = None,
     journal: Annotated[
-        str | None, typer.Option(help="URL of a PostgreSQL database that keeps the record; none: the data folder.")
+        str | None, typer.Option(help="URL of a PostgreSQL database for the journal; default: the data folder.")
     ] = None,
     station: Annotated[
-        str | None, typer.Option(help="What this bench is called in a shared record; none: the name of this computer.")
+        str | None, typer.Option(help="Name of this bench in a shared journal; default: the name of this computer.")
     ] = None,
-    time_scale: Annotated[float | None, typer.Option(help="Speed of the simulated 4294A; 1 is the real one's.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Which sample lies on the simulated bench.")] = None,
-    max_bias: Annotated[float | None, typer.Option(help="Most volts of bias that this bench allows.")] = None,
+    time_scale: Annotated[
+        float | None, typer.Option(help="Sweep time of the simulated 4294A relative to a real one.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the sample on the simulated bench.")] = None,
+    max_bias: Annotated[float | None, typer.Option(help="Highest bias in volts that this bench allows.")] = None,
     max_oscillator: Annotated[
-        float | None, typer.Option(help="Most volts (rms) of test signal that this bench allows.")
+        float | None, typer.Option(help="Highest test signal in volts (rms) that this bench allows.")
     ] = None,
     compensation_days: Annotated[
-        float | None, typer.Option(help="Days that a compensation is good for; a sweep under an older one says so.")
+        float | None, typer.Option(help="Days that a compensation is valid; a sweep under an older one says so.")
     ] = None,
     fit_seconds: Annotated[float | None, typer.Option(help="Seconds that one fit may take.")] = None,
     fit_memory: Annotated[int | None, typer.Option(help="Megabytes of address space that a fitter may use.")] = None,
     diagnose: Annotated[
-        str | None, typer.Option(help="auto: diagnose by itself what a fit leaves over; asked: only on request.")
+        str | None, typer.Option(help="auto: diagnose every fit with a significant misfit; asked: only on request.")
     ] = None,
     log: Annotated[str | None, typer.Option(help="text, or json: one object a line.")] = None,
-    page: Annotated[bool, typer.Option("--page", help="Serve the live page beside it, on this machine only.")] = False,
+    page: Annotated[bool, typer.Option("--page", help="Also serve the live page, on this machine only.")] = False,
     page_port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes any free one.")] = 8294,
-    build: Annotated[Path | None, typer.Option(help="build.toml that the page's buttons measure.")] = None,
-    stop: Annotated[bool, typer.Option("--stop", help="End the daemon that runs, and exit.")] = False,
+    build: Annotated[Path | None, typer.Option(help="build.toml for the page's buttons.")] = None,
+    stop: Annotated[bool, typer.Option("--stop", help="Stop the running daemon and exit.")] = False,
 ) -> None:
-    """Own the analyzer: measure on request, keep every sweep, publish it, and let fitters answer. Until Ctrl-C.
+    """Run the lab service until Ctrl-C: own the analyzer, measure, keep and publish every sweep, run fitters.
 
-    What no flag says is taken from the environment (PZCTL_RESOURCE ...), then from config.toml: see docs/service.md.
+    Precedence of settings: flag, environment (PZCTL_RESOURCE ...), config.toml; see docs/service.md.
 
     Example: pzctl daemon --page --build S4.toml --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
@@ -63,13 +65,13 @@ def daemon(
     flags |= {"max_bias_V": max_bias, "max_oscillator_V": max_oscillator}
     flags |= {"compensation_days": compensation_days}
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
-    found = settings(flags | {"diagnose": diagnose, "log": log})
-    begin_log(found.get("log", "text"))
+    given = settings(flags | {"diagnose": diagnose, "log": log})
+    begin_log(given.get("log", "text"))
     if not page:
-        run(options(found))
+        run(options(given))
         return
     from ...page.page_process import served_beside
 
     with served_beside(build or THESIS_BUILD, page_port) as address:
         print(f"page: {address}", file=sys.stderr)
-        run(options(found))
+        run(options(given))

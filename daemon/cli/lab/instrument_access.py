@@ -1,4 +1,4 @@
-"""Commands that speak with the instrument themselves: nobody else may do so in the meantime."""
+"""Exclusive access to the instrument for the commands that use it without the daemon."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 @contextmanager
 def own_analyzer(given: str | None) -> "Generator[Analyzer]":
-    """Give the analyzer at the resource `given`, or else configured, asked who it is, and let go of it afterwards.
+    """Open and identify the analyzer at the resource `given`, or else at the configured one; close it afterwards.
 
-    Raises DaemonError where a daemon of this user owns it, UsageError where none is named,
-    ConfigError, InstrumentError.
+    Raises DaemonError if a daemon of this user owns it, UsageError if no resource is named, ConfigError,
+    InstrumentError.
     """
     from ....drivers import open_analyzer
     from ...client.location import same_resource
@@ -28,7 +28,7 @@ def own_analyzer(given: str | None) -> "Generator[Analyzer]":
         raise UsageError("no instrument is named: give --resource, set PZCTL_RESOURCE, or write it into config.toml")
     place = running()
     if place is not None and same_resource(resource, place.resource):
-        raise DaemonError(f"the daemon that runs owns {resource}; end it with `pzctl daemon --stop`", "owner")
+        raise DaemonError(f"the running daemon owns {resource}; end it with `pzctl daemon --stop`", "owner")
     analyzer = open_analyzer(resource)
     try:
         analyzer.identify()

@@ -1,4 +1,4 @@
-"""`pzctl keys`: who may reach the daemon and the live page from other machines, and what for."""
+"""`pzctl keys`: who may reach the daemon and the live page from other machines, and with which rights."""
 
 import json
 import sys
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 app = typer.Typer(
-    no_args_is_help=True, help="Keys of those who may reach the daemon, or the page, from other machines."
+    no_args_is_help=True, help="Manage the keys for access to the daemon and the page from other machines."
 )
 
 
@@ -17,7 +17,7 @@ app = typer.Typer(
 def server(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Make the daemon's own key, once.
+    """Make the key of the daemon, which must not have one yet.
 
     Example: pzctl keys server
     """
@@ -30,15 +30,17 @@ def server(
 
 @app.command("client")
 def client(
-    name: Annotated[str, typer.Argument(help="Whose key it is.")],
-    right: Annotated[str, typer.Option(help="watch, measure, bench or admin; each includes those before.")] = "watch",
-    out: Annotated[Path | None, typer.Option(help="File for the client to keep; NAME.key unless given.")] = None,
+    name: Annotated[str, typer.Argument(help="Name of the key's owner.")],
+    right: Annotated[
+        str, typer.Option(help="watch, measure, bench or admin; each includes the ones before it.")
+    ] = "watch",
+    out: Annotated[Path | None, typer.Option(help="Key file for the client; default: NAME.key.")] = None,
     expires: Annotated[
-        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the key counts.")
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the key is valid.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Let a client in, and write the key that it needs.
+    """Give a client access and write its key file.
 
     Example: pzctl keys client ana --right measure, and then in her script connect(..., key="ana.key")
     """
@@ -49,38 +51,38 @@ def client(
     from ...wire.frames import to_json
     from ..analysis.fit import UsageError
 
-    by_name: dict[str, Right] = {one: one for one in RIGHTS}
-    found = by_name.get(right)
-    if found is None:
+    by_name: dict[str, Right] = {known: known for known in RIGHTS}
+    granted = by_name.get(right)
+    if granted is None:
         raise UsageError(f"--right {right}: allowed are {', '.join(RIGHTS)}")
     path = out or Path(f"{name}.key")
     if path.exists():
-        raise UsageError(f"--out {path}: this file is there already")
+        raise UsageError(f"--out {path}: this file exists already")
     folder = keys_folder(home())
-    key = make_client(folder, name, found, expires.date() if expires else None)
+    key = make_client(folder, name, granted, expires.date() if expires else None)
     try:
         write_secret(path, to_json(key))
     except PzctlError:
-        bar(folder, name)  # nobody has the key of this client: it must be possible to make it again
+        bar(folder, name)  # the client never got its key: allow the same name again
         raise
     if as_json:
         print(json.dumps({"name": name, "right": right, "file": str(path)}))
     else:
-        print(f"{name} may {right}; give them {path} over a safe way, and keep no copy")
+        print(f"{name} has the right to {right}; pass {path} on over a secure channel, and keep no copy")
 
 
 @app.command("page")
 def page(
-    name: Annotated[str, typer.Argument(help="Whose token it is.")],
+    name: Annotated[str, typer.Argument(help="Name of the token's owner.")],
     right: Annotated[
         str, typer.Option(help="read: see everything; act: measure, stop, diagnose, fit as well.")
     ] = "read",
-    users: Annotated[Path, typer.Option(help="File that `pzctl page --users` is given.")] = Path("page-users.toml"),
+    users: Annotated[Path, typer.Option(help="File of users for `pzctl page --users`.")] = Path("page-users.toml"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Let somebody in to the live page; the token is printed once, and only its hash is kept.
+    """Give a user access to the live page; the token is printed once, and only its hash is kept.
 
-    Remove the entry from the file to bar them; a page that is served need not be told.
+    Remove the entry from the file to revoke access; a running page notices by itself.
 
     Example: pzctl keys page ana --right act
     """
@@ -88,21 +90,23 @@ def page(
     from ..analysis.fit import UsageError
 
     by_name: dict[str, Right] = {"read": "read", "act": "act"}
-    found = by_name.get(right)
-    if found is None:
+    granted = by_name.get(right)
+    if granted is None:
         raise UsageError(f"--right {right}: allowed are {', '.join(by_name)}")
-    token = add_user(users, name, found)
+    token = add_user(users, name, granted)
     if as_json:
         print(json.dumps({"name": name, "right": right, "users": str(users), "token": token}))
     else:
-        print(f"{name} may {right}; give them the end of their address over a safe way: /?token={token}")
+        print(
+            f"{name} has the right to {right}; pass on this end of the address over a secure channel: /?token={token}"
+        )
 
 
 @app.command("list")
 def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """List who may come in.
+    """List the clients that have access.
 
     Example: pzctl keys list
     """
@@ -110,23 +114,23 @@ def show(
     from ...wire.curve_keys import clients
     from ...wire.frames import to_json
 
-    found, faults = clients(keys_folder(home()))
+    valid, faults = clients(keys_folder(home()))
     for fault in faults:
-        print(f"not let in: {fault}", file=sys.stderr)
+        print(f"no access: {fault}", file=sys.stderr)
     if as_json:
-        print(to_json({"clients": found}).decode())
+        print(to_json({"clients": valid}).decode())
         return
-    for one in found:
-        until = f"\tuntil {one.expires}" if one.expires else ""
-        print(f"{one.name}\t{one.right}\t{one.public}{until}")
+    for entry in valid:
+        until = f"\tuntil {entry.expires}" if entry.expires else ""
+        print(f"{entry.name}\t{entry.right}\t{entry.public}{until}")
 
 
 @app.command("revoke")
 def revoke(
-    name: Annotated[str, typer.Argument(help="Whose key no longer counts.")],
+    name: Annotated[str, typer.Argument(help="Name of the key's owner.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Bar a client, at once; a running daemon need not be told.
+    """Revoke a client's access at once; a running daemon notices by itself.
 
     Example: pzctl keys revoke ana
     """
@@ -134,4 +138,4 @@ def revoke(
     from ...wire.curve_keys import revoke as bar
 
     bar(keys_folder(home()), name)
-    print(json.dumps({"name": name, "revoked": True}) if as_json else f"{name} no longer comes in")
+    print(json.dumps({"name": name, "revoked": True}) if as_json else f"{name} no longer has access")

@@ -11,28 +11,28 @@ def sim(
         int, typer.Option(min=0, max=65535, help="Raw socket of the instrument; 0 takes any free port.")
     ] = 5025,
     bench_port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the bench: the next gluing step is done there.")
+        int, typer.Option(min=0, max=65535, help="Port of the bench, which glues the next layer on command.")
     ] = 5026,
-    time_scale: Annotated[float, typer.Option(help="Length of a sweep against the real one; 0 answers at once.")] = 1.0,
-    seed: Annotated[int, typer.Option(help="Which sample lies on the bench, and which noise.")] = 0,
+    time_scale: Annotated[float, typer.Option(help="Sweep time relative to a real 4294A; 0 answers at once.")] = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of the sample on the bench and of the noise.")] = 0,
     jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips ...")] = "compensated",
-    noise: Annotated[bool, typer.Option(help="Random noise as the analyzer has it.")] = True,
-    radial: Annotated[bool, typer.Option("--radial", help="The disk has its radial modes too.")] = False,
+    noise: Annotated[bool, typer.Option(help="Add the analyzer's random noise.")] = True,
+    radial: Annotated[bool, typer.Option("--radial", help="Include the disk's radial modes.")] = False,
     prologix_port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port of a Prologix-style GPIB front, often 1234.")
+        int | None, typer.Option(min=0, max=65535, help="Port of a Prologix-style GPIB adapter, usually 1234.")
     ] = None,
     ftp_port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port of its FTP server (needs aioftp), as 2121.")
+        int | None, typer.Option(min=0, max=65535, help="Port of the FTP server (needs aioftp), for example 2121.")
     ] = None,
-    off: Annotated[bool, typer.Option("--off", help="Systematic error within the analyzer's accuracy.")] = False,
+    off: Annotated[bool, typer.Option("--off", help="Add a systematic error within the analyzer's accuracy.")] = False,
     hidden: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Physics to hide, in SI; may be repeated. See below."),
+        typer.Option(metavar="NAME=VALUE", help="Hidden effect, in SI units; may be repeated. See below."),
     ] = None,
 ) -> None:
     """Run a simulated Agilent 4294A (or Keysight E4990A) with a virtual bench behind it, until Ctrl-C.
 
-    What --hidden knows: lead-inductance (H), series-resistance (ohm), stray-capacitance (F) and leakage (S) at the
+    Effects for --hidden: lead-inductance (H), series-resistance (ohm), stray-capacitance (F) and leakage (S) at the
     terminals; drive-nonlinearity (loss of stiffness per strain, 1e3 is much), sweep-lag (s), temperature-drift (K/s).
 
     Example: pzctl sim --port 5025 --time-scale 0.01 --hidden lead-inductance=2e-8

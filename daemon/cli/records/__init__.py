@@ -1,1 +1,1 @@
-"""Commands that look up what was measured: samples, reports, exports, the journal itself."""
+"""Commands for what was measured: samples, reports, exports, the journal itself."""

@@ -1,4 +1,4 @@
-"""`pzctl export`: recordings of the journal as files that other programs read."""
+"""`pzctl export`: recordings of the journal as files for other programs."""
 
 import json
 from collections.abc import Callable
@@ -19,7 +19,7 @@ FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5"}
 
 def export(
     sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
-    to: Annotated[Path, typer.Option(help="Folder that the files go to; made if it is not there.")] = Path(),
+    to: Annotated[Path, typer.Option(help="Folder for the files; made if missing.")] = Path(),
     form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf or hdf5.")] = "csv",
     step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
@@ -35,13 +35,13 @@ def export(
     from ...samples.sample_selection import open_journal
 
     if form not in FORMATS:
-        raise UsageError(f"--format {form}: there is no such format; there are {', '.join(FORMATS)}")
+        raise UsageError(f"--format {form}: no such format; allowed are {', '.join(FORMATS)}")
     journal = open_journal()
     try:
         record = sample_record(journal, sample)
     finally:
         journal.close()
-    measured = [one.measurement.sample.step for one in record.steps]
+    measured = [step_record.measurement.sample.step for step_record in record.steps]
     if step is not None and step not in measured:
         raise UnknownSampleError(
             f"sample {record.name!r}: step {step!r} was not measured; measured: {', '.join(measured)}"
@@ -55,7 +55,7 @@ def export(
 
 
 def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) -> list[Path]:
-    """Write every sweep; return the files. Raises RecordingError."""
+    """Write every sweep and return the files. Raises RecordingError."""
     from ....drivers.recordings import RecordingError, write_csv, write_hdf5, write_netcdf, write_touchstone
 
     writers: dict[str, Callable[[Sweep, Path], None]] = {
@@ -69,10 +69,10 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
     except OSError as error:
         raise RecordingError(f"{folder}: this folder cannot be made: {error.strerror or error}") from None
     files: list[Path] = []
-    for one in record.steps:
-        if step in (None, one.measurement.sample.step):
-            stem = as_file_name(record.name, one.measurement.sample.step)
-            for k, sweep in enumerate(one.sweeps, start=1):
+    for step_record in record.steps:
+        if step in (None, step_record.measurement.sample.step):
+            stem = as_file_name(record.name, step_record.measurement.sample.step)
+            for k, sweep in enumerate(step_record.sweeps, start=1):
                 files.append(folder / f"{stem}-{k}{FORMATS[form]}")
                 writers[form](sweep, files[-1])
     return files

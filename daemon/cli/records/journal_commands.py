@@ -14,13 +14,17 @@ app = typer.Typer(no_args_is_help=True, help="Check, seal, audit, copy, repair a
 
 @app.command("verify")
 def verify(
-    public_key: Annotated[Path | None, typer.Option(help="The key that seals; else that of the data folder.")] = None,
-    seals: Annotated[Path | None, typer.Option(help="A file of seals that was kept elsewhere.")] = None,
+    public_key: Annotated[
+        Path | None, typer.Option(help="Public key of the seals; default: the data folder's.")
+    ] = None,
+    seals: Annotated[Path | None, typer.Option(help="Another file of seals, kept elsewhere.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Check the database, the chain of all rows, every recording, and the seals. Needs no daemon, and disturbs none.
+    """Check the database, the hash chain of all rows, every recording, and the seals.
 
-    Exit status: 0 all is whole, 1 something is wrong.
+    It needs no daemon and does not disturb a running one.
+
+    Exit status: 0 everything is intact, 1 something is wrong.
 
     Example: pzctl journal verify
     """
@@ -38,12 +42,12 @@ def verify(
         wrong += seal_faults(journal.store, sealed, known)
         arrays = len(journal.with_arrays())
         if as_json:
-            told = {"events": journal.size, "arrays": arrays, "wrong": wrong, "seals": len(sealed)}
-            print(json.dumps(told))
+            answer = {"events": journal.size, "arrays": arrays, "wrong": wrong, "seals": len(sealed)}
+            print(json.dumps(answer))
         elif wrong:
             print(shown("\n".join(wrong), keep="\n"))
         else:
-            print(f"{journal.size} events, {arrays} arrays: all whole")
+            print(f"{journal.size} events, {arrays} arrays: all intact")
             if sealed:
                 print(f"sealed up to entry {max(seal.number for seal in sealed)} of the chain; seals: {len(sealed)}")
     finally:
@@ -54,12 +58,12 @@ def verify(
 
 @app.command("seal")
 def seal(
-    key: Annotated[Path | None, typer.Option(help="A private Ed25519 key (PEM); else the data folder's.")] = None,
+    key: Annotated[Path | None, typer.Option(help="A private Ed25519 key (PEM); default: the data folder's.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Verify the journal, then sign what it holds, so that nobody without the key can write it anew unnoticed.
+    """Verify the journal and sign its contents, so that nobody without the key can rewrite it unnoticed.
 
-    The first seal makes the key. Keep a copy of the printed seal, and of the public key, on another machine.
+    The first seal makes the key. Keep a copy of the printed seal and of the public key on another machine.
 
     Examples: pzctl journal seal
 
@@ -76,17 +80,19 @@ def seal(
     private, public = seal_key(home())
     journal = open_journal()
     try:
-        head = head_of(journal.store, journal.station)  # what is written from now on is not verified
+        head = head_of(journal.store, journal.station)  # before verifying: later rows are neither verified nor sealed
         wrong = journal.verify()
         if wrong:
-            raise JournalError(f"{journal.name}: a journal that is not whole is not sealed: {wrong[0]}")
+            raise JournalError(f"{journal.name}: not sealed, because the journal is damaged: {wrong[0]}")
         if key is None:
             make_key(private)
         keep_public_key(key or private, public)
-        made = seal_head(head, journal.station, key or private)
+        new_seal = seal_head(head, journal.station, key or private)
         path = journal_folder(home()) / SEALS
-        add_seal(path, made)
-        print(to_json(made).decode() if as_json else f"sealed up to entry {made.number} of the chain, in {path}")
+        add_seal(path, new_seal)
+        print(
+            to_json(new_seal).decode() if as_json else f"sealed up to entry {new_seal.number} of the chain, in {path}"
+        )
     finally:
         journal.close()
 
@@ -97,7 +103,7 @@ def audit(
 ) -> None:
     """List who did what: measurements, cancels, bench commands, leases, starts of the daemon. Needs no daemon.
 
-    Each entry is an event of the journal, so `pzctl journal verify` finds one that was changed or removed.
+    Each entry is an event of the journal, so `pzctl journal verify` reveals a changed or removed one.
 
     Example: pzctl journal audit
     """
@@ -123,11 +129,11 @@ def audit(
 @app.command("withdraw")
 def withdraw(
     measurement: Annotated[str, typer.Argument(help="Id of a complete measurement; see `pzctl samples --json`.")],
-    by: Annotated[str, typer.Option(help="Who withdraws it.")],
-    why: Annotated[str, typer.Option(help="Why, in one sentence.")],
+    by: Annotated[str, typer.Option(help="Name of the person who withdraws it.")],
+    why: Annotated[str, typer.Option(help="The reason, in one sentence.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Mark a measurement as withdrawn: it stays in the record, and no fit or population counts it unless asked to.
+    """Mark a measurement as withdrawn: it stays in the journal, but fits and populations leave it out by default.
 
     Example: pzctl journal withdraw 0197d2b0-77a1-7d2f-8f5a-1c0e --by Ana --why "the lead had come off"
     """
@@ -141,12 +147,12 @@ def withdraw(
         _ask_to_withdraw(measurement, who, reason)
     else:
         _withdraw_here(measurement, who, reason)
-    told = {"measurement": measurement, "by": who, "why": reason}
-    print(json.dumps(told) if as_json else f"{measurement} is withdrawn, by {who}: {reason}")
+    answer = {"measurement": measurement, "by": who, "why": reason}
+    print(json.dumps(answer) if as_json else f"{measurement} is withdrawn, by {who}: {reason}")
 
 
 def _ask_to_withdraw(measurement: str, by: str, why: str) -> None:
-    """Have the daemon that writes the journal do it."""
+    """Ask the running daemon, which writes the journal, to withdraw the measurement."""
     from ...client.client import connect
     from ...wire.replies import Answer
     from ...wire.requests import WithdrawRequest
@@ -158,7 +164,7 @@ def _ask_to_withdraw(measurement: str, by: str, why: str) -> None:
 
 
 def _withdraw_here(measurement: str, by: str, why: str) -> None:
-    """Write it: no daemon does."""
+    """Write the withdrawal to the journal; no daemon is running."""
     from ...files.config import journal_of, settings
     from ...files.paths import home, journal_folder
     from ...journal.journal_writer import JournalWriter
@@ -166,7 +172,7 @@ def _withdraw_here(measurement: str, by: str, why: str) -> None:
     from ...samples.sample_selection import open_journal
     from ...wire.curve_keys import LOCAL
 
-    open_journal().close()  # where nothing was measured yet, no journal is begun
+    open_journal().close()  # fails if nothing was measured yet, so that no empty journal is made
     journal = JournalWriter(journal_folder(home()), *journal_of(settings({})))
     try:
         journal.append(withdrawal_event(journal, measurement, why, LOCAL, by))
@@ -178,9 +184,9 @@ def _withdraw_here(measurement: str, by: str, why: str) -> None:
 def repair(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Write a lost or damaged database anew from what the recordings say of themselves. No daemon may run meanwhile.
+    """Rebuild a lost or damaged database from the metadata in the recordings. No daemon may run meanwhile.
 
-    The old database is kept beside the new one; a recording that does not say what it is goes to `orphans/`.
+    The old database is kept beside the new one; recordings without metadata are moved to `orphans/`.
 
     Example: pzctl journal repair
     """
@@ -194,17 +200,17 @@ def repair(
     if url is not None:
         raise JournalError(
             f"{without_password(url)}: a PostgreSQL database keeps recordings and rows together, so there is "
-            "nothing to repair from; bring it back by the server's own means, or from a `pzctl journal backup`"
+            "nothing to repair it from; restore it with the server's own tools, or from a `pzctl journal backup`"
         )
     report = repair_folder(journal_folder(home()))
     if as_json:
         kept = str(report.kept_database) if report.kept_database else None
-        told = {"events": report.events, "measurements": report.measurements, "kept": kept}
-        print(json.dumps(told | {"set_aside": report.set_aside}))
+        answer = {"events": report.events, "measurements": report.measurements, "kept": kept}
+        print(json.dumps(answer | {"set_aside": report.set_aside}))
         return
-    print(f"{report.events} events and {report.measurements} measurements were written anew from the recordings")
+    print(f"{report.events} events and {report.measurements} measurements were restored from the recordings")
     if report.kept_database:
-        print(f"the database that was there is kept as {report.kept_database}")
+        print(f"the old database is kept as {report.kept_database}")
     for sentence in report.set_aside:
         print(shown(f"moved to orphans/: {sentence}"))
 
@@ -212,12 +218,12 @@ def repair(
 @app.command("backup")
 def backup(
     target: Annotated[str, typer.Argument(help="A new folder, or the URL of a PostgreSQL database.")],
-    station: Annotated[str | None, typer.Option(help="What a folder's journal is called in a database.")] = None,
+    station: Annotated[str | None, typer.Option(help="Name of this bench in a database.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Copy the journal and verify the copy; a daemon may go on measuring meanwhile.
+    """Copy the journal and verify the copy; a running daemon may go on measuring.
 
-    The copy is a journal: `PZCTL_HOME` may name the folder above one that is called `journal`.
+    The copy is a complete journal: if its folder is called `journal`, `PZCTL_HOME` may name the folder above it.
 
     Examples: pzctl journal backup /mnt/archive/2026-11/journal
 
@@ -230,21 +236,21 @@ def backup(
 
     to_url = target.startswith(("postgresql://", "postgres://"))
     named = {"station": station} if station else {}
-    called = journal_of({"journal": target} | named)[1] if to_url else ""
+    station_name = journal_of({"journal": target} | named)[1] if to_url else ""
     journal = open_journal()
     try:
-        copied = copy_journal(journal, target if to_url else Path(target), called)
+        copied = copy_journal(journal, target if to_url else Path(target), station_name)
         where = without_password(target)
-        told = {"events": copied, "target": where}
-        print(json.dumps(told) if as_json else f"{copied} events copied to {where} and verified")
+        answer = {"events": copied, "target": where}
+        print(json.dumps(answer) if as_json else f"{copied} events copied to {where} and verified")
     finally:
         journal.close()
 
 
 @app.command("prune")
 def prune(
-    before: Annotated[str, typer.Option(help="Measurements before this day go: 2026-01-01 (UTC).")],
-    backup_to: Annotated[Path, typer.Option("--backup", help="A new folder that all of it is copied to first.")],
+    before: Annotated[str, typer.Option(help="Remove measurements before this day (UTC), for example 2026-01-01.")],
+    backup_to: Annotated[Path, typer.Option("--backup", help="A new folder to copy the whole journal to first.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Copy the journal, then remove its oldest measurements. No daemon may run meanwhile.
@@ -262,10 +268,10 @@ def prune(
         day = date.fromisoformat(before)
     except ValueError:
         raise UsageError(f"--before {before}: a day is needed, such as 2026-01-01") from None
-    keeper = JournalMaintenance(journal_folder(home()), *journal_of(settings({})))
+    maintenance = JournalMaintenance(journal_folder(home()), *journal_of(settings({})))
     try:
-        removed = keeper.prune(day.isoformat(), backup_to)
-        told = {"removed": removed, "backup": str(backup_to)}
-        print(json.dumps(told) if as_json else f"events removed: {removed}; all that was is in {backup_to}")
+        removed = maintenance.prune(day.isoformat(), backup_to)
+        answer = {"removed": removed, "backup": str(backup_to)}
+        print(json.dumps(answer) if as_json else f"events removed: {removed}; the complete journal is in {backup_to}")
     finally:
-        keeper.close()
+        maintenance.close()

@@ -1,4 +1,4 @@
-"""`pzctl report`: one HTML file that says all there is to say of a sample."""
+"""`pzctl report`: the complete report of a sample in one HTML or PDF file."""
 
 import json
 from pathlib import Path
@@ -10,20 +10,22 @@ from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 
 KINDS = (".html", ".pdf")
-"""What the file's name may end with."""
+"""Allowed file name extensions."""
 
 
 def report(
     sample: Annotated[str, typer.Argument(help="Name of a sample, id of a measurement, or its build.toml.")],
-    out: Annotated[Path | None, typer.Option(help="The file, .html or .pdf; SAMPLE.html where not given.")] = None,
-    fitter: Annotated[str | None, typer.Option(help="Whose fits; the first that answered where not given.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The file, .html or .pdf; default: SAMPLE.html.")] = None,
+    fitter: Annotated[
+        str | None, typer.Option(help="Show this fitter's fits; default: the first fitter that answered.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Write a report of a sample: measured, constants, uncertainties, mismatch, provenance. Needs no daemon.
+    """Write a report of a sample: recordings, constants, uncertainties, misfit, provenance. Needs no daemon.
 
-    The file needs nothing else: pictures are inside. One whose name ends with .pdf is a PDF.
+    The file holds its pictures and needs no others. A name that ends with .pdf makes a PDF.
 
-    Exit status: 0 written, 1 nothing was measured or fitted, 2 no such sample, or no such kind of file.
+    Exit status: 0 written, 1 nothing was measured or fitted, 2 no such sample or kind of file.
 
     Example: pzctl report S4 --out S4.pdf
     """

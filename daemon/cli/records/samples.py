@@ -1,4 +1,4 @@
-"""`pzctl samples`: what was measured of which sample, and the constants of all of them together."""
+"""`pzctl samples`: the measurements of each sample, and statistics of the constants over all samples."""
 
 import json
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,16 +14,18 @@ if TYPE_CHECKING:
 
 def samples(
     constants: Annotated[
-        bool, typer.Option("--constants", help="Statistics of the constants over the samples.")
+        bool, typer.Option("--constants", help="Show statistics of the constants over the samples.")
     ] = False,
-    fitter: Annotated[str | None, typer.Option(help="Whose fits, with --constants; mason where not given.")] = None,
-    step: Annotated[str | None, typer.Option(help="Fits of this gluing step only, with --constants.")] = None,
+    fitter: Annotated[
+        str | None, typer.Option(help="With --constants: use this fitter's fits; default: mason.")
+    ] = None,
+    step: Annotated[str | None, typer.Option(help="With --constants: only fits of this gluing step.")] = None,
     with_withdrawn: Annotated[
-        bool, typer.Option("--with-withdrawn", help="Count withdrawn measurements as well, with --constants.")
+        bool, typer.Option("--with-withdrawn", help="With --constants: include withdrawn measurements.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """List the samples of the journal; with --constants, mean and scatter of each constant over their latest fits.
+    """List the samples of the journal, or with --constants mean and scatter of each constant over their latest fits.
 
     Example: pzctl samples --constants --step disk
     """
@@ -44,11 +46,14 @@ def samples(
 
 
 def _list(journal: "JournalReader", as_json: bool) -> None:
-    found: dict[str, list[JournalMeasurement]] = {}
-    for one in journal.measurements():
-        found.setdefault(one.sample.name, []).append(one)
+    by_sample: dict[str, list[JournalMeasurement]] = {}
+    for measurement in journal.measurements():
+        by_sample.setdefault(measurement.sample.name, []).append(measurement)
     if as_json:
-        listed = [{"name": name, "measurements": [_plain(journal, one) for one in of]} for name, of in found.items()]
+        listed = [
+            {"name": name, "measurements": [_plain(journal, measurement) for measurement in of_sample]}
+            for name, of_sample in by_sample.items()
+        ]
         print(json.dumps({"samples": listed}))
         return
     from rich.box import SIMPLE_HEAD
@@ -60,35 +65,39 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
     table = Table(header_style="bold", box=SIMPLE_HEAD)
     for column in ("sample", "step", "measured", "fits"):
         table.add_column(column)
-    for name, of_sample in found.items():
-        for k, one in enumerate(of_sample):
-            fits = ", ".join(journal.fitters(one.id)) if one.state == "measured" else _state(journal, one)
-            when = f"{one.time[:10]} {one.time[11:19]} UTC"
-            table.add_row("" if k else escape(shown(name)), escape(shown(one.sample.step)), when, escape(shown(fits)))
+    for name, of_sample in by_sample.items():
+        for k, measured in enumerate(of_sample):
+            fits = (
+                ", ".join(journal.fitters(measured.id)) if measured.state == "measured" else _state(journal, measured)
+            )
+            when = f"{measured.time[:10]} {measured.time[11:19]} UTC"
+            table.add_row(
+                "" if k else escape(shown(name)), escape(shown(measured.sample.step)), when, escape(shown(fits))
+            )
         table.add_section()
     console().print(table)
 
 
-def _state(journal: "JournalReader", one: "JournalMeasurement") -> str:
-    """Return what became of a measurement that has no record that counts."""
+def _state(journal: "JournalReader", measurement: "JournalMeasurement") -> str:
+    """Return the state of a measurement that is incomplete or withdrawn, in words."""
     from ...journal.withdrawal import WITHDRAWN, withdrawal_of
 
-    found = withdrawal_of(journal, one.id) if one.state == WITHDRAWN else None
-    return found.says if found else one.state
+    withdrawal = withdrawal_of(journal, measurement.id) if measurement.state == WITHDRAWN else None
+    return withdrawal.says if withdrawal else measurement.state
 
 
-def _plain(journal: "JournalReader", one: "JournalMeasurement") -> dict[str, Any]:
+def _plain(journal: "JournalReader", measurement: "JournalMeasurement") -> dict[str, Any]:
     from ...journal.withdrawal import withdrawal_of
 
-    withdrawal = withdrawal_of(journal, one.id)
+    withdrawal = withdrawal_of(journal, measurement.id)
     return {
-        "id": one.id,
-        "step": one.sample.step,
-        "state": one.state,
+        "id": measurement.id,
+        "step": measurement.sample.step,
+        "state": measurement.state,
         "withdrawn": {"by": withdrawal.by, "why": withdrawal.why, "time": withdrawal.time} if withdrawal else None,
-        "time": one.time,
-        "sweeps": list(journal.sweep_ids(one.id)),
-        "fitters": list(journal.fitters(one.id)),
+        "time": measurement.time,
+        "sweeps": list(journal.sweep_ids(measurement.id)),
+        "fitters": list(journal.fitters(measurement.id)),
     }
 
 
@@ -109,12 +118,14 @@ def _constants(
             f"the journal in {journal.name} holds no fit{of_step} by {fitter!r}; "
             f"`pzctl fit --all --fitter {fitter}` makes them"
         )
-    found = population({name: fit.result for name, fit in fits.items()}, sheets_of(fit.build for fit in fits.values()))
+    statistics = population(
+        {name: fit.result for name, fit in fits.items()}, sheets_of(fit.build for fit in fits.values())
+    )
     if as_json:
         used = {
             name: {"measurement": fit.measurement.id, "time": fit.measurement.time, "steps": list(fit.result.steps)}
             for name, fit in fits.items()
         }
-        print(json.dumps({"fitter": fitter, "fits": used} | population_json(found)))
+        print(json.dumps({"fitter": fitter, "fits": used} | population_json(statistics)))
     else:
-        print_population(console(), found)
+        print_population(console(), statistics)

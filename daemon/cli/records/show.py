@@ -1,4 +1,4 @@
-"""`pzctl show`: what was found of one sample, as tables and pictures."""
+"""`pzctl show`: the results of one sample as tables and pictures."""
 
 import json
 from pathlib import Path
@@ -18,12 +18,12 @@ def show(
     sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
     step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
     fitter: Annotated[str | None, typer.Option(help="Only fits of this fitter.")] = None,
-    pictures: Annotated[Path | None, typer.Option(help="Folder for a picture of each fit.")] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for pictures, one for each fit.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Show the latest fits and diagnoses of a sample from the journal. Needs no daemon.
 
-    Exit status: 0 shown, 1 nothing was ever measured, 2 no such sample.
+    Exit status: 0 shown, 1 nothing was measured yet, 2 no such sample.
 
     Example: pzctl show S4 --step ml1 --pictures .
     """
@@ -36,23 +36,23 @@ def show(
         record = sample_record(journal, sample)
     finally:
         journal.close()
-    steps = [one for one in record.steps if step in (None, one.measurement.sample.step)]
+    steps = [step_record for step_record in record.steps if step in (None, step_record.measurement.sample.step)]
     if not steps:
-        measured = ", ".join(one.measurement.sample.step for one in record.steps)
+        measured = ", ".join(step_record.measurement.sample.step for step_record in record.steps)
         raise UnknownSampleError(f"sample {record.name!r}: step {step!r} was not measured; measured: {measured}")
-    fitters = dict.fromkeys(fit.fitter for one in steps for fit in one.fits)
+    fitters = dict.fromkeys(fit.fitter for step_record in steps for fit in step_record.fits)
     if fitter is not None and fitters and fitter not in fitters:
         raise UnknownSampleError(
             f"sample {record.name!r}: there is no fit by {fitter!r}; fitted by {', '.join(fitters)}"
         )
     screen = console(stderr=as_json)
     plain: list[dict[str, Any]] = []
-    for one in steps:
-        drawn = _pictures(record, one, fitter, pictures)
-        plain.append(_plain(one, fitter, drawn))
+    for step_record in steps:
+        drawings = _pictures(record, step_record, fitter, pictures)
+        plain.append(_plain(step_record, fitter, drawings))
         if not as_json:
-            _print(screen, record, one, fitter)
-        for path in drawn.values():
+            _print(screen, record, step_record, fitter)
+        for path in drawings.values():
             screen.print(f"picture: {path}", highlight=False, soft_wrap=True)
     if as_json:
         print(json.dumps({"sample": record.name, "steps": plain, "withdrawn": list(record.withdrawn)}))
@@ -61,55 +61,57 @@ def show(
         screen.print(f"! {shown(says)}", style="yellow", highlight=False, markup=False)
 
 
-def _pictures(record: "SampleRecord", one: "StepRecord", fitter: str | None, folder: Path | None) -> dict[str, Path]:
+def _pictures(
+    record: "SampleRecord", step_record: "StepRecord", fitter: str | None, folder: Path | None
+) -> dict[str, Path]:
     from ...report.pictures.fit_pictures import fit_picture
 
     if folder is None:
         return {}
     return {
         fit.fitter: fit_picture(
-            fit, folder / f"{as_file_name(record.name, one.measurement.sample.step, fit.fitter)}.png"
+            fit, folder / f"{as_file_name(record.name, step_record.measurement.sample.step, fit.fitter)}.png"
         )
-        for fit in one.fits
+        for fit in step_record.fits
         if fitter in (None, fit.fitter)
     }
 
 
-def _plain(one: "StepRecord", fitter: str | None, drawn: dict[str, Path]) -> dict[str, Any]:
+def _plain(step_record: "StepRecord", fitter: str | None, drawings: dict[str, Path]) -> dict[str, Any]:
     from ...report.json_output.fit_json import fit_json
 
-    fits = [fit_json(fit) for fit in one.fits if fitter in (None, fit.fitter)]
+    fits = [fit_json(fit) for fit in step_record.fits if fitter in (None, fit.fitter)]
     for fit in fits:
-        fit["picture"] = str(drawn[fit["fitter"]]) if fit["fitter"] in drawn else None
+        fit["picture"] = str(drawings[fit["fitter"]]) if fit["fitter"] in drawings else None
     return {
-        "step": one.measurement.sample.step,
-        "measurement": one.measurement.id,
-        "time": one.measurement.time,
-        "sweeps": [sweep.id for sweep in one.sweeps],
+        "step": step_record.measurement.sample.step,
+        "measurement": step_record.measurement.id,
+        "time": step_record.measurement.time,
+        "sweeps": [sweep.id for sweep in step_record.sweeps],
         "fits": fits,
-        "refusals": list(one.refusals),
-        "diagnosis": one.diagnosis.diagnosis if one.diagnosis else None,
+        "refusals": list(step_record.refusals),
+        "diagnosis": step_record.diagnosis.diagnosis if step_record.diagnosis else None,
     }
 
 
-def _print(screen: "Console", record: "SampleRecord", one: "StepRecord", fitter: str | None) -> None:
+def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord", fitter: str | None) -> None:
     from ...report.tables.fit_tables import print_fit
 
-    points = sum(sweep.frequency.size for sweep in one.sweeps)
-    when = one.measurement.time[:19].replace("T", " ")
+    points = sum(sweep.frequency.size for sweep in step_record.sweeps)
+    when = step_record.measurement.time[:19].replace("T", " ")
     screen.print(
-        f"{shown(record.name)}, step {shown(one.measurement.sample.step)}: "
-        f"{points} points in {len(one.sweeps)} sweep(s), {when} UTC",
+        f"{shown(record.name)}, step {shown(step_record.measurement.sample.step)}: "
+        f"{points} points in {len(step_record.sweeps)} sweep(s), {when} UTC",
         style="bold cyan",
         highlight=False,
     )
-    fits = [fit for fit in one.fits if fitter in (None, fit.fitter)]
+    fits = [fit for fit in step_record.fits if fitter in (None, fit.fitter)]
     for fit in fits:
         print_fit(screen, fit, record.build)
-    for refusal in one.refusals:
+    for refusal in step_record.refusals:
         screen.print(f"! {refusal}", style="yellow", highlight=False, markup=False)
-    if not fits and not one.refusals:
+    if not fits and not step_record.refusals:
         screen.print("no fit yet; `pzctl fit --all` makes them", highlight=False)
-    if one.diagnosis is not None:
-        for sentence in one.diagnosis.diagnosis.get("says", ()):
+    if step_record.diagnosis is not None:
+        for sentence in step_record.diagnosis.diagnosis.get("says", ()):
             screen.print(f"- {sentence}", highlight=False, markup=False)

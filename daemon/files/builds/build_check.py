@@ -1,4 +1,4 @@
-"""What a `Build` must fulfil wherever it came from: names, kinds, and steps that can be glued in their order."""
+"""Checks of a `Build` from any source: names, kinds, and steps that can be glued in their order."""
 
 import re
 from collections.abc import Iterable
@@ -9,14 +9,14 @@ from ....models.sweep_plan import PlanError
 from .build_table import BuildError
 
 RESERVED = ("area", "back", "front", "lead")
-"""First words of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
+"""Prefixes of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
 
 _BUILD_NAME = re.compile(r"\w(?:[\w +.-]*[\w+-])?")
 _NAME = re.compile(r"\w[\w+-]*")
 
 
 def check_build(build: Build, source: str) -> None:
-    """Check what no single key can tell. Raises BuildError, which names the file as `source`."""
+    """Check the conditions that involve several keys. Raises BuildError, which calls the file `source`."""
     check_build_name(build.name, f"{source}: name")
     if build.plan is not None and build.limits is not None:
         try:
@@ -39,20 +39,20 @@ def check_build(build: Build, source: str) -> None:
                 raise BuildError(f"{source}: steps[{k}].reground names {name!r}; the step has {', '.join(step.layers)}")
             if k == 0 or name not in build.steps[k - 1].layers:
                 raise BuildError(
-                    f"{source}: steps[{k}].reground names {name!r}, which is new in this step; a layer is ground after "
-                    "a step that had it, before that its thickness stands in [[layers]]"
+                    f"{source}: steps[{k}].reground names {name!r}, which is new in this step; give the thickness of a "
+                    "new layer in [[layers]], and reground only for layers of the step before"
                 )
         before = build.steps[k - 1] if k else step
         gone = [name for name in before.layers if name not in step.layers]
         if gone:
             raise BuildError(
-                f"{where} lacks {gone[0]}, which is there in the step before ({before.name}); steps stand in gluing "
-                "order, each with all layers of the one before"
+                f"{where} lacks {gone[0]}, which the step before ({before.name}) has; list the steps in gluing order, "
+                "each with all layers of the one before"
             )
 
 
 def check_build_name(name: str, where: str) -> None:
-    """Raise BuildError, which says what is wrong `where`, for a name that no transducer can have."""
+    """Raise BuildError for a name that no transducer can have; `where` is the place that the error names."""
     _check_name(name, where, _BUILD_NAME, "letters, digits, space and _ + - . inside")
 
 
@@ -61,7 +61,7 @@ def _check_layers(build: Build, source: str) -> None:
         where = f"{source}: layers[{k}].name"
         _check_name(layer.name, where, _NAME, "letters, digits and _ + -")
         if layer.name in RESERVED:
-            raise BuildError(f"{where} is {layer.name!r}, which means something else here; give another name")
+            raise BuildError(f"{where} is {layer.name!r}, which is reserved; give another name")
     _check_unique((layer.name for layer in build.layers), source, "layers")
     piezos = [layer.name for layer in build.layers if layer.kind == "piezo"]
     if len(piezos) != 1:
@@ -78,22 +78,24 @@ def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:
     order = [known.index(name) for name in step.layers]
     if sorted(set(order)) != order:
         right = ", ".join(name for name in known if name in step.layers)
-        raise BuildError(f"{where} is {', '.join(step.layers)}; each once and in the order of [[layers]]: {right}")
+        raise BuildError(
+            f"{where} is {', '.join(step.layers)}; name each layer once, in the order of [[layers]]: {right}"
+        )
 
 
 def _check_name(name: str, where: str, pattern: re.Pattern[str], allowed: str) -> None:
-    """Refuse what cannot stand in a topic, a path, `STEP=FILE` or a parameter's name."""
+    """Refuse a name that cannot be part of a topic, a path, `STEP=FILE` or a parameter's name."""
     try:
         check_name(name, where)
     except NameFault as fault:
         raise BuildError(str(fault)) from None
     if not pattern.fullmatch(name):
-        raise BuildError(f"{where} is {name!r}; allowed are {allowed}, and it begins with a letter or digit")
+        raise BuildError(f"{where} is {name!r}; allowed are {allowed}, beginning with a letter or digit")
 
 
 def _check_unique(names: Iterable[str], source: str, what: str) -> None:
     first: dict[str, int] = {}
     for k, name in enumerate(names):
         if name in first:
-            raise BuildError(f"{source}: {what}[{k}].name is {name!r}, which is that of {what}[{first[name]}] too")
+            raise BuildError(f"{source}: {what}[{k}].name is {name!r}, which {what}[{first[name]}] has already")
         first[name] = k

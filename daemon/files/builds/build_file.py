@@ -30,7 +30,7 @@ from .tied_parameters import resolved
 __all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build"]
 
 THESIS_BUILD = Path(__file__).with_name("thesis.toml")
-"""The transducer of the 2012 thesis: the one on the simulated bench."""
+"""The transducer of the 2012 thesis, which is also the one on the simulated bench."""
 
 LAYER_KEYS = ("name", "kind", "material")
 SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3), "area_mm2": Key("area", 1e-6)}
@@ -38,18 +38,18 @@ FREQUENCY_UNITS = {"MHz": 1e6, "kHz": 1e3, "Hz": 1.0}
 NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:#|$)", re.MULTILINE)
 _LARGEST = 1_000_000
-"""Bytes. A description of a transducer has some kilobytes; more is another file given by mistake."""
+"""Bytes. A build file has a few kilobytes; anything larger is another file given by mistake."""
 
 
 def read_build(path: Path) -> Build:
-    """Read a transducer from build.toml. Raises BuildError, one sentence for a person."""
+    """Read a transducer from build.toml. Raises BuildError with one sentence for a person."""
     try:
         if path.is_dir():
             raise BuildError(f"{path}: this is a folder; a file like build.toml is needed")
         if path.exists() and not path.is_file():
             raise BuildError(f"{path}: this is a device or a pipe; a file like build.toml is needed")
         if path.stat().st_size > _LARGEST:
-            raise BuildError(f"{path}: {path.stat().st_size} bytes is no description of a transducer; build.toml is")
+            raise BuildError(f"{path}: {path.stat().st_size} bytes is too large for a build.toml")
         data = path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise BuildError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
@@ -61,9 +61,9 @@ def read_build(path: Path) -> Build:
 
 
 def parse_build(text: str, source: str = "build.toml") -> Build:
-    """Read a transducer from the text of build.toml; `source` is what errors call the file. Raises BuildError.
+    """Read a transducer from the text of build.toml; errors call the file `source`. Raises BuildError.
 
-    Values that the text does not give come from the material library, with its tolerance as uncertainty.
+    Values that the text does not give come from the material library, with its tolerances as uncertainties.
     """
     if not text.strip():
         raise BuildError(f"{source}: the file is empty; name, diameter_mm, [[layers]], [load], [[steps]] are needed")
@@ -71,10 +71,12 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         data = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
         comma = _DECIMAL_COMMA.search(text)
-        hint = f"; numbers are written with a point, and here is {comma[1]!r}" if comma else ""
+        hint = f"; write numbers with a point, not as {comma[1]!r}" if comma else ""
         raise BuildError(f"{source}: this is not TOML: {error}{hint}") from None
-    except (RecursionError, ValueError):  # brackets in brackets; a whole number of thousands of digits
-        raise BuildError(f"{source}: this is not a description of a transducer: nested or long beyond reason") from None
+    except (RecursionError, ValueError):  # deeply nested brackets; a whole number with thousands of digits
+        raise BuildError(
+            f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
+        ) from None
     top = Table(data, source)
     top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample"))
     name = top.string("name")
@@ -114,20 +116,20 @@ def build_from_json(obj: object) -> Build:
 
 
 def _size(top: Table) -> tuple[Quantity | None, Quantity]:
-    """Return diameter (m), where it is known, and area (m2)."""
-    found = top.quantities(SIZE_KEYS)
-    if len(found) == 2:
+    """Return diameter (m), or None if only the area is given, and area (m2)."""
+    size = top.quantities(SIZE_KEYS)
+    if len(size) == 2:
         raise top.error("area_mm2", "is given beside diameter_mm; give one of the two")
-    if "area" in found:
-        return None, found["area"]
-    if "diameter" not in found:
+    if "area" in size:
+        return None, size["area"]
+    if "diameter" not in size:
         raise top.missing("size", "write diameter_mm = ... or area_mm2 = ...")
-    d = found["diameter"]
+    d = size["diameter"]
     return d, Quantity(math.pi * d.re**2 / 4, u=math.pi * d.re / 2 * d.u, source=d.source)
 
 
 def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:
-    """Return the name and the values of the library's material that `key` names."""
+    """Return name and values of the library material that `key` names."""
     name = table.string(key)
     try:
         return name, find_material(name).values
@@ -159,9 +161,9 @@ def _kind(table: Table) -> Literal["piezo", "elastic"]:
 
 
 def _impedance_from_density(table: Table, values: dict[str, Quantity], given: Mapping[str, Quantity]) -> None:
-    """Put z = density * c where the file gives the density of an elastic layer instead of its impedance."""
+    """Set z = density * c if the file gives the density of an elastic layer and not its impedance."""
     if "density" not in given:
-        values.pop("density", None)  # the library's: a layer whose z or c is overridden has another
+        values.pop("density", None)  # the library's density does not fit a layer whose z or c the file overrides
         return
     if "z" in given:
         raise table.error("density_kg_m3", f"is given beside {keys_for('z', Z_KEYS)}; z = density * c, give one")
@@ -196,8 +198,8 @@ def _step(table: Table) -> Step:
 
 
 def _reground(table: Table) -> dict[str, Quantity]:
-    """Return the new thickness of each layer that was ground before this step."""
-    found: dict[str, Quantity] = {}
+    """Return the new thickness (m) of each layer that was ground before this step."""
+    reground: dict[str, Quantity] = {}
     for layer in table.data:
         inner = table.table(layer)
         inner.only(THICKNESS_KEYS)
@@ -205,24 +207,24 @@ def _reground(table: Table) -> dict[str, Quantity]:
         if thickness is None:
             raise inner.missing("thickness", "write thickness_mm = { value = ..., u = ... }")
         if thickness.same_as:
-            raise inner.missing("thickness of its own", "a ground layer is tied to no other")
-        found[layer] = thickness
-    return found
+            raise inner.missing("thickness of its own", "a ground layer cannot be tied to another")
+        reground[layer] = thickness
+    return reground
 
 
 def _limits(table: Table) -> LevelLimits:
-    """Return the section [sample]: the most bias and test signal that the sample stands."""
+    """Return the section [sample]: the highest bias and test signal that the sample withstands."""
     keys = ("max_bias_V", "max_oscillator_V")
     table.only(keys)
-    found = {key: table.number(key) for key in keys if key in table.data}
-    for key, number in found.items():
+    limits = {key: table.number(key) for key in keys if key in table.data}
+    for key, number in limits.items():
         if number < 0:
-            raise table.error(key, f"is {number:g}; volts from 0 up are needed")
-    return LevelLimits(**found)
+            raise table.error(key, f"is {number:g}; 0 V or more is needed")
+    return LevelLimits(**limits)
 
 
 def _plan(table: Table) -> SweepPlan:
-    """Return the section [sweep]. What an instrument cannot do is for its driver to say."""
+    """Return the section [sweep]. The driver checks the limits of the instrument later."""
     floats = ("oscillator_V", "bias_V", "point_delay_s", "sweep_delay_s")
     integers = ("bandwidth", "point_average", "sweep_average")
     table.only(("segments", *floats, "oscillator_mA", *integers, "direction"))
@@ -248,7 +250,7 @@ def _plan(table: Table) -> SweepPlan:
 
 
 def _level(table: Table) -> dict[str, float]:
-    """Return what drives the device: a current where `oscillator_mA` is given, else nothing beside `oscillator_V`."""
+    """Return the drive current (A) from `oscillator_mA`, or an empty dict if `oscillator_V` drives the device."""
     given = [key for key in ("oscillator_V", "oscillator_mA") if key in table.data]
     if len(given) == 2:
         raise table.error("oscillator_mA", "is given beside oscillator_V; the device is driven by one of the two")
@@ -261,17 +263,17 @@ def _level(table: Table) -> dict[str, float]:
 def _segment(table: Table) -> Segment:
     ends = {end: {f"{end}_{unit}": factor for unit, factor in FREQUENCY_UNITS.items()} for end in ("start", "stop")}
     table.only((*ends["start"], *ends["stop"], "points", "spacing"))
-    found: dict[str, float] = {}
+    limits_Hz: dict[str, float] = {}
     for end, keys in ends.items():
         given = [key for key in keys if key in table.data]
         if len(given) != 1:
             raise table.missing(f"single {end}", f"give one of {', '.join(keys)}")
-        found[end] = table.number(given[0]) * keys[given[0]]
+        limits_Hz[end] = table.number(given[0]) * keys[given[0]]
     points = table.integer("points") if "points" in table.data else USUAL_POINTS
     spacing = table.string("spacing") if "spacing" in table.data else "linear"
     if spacing not in ("linear", "log"):
         raise table.error("spacing", f'is {spacing!r}; "linear" or "log" is needed')
     try:
-        return Segment(found["start"], found["stop"], points, spacing)
+        return Segment(limits_Hz["start"], limits_Hz["stop"], points, spacing)
     except PlanError as error:
         raise BuildError(f"{table.source}: {table.path}: {error}") from None

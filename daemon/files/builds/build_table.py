@@ -1,4 +1,4 @@
-"""One table of build.toml, read key by key: every complaint names file, key, what was found, what is allowed."""
+"""One table of build.toml, read key by key; every error names file, key, what was found and what is allowed."""
 
 import difflib
 import math
@@ -12,12 +12,12 @@ from ....models.constants.piezo_constants import EPS0
 
 
 class BuildError(PzctlError):
-    """A transducer's description that cannot be used as it stands."""
+    """A build or materials file that cannot be used."""
 
 
 @dataclass(frozen=True)
 class Key:
-    """What a key of build.toml stands for."""
+    """The constant that a key of build.toml gives, and its unit."""
 
     name: str
     """The constant's name in a LayerSpec."""
@@ -47,21 +47,21 @@ PIEZO_KEYS = (
     | {"d31_pC_N": Key("d31", 1e-12), "d31_C_N": Key("d31", 1.0)}
     | {"sigma_p": Key("sigma_p", 1.0), "kp": Key("kp", 1.0)}
 )
-"""The unit stands in the key: each key with its constant and the factor to SI."""
+"""Each key ends in its unit; its value is the constant's name and the factor to SI units."""
 ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3)}
-"""Of a ceramic in a transducer, not of a material: both electrodes, where they end before the rim."""
+"""Diameter of both electrodes if they end before the rim; a property of the disk, not of a material."""
 
 REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter"}
 TIED = {"thickness", "z", "c", "q"}
-"""Constants that can be `{ same_as = "LAYER" }`: those that two layers of a transducer can have in common."""
+"""Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}
 LOSS_SIGN = {"c33D": 1, "c11p": 1, "eps33S": -1, "eps33T": -1, "eps33P": -1, "s11E": -1}
-"""Sign of the imaginary part of a passive constant under exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
-eps (1 - j tan d). The other sign is the convention of exp(-jwt), copied from another text."""
+"""Sign of the imaginary part of a passive constant with exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
+eps (1 - j tan d). A value with the other sign was usually copied from a text that uses exp(-jwt)."""
 
 
 def shown(value: object) -> str:
-    """Return what was found in the words of the file, cut to a length a sentence can carry."""
+    """Return a value as the file writes it, cut to a length that fits into a sentence."""
     if isinstance(value, Mapping):
         return "a table"
     if isinstance(value, list):
@@ -71,31 +71,31 @@ def shown(value: object) -> str:
 
 
 class Table:
-    """A TOML table with its place in the file. Keys are taken one by one; `finish` refuses those left over."""
+    """A TOML table with its place in the file. `only` refuses unknown keys; the other methods read one key each."""
 
     def __init__(self, data: Mapping[str, Any], source: str, path: str = "", label: str = "") -> None:
         self.data = data
         self.source = source
         self.path = path
         self.label = label
-        """The thing people know the table by: `layer 'glue1'`."""
+        """The table's name for people: `layer 'glue1'`."""
 
     def key(self, name: str) -> str:
         """Return the full path of a key: `layers[1].thickness_mm`."""
         return f"{self.path}.{name}" if self.path else name
 
     def error(self, key: str, says: str) -> BuildError:
-        """Return an error about a key: `says` continues a sentence that begins with the key's path."""
+        """Return an error about a key; `says` continues the sentence that begins with the key's path."""
         of = f" (of {self.label})" if self.label else ""
         return BuildError(f"{self.source}: {self.key(key)}{of} {says}")
 
     def missing(self, what: str, allowed: str) -> BuildError:
-        """Return an error about a key, or one of several keys, that should be there."""
+        """Return an error about a missing key, or about several of which one is needed."""
         where = f"{self.path}" + (f" ({self.label})" if self.label else "") if self.path else "the file"
         return BuildError(f"{self.source}: {where} has no {what}; {allowed}")
 
     def only(self, allowed: Iterable[str]) -> None:
-        """Refuse any key that is not among `allowed`, naming the nearest one. Raises BuildError."""
+        """Refuse a key that is not among `allowed`, and suggest the nearest one. Raises BuildError."""
         names = list(allowed)
         for key in self.data:
             if key not in names:
@@ -104,7 +104,7 @@ class Table:
                 raise self.error(shown(key)[1:-1], f"is not a known key; {hint}allowed here: {', '.join(names)}")
 
     def string(self, key: str) -> str:
-        """Return a text that must be there. Raises BuildError."""
+        """Return a required text. Raises BuildError."""
         if key not in self.data:
             raise self.missing(key, f'write {key} = "..."')
         value = self.data[key]
@@ -113,7 +113,7 @@ class Table:
         return value
 
     def strings(self, key: str) -> tuple[str, ...]:
-        """Return a list of texts that must be there. Raises BuildError."""
+        """Return a required list of texts. Raises BuildError."""
         if key not in self.data:
             raise self.missing(key, f'write {key} = ["...", "..."]')
         value = self.data[key]
@@ -126,7 +126,7 @@ class Table:
         return tuple(str(item) for item in items)
 
     def table(self, key: str) -> "Table":
-        """Return a table that must be there. Raises BuildError."""
+        """Return a required table. Raises BuildError."""
         if key not in self.data:
             raise self.missing(f"[{key}]", f"write a section [{self.key(key)}]")
         value = self.data[key]
@@ -135,7 +135,7 @@ class Table:
         return Table(cast("dict[str, Any]", value), self.source, self.key(key), self.label)
 
     def tables(self, key: str, what: str) -> "tuple[Table, ...]":
-        """Return a non-empty list of tables, each labelled `what` and its name. Raises BuildError."""
+        """Return a required, non-empty list of tables, each labelled with `what` and its name. Raises BuildError."""
         if key not in self.data:
             raise self.missing(f"[[{key}]]", f"write at least one {what}")
         value = self.data[key]
@@ -154,7 +154,7 @@ class Table:
         return tuple(out)
 
     def number(self, key: str) -> float:
-        """Return a finite number that is there. Raises BuildError."""
+        """Return the finite number of an existing key. Raises BuildError."""
         value = self.data[key]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(key, f"is {shown(value)}; a number is needed")
@@ -167,18 +167,18 @@ class Table:
         return number
 
     def integer(self, key: str) -> int:
-        """Return a whole number that is there. Raises BuildError."""
+        """Return the whole number of an existing key. Raises BuildError."""
         value = self.data[key]
         if isinstance(value, bool) or not isinstance(value, int):
             raise self.error(key, f"is {shown(value)}; a whole number is needed")
         return value
 
     def quantity(self, key: str, what: Key) -> Quantity:
-        """Return a number, {value, u} or {re, im, u, u_im} in SI units, with min and max or not. Raises BuildError.
+        """Return the constant of a key in SI units. Raises BuildError.
 
-        Of a constant that is { same_as = "LAYER" } only that is known yet; `ties.resolved` gives it the value. A bare
-        number is taken as exact. The `u` of a complex value is that of its real and of its imaginary part,
-        unless `u_im` says otherwise.
+        The key holds a number, which is taken as exact, or a table {value, u} or {re, im, u, u_im}, which may also have
+        min and max. The `u` of a complex value applies to its real and to its imaginary part, unless `u_im` is given.
+        A tied constant, { same_as = "LAYER" }, has no value yet; `tied_parameters.resolved` sets it.
         """
         value = self.data[key]
         if not isinstance(value, dict):
@@ -191,17 +191,19 @@ class Table:
         inner.only((*parts, "min", "max"))
         if parts[0] not in value:
             raise inner.missing(parts[0], f"write {key} = {{ {parts[0]} = ..., u = ... }}")
-        got = {part: inner.number(part) for part in parts if part in value}
+        numbers = {part: inner.number(part) for part in parts if part in value}
         for part in ("u", "u_im"):
-            if got.get(part, 0.0) < 0:
-                raise inner.error(part, f"is {got[part]:g}; a standard uncertainty is zero or positive")
-        u = got.get("u", 0.0)
-        u_im = got.get("u_im", u if "re" in got else 0.0)
-        found = self._checked(key, what, (got[parts[0]], got.get("im", 0.0), u, u_im))
-        return replace(found, bounds=inner.bounds(what, got[parts[0]])) if {"min", "max"} & inner.data.keys() else found
+            if numbers.get(part, 0.0) < 0:
+                raise inner.error(part, f"is {numbers[part]:g}; a standard uncertainty is zero or positive")
+        u = numbers.get("u", 0.0)
+        u_im = numbers.get("u_im", u if "re" in numbers else 0.0)
+        quantity = self._checked(key, what, (numbers[parts[0]], numbers.get("im", 0.0), u, u_im))
+        if not {"min", "max"} & inner.data.keys():
+            return quantity
+        return replace(quantity, bounds=inner.bounds(what, numbers[parts[0]]))
 
     def bounds(self, what: Key, value: float) -> tuple[float, float]:
-        """Return `min` and `max` in SI units: both there, `value` strictly between them. Raises BuildError."""
+        """Return `min` and `max` in SI units; both are required, with `value` between them. Raises BuildError."""
         for end in ("min", "max"):
             if end not in self.data:
                 raise self.missing(end, "a bounded value has both min and max")
@@ -215,7 +217,7 @@ class Table:
     def _checked(self, key: str, what: Key, numbers: tuple[float, float, float, float]) -> Quantity:
         re, im, u, u_im = (what.factor * n for n in numbers)
         if not all(map(math.isfinite, (re, im, u, u_im))):
-            raise self.error(key, f"is {numbers[0]:g}; that is beyond any number this can be")
+            raise self.error(key, f"is {numbers[0]:g}; this is too large")
         if what.name in POSITIVE and re <= 0:
             raise self.error(key, f"is {numbers[0]:g}; a positive number is needed")
         sign = LOSS_SIGN.get(what.name, 0)
@@ -229,7 +231,7 @@ class Table:
         return Quantity(re, im, u, u_im, source="build.toml")
 
     def quantities(self, keys: Mapping[str, Key]) -> dict[str, Quantity]:
-        """Return those of `keys` that are there, by the constant's name. Raises BuildError; also for two units."""
+        """Return the constants that the table gives, by name. Raises BuildError, also if one is given in two units."""
         out: dict[str, Quantity] = {}
         first: dict[str, str] = {}
         for key, what in keys.items():
@@ -243,5 +245,5 @@ class Table:
 
 
 def keys_for(name: str, keys: Mapping[str, Key]) -> str:
-    """Return the keys that give the constant `name`, for a sentence."""
+    """Return the keys that give the constant `name`, as part of a sentence."""
     return " or ".join(key for key, what in keys.items() if what.name == name)

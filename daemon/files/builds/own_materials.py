@@ -1,4 +1,4 @@
-"""The user's own materials: `materials.toml` in the data folder, beside or in place of the library's.
+"""The user's own materials: `materials.toml` in the data folder, which adds to or replaces materials of the library.
 
 [[materials]]
 name = "our glue"
@@ -24,36 +24,36 @@ _FILE = "materials.toml"
 
 
 def own_materials() -> tuple[Material, ...]:
-    """Return the user's materials; none where there is no file. Raises BuildError, one sentence, for a broken one."""
+    """Return the user's materials; none if there is no file. Raises BuildError if the file is not valid."""
     path = home() / _FILE
     return read_materials(path) if path.exists() else ()
 
 
 def read_materials(path: Path) -> tuple[Material, ...]:
-    """Read materials from a TOML file. Raises BuildError naming file, key, what was found, what is allowed."""
+    """Read materials from a TOML file. Raises BuildError with file, key, what was found and what is allowed."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BuildError(f"{path}: this cannot be read as TOML: {error}") from None
+        raise BuildError(f"{path}: cannot be read as TOML: {error}") from None
     top = Table(data, str(path))
     top.only(("materials",))
-    made = tuple(_material(table) for table in top.tables("materials", "material"))
-    names = [material.name.casefold() for material in made]
-    for material in made:
+    materials = tuple(_material(table) for table in top.tables("materials", "material"))
+    names = [material.name.casefold() for material in materials]
+    for material in materials:
         if names.count(material.name.casefold()) > 1:
             raise BuildError(f"{path}: two materials are called {material.name!r}; every material needs its own name")
-    return made
+    return materials
 
 
 def all_materials() -> tuple[Material, ...]:
-    """Return the user's materials and those of the library that they do not replace."""
+    """Return the user's materials, then those of the library that they do not replace."""
     own = own_materials()
     replaced = {material.name.casefold() for material in own}
     return (*own, *(material for material in MATERIALS if material.name.casefold() not in replaced))
 
 
 def find_material(name: str) -> Material:
-    """Return the material called `name`, the user's own before the library's. Raises MaterialError, BuildError."""
+    """Return the material `name`, preferably the user's own. Raises MaterialError, BuildError."""
     return find(name, own_materials())
 
 
@@ -68,9 +68,9 @@ def _material(table: Table) -> Material:
     if not values:
         raise table.missing("value", f"give at least one of {', '.join(keys)}")
     source = table.string("source") if "source" in table.data else f"{_FILE} of this user"
-    told = {name: replace(quantity, source=source) for name, quantity in values.items()}
-    if "z" not in told and {"density", "c"} <= set(told):
-        density, c = told["density"], told["c"]
+    quantities = {name: replace(quantity, source=source) for name, quantity in values.items()}
+    if "z" not in quantities and {"density", "c"} <= set(quantities):
+        density, c = quantities["density"], quantities["c"]
         u = math.hypot(density.u * c.re, density.re * c.u)
-        told["z"] = Quantity(density.re * c.re, u=u, source=f"density * c, {source}")
-    return Material(table.string("name"), cast(Kind, kind), told)
+        quantities["z"] = Quantity(density.re * c.re, u=u, source=f"density * c, {source}")
+    return Material(table.string("name"), cast(Kind, kind), quantities)

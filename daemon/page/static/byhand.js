@@ -1,4 +1,4 @@
-// A fit by hand: sliders move the model's curve, which the server computes; one request is under way at any time.
+// Manual fit: sliders move the model's curve, which the server computes; at most one request is under way.
 
 import { columns, draw, overlay } from "./plots.js";
 import { withUncertainty } from "./numbers.js";
@@ -6,7 +6,7 @@ import { withUncertainty } from "./numbers.js";
 const $ = (id) => document.getElementById(id);
 const STEPS = 1000;
 let state = null; // measurement, fitter, step, steps, handles, free, values, effects, model
-let subject = null; // the measurement that is in hand, or about to be
+let subject = null; // the measurement of the manual fit, once it was requested
 let busy = false, wanted = null;
 
 const toSlider = (h, value) => Math.round(STEPS * (h.scale === "log" ? Math.log(Math.max(value, h.low) / h.low) / Math.log(h.high / h.low) : (value - h.low) / (h.high - h.low)));
@@ -21,7 +21,7 @@ function bands() {
   if (text) {
     found[state.step] = text.split(",").map((part) => {
       const ends = part.split(/-|–|to/).map((word) => Number(word.trim()) * 1e6);
-      if (ends.length !== 2 || ends.some((end) => !Number.isFinite(end))) throw new Error(`“${part.trim()}” is no band; write it as 1-6`);
+      if (ends.length !== 2 || ends.some((end) => !Number.isFinite(end))) throw new Error(`“${part.trim()}” is not a band; write it like 1-6`);
       return ends;
     });
   }
@@ -33,7 +33,7 @@ function wish() {
   return { measurement: state.measurement, fitter: state.fitter, free: [...state.free], values: state.values, bands: bands(), effects: state.effects };
 }
 
-// One request is under way; of all that is asked meanwhile, only the newest is sent after it.
+// Send a request. While one is under way, only the newest of the later ones is kept and sent after it.
 async function ask(path, made, then) {
   wanted = [path, made, then];
   if (busy) return;
@@ -61,7 +61,7 @@ function send(path, then) {
 
 function take(found) {
   const known = new Set(state.handles.map((h) => h.name));
-  // The range of a slider stays where it was: it must not run away from the hand.
+  // Keep the range of each slider, so that it does not jump while it is dragged.
   state.handles = found.handles.map((h) => state.handles.find((old) => old.name === h.name) ?? h);
   for (const h of found.handles) {
     state.values[h.name] = h.value;
@@ -90,7 +90,7 @@ function showHandles() {
   }));
 }
 
-// Whose model the curve is: a bare round disk has several.
+// The choice of the model, since several fitters have one of a bare round disk.
 function showModels() {
   const models = state?.models ?? [];
   $("hand-models").hidden = models.length < 2;
@@ -104,7 +104,7 @@ function showEffects() {
   $("hand-effect").replaceChildren(...places.map(([name, place]) => element("option", `${name} · ${place}`, { value: JSON.stringify([name, place]) })));
   $("hand-effects").replaceChildren(...state.effects.map(([name, place], k) => {
     const item = element("li", `${name} · ${place} `);
-    item.append(element("button", "Take away", { type: "button", onclick: () => {
+    item.append(element("button", "Remove", { type: "button", onclick: () => {
       state.effects.splice(k, 1);
       const prefix = `${name}@${place}.`, own = (one) => one.startsWith(prefix);
       state.handles = state.handles.filter((h) => !own(h.name));
@@ -126,14 +126,14 @@ function showCurve() {
   for (const [id, part, log] of [["hand-z", "size", true], ["hand-phase", "phase", false]]) {
     const lines = [["measured", "--measured", 4, measured[part]]];
     if (fitted) lines.push(["fitted", "--fitted", 1.5, fitted[part]]);
-    draw(id, x, [...lines, ["by hand", "--phase", 2, hand[part]]], log);
+    draw(id, x, [...lines, ["manual", "--phase", 2, hand[part]]], log);
   }
 }
 
 const moved = (found) => { state.model = found.curves; state.chi2 = found.chi2_per_dof; showCurve(); };
 const whole = (found) => { take(found); showModels(); showEffects(); showHandles(); showCurve(); };
 
-// What was fitted can be kept once, by somebody who says who it is.
+// A fit can be kept once, after a name was entered.
 function offer() {
   $("hand-keep-it").disabled = !state?.fitted || !$("hand-by").value.trim();
   $("hand-kept").textContent = state?.fitted ? "not kept yet" : "";
@@ -153,7 +153,7 @@ function begin(view, fitter) {
   });
 }
 
-// The model of the fit that is shown, where it is one that can be taken in hand.
+// The model of the fit shown, or mason if that has none for manual fits.
 function shown(view) {
   const name = view.fit?.chosen?.model ?? view.fit?.fitter;
   return ["radial", "disk"].includes(name) ? name : "mason";
@@ -178,7 +178,7 @@ export function wire(view) {
     ask("/api/keep", { ...state.fitted, by }, (found) => {
       state.fitted = null;
       offer();
-      $("hand-kept").textContent = `kept, by ${found.fit.chosen.by}`;
+      $("hand-kept").textContent = `kept by ${found.fit.chosen.by}`;
     });
   };
   $("hand-bands").onchange = () => send("/api/look", moved);
@@ -187,14 +187,14 @@ export function wire(view) {
     const chosen = JSON.parse($("hand-effect").value);
     if (state.effects.some((one) => String(one) === String(chosen))) return;
     state.effects.push(chosen);
-    // What the new effect brings is free; the server says what that is called.
+    // The constants of the new effect are free; the server returns their names.
     ask("/api/look", { ...wish(), free: null }, whole);
   };
   $("hand-all").onclick = () => { state.handles.forEach((h) => state.free.add(h.name)); showHandles(); };
   $("hand-none").onclick = () => { state.free.clear(); showHandles(); };
 }
 
-// The page shows another measurement, or this one anew.
+// Called when the page shows another measurement, or the same one again.
 export function follow(view) {
   $("hand-open").disabled = !view.measurement;
   if (subject !== view.measurement) subject = null;

@@ -1,4 +1,4 @@
-// Numbers as the field writes them: 1.514(3)e11, the uncertainty in units of the last digit. As daemon/numbers.py does.
+// Numbers such as 1.514(3)e11, with the uncertainty in units of the last digit, as in daemon/report/tables/numbers.py.
 
 export function withUncertainty(value, u) {
   if (value === null || value === undefined) return "–";

@@ -1,4 +1,4 @@
-// What the page shows, and what its buttons do. Everything from outside is set as text, never as markup.
+// The page's view and the actions of its buttons. Everything from outside is set as text, never as markup.
 
 import { follow, wire } from "./byhand.js";
 import { circle, clear, columns, draw, overlay, resampled, smith } from "./plots.js";
@@ -24,7 +24,7 @@ async function command(path, body) {
   try { await ask(path, body); } catch (error) { $("problem").textContent = error.message; }
 }
 
-// ---- what is drawn
+// ---- the view
 
 function showSegments() {
   $("segments").replaceChildren(...view.sweeps.map((sweep, k) => {
@@ -56,7 +56,7 @@ function showCurves() {
   draw("plot-residual", x, [["magnitude", "--fitted", 1, size], ["phase", "--phase", 1, turn]]);
 }
 
-// Of the kept measurement, the sweep that has most of this band.
+// The sweep of the kept measurement that shares most of this band.
 function keptAt(f) {
   const shared = (one) => Math.min(one.f.at(-1), f.at(-1)) - Math.max(one.f[0], f[0]);
   const best = [...(view.kept?.sweeps ?? [])].sort((a, b) => shared(b) - shared(a))[0];
@@ -65,7 +65,7 @@ function keptAt(f) {
 
 function showKept() {
   $("keep").disabled = !view.sweeps.length;
-  $("keep").textContent = view.kept ? "Compare no more" : "Keep for comparison";
+  $("keep").textContent = view.kept ? "Stop comparing" : "Keep for comparison";
   $("kept-key").hidden = !view.kept;
   $("kept-name").textContent = view.kept?.name ?? "";
 }
@@ -80,7 +80,7 @@ function showFit() {
   $("fitter").textContent = fit ? `fitter ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
-  const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "The model describes all that the noise lets one see." : "The recording shows something that the model does not have."];
+  const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "Model and recording agree to within the noise." : "The recording shows an effect that the model lacks."];
   const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
   $("words").replaceChildren(...words.map((word) => element("p", word)));
   body.replaceChildren(...Object.entries(fit?.constants ?? {}).map(([name, c]) => {
@@ -93,7 +93,7 @@ function showFit() {
   }));
 }
 
-// One button for each fitter that answered, where there are several; a fit by hand says who made it.
+// One button for each fitter that answered, if there are several; that of a manual fit names the person.
 function showFits() {
   const whose = view.fits.length > 1 ? view.fits : [];
   $("fits").replaceChildren(...whose.map((fit) => {
@@ -158,7 +158,7 @@ function showDaemon(daemon) {
   say(daemon.there ? (view.running ? `measuring ${daemon.step}` : "ready") : "no daemon");
 }
 
-// Who may only look has no buttons that command; a name that the server knows is the one under a fit.
+// A user with the right to read only sees no command buttons; a name known to the server is used for manual fits.
 function showUser(user) {
   document.body.classList.toggle("looks-only", user.right !== "act");
   if (user.name) Object.assign($("hand-by"), { value: user.name, readOnly: true });
@@ -168,12 +168,12 @@ function say(text, fraction = 0, left = "") {
   $("state").textContent = text; $("progress").value = fraction; $("left").textContent = left;
 }
 
-// How long after the daemon announced it a sweep is on the screen, ms.
+// Milliseconds from the time of a sweep's event until it is on the screen.
 function painted(time) {
   requestAnimationFrame(() => setTimeout(() => { document.body.dataset.lag = String(Date.now() - Date.parse(time)); }));
 }
 
-// ---- what happens
+// ---- events and actions
 
 async function open(sample, step) {
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
@@ -211,7 +211,7 @@ const heard = {
     if (ended) refresh(); else showControls();
   },
   sweep: (event) => {
-    if (event.decides) return; // made to decide a diagnosis: no record of its step
+    if (event.decides) return; // a further measurement for a diagnosis is not shown as the step's own
     if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, withdrawn: [] });
     view.sweeps.push(event.sweep);
     showAll();

@@ -1,4 +1,4 @@
-// The curves: uPlot for what goes over frequency, a canvas for the admittance circle and the Smith chart.
+// The plots: uPlot for curves over frequency, a canvas for the admittance circle and the Smith chart.
 /* global uPlot */
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -7,7 +7,7 @@ const HEIGHT = 230, FONT = "15px system-ui";
 
 const tick = (value) => (value === null ? "" : value !== 0 && (Math.abs(value) < 1e-3 || Math.abs(value) >= 1e5) ? value.toExponential().replace(/(\.\d\d)\d+/, "$1") : String(Number(value.toPrecision(6))));
 
-// What is drawn of an impedance; z has `re` and `im` in ohm.
+// The quantities to draw of an impedance; z has `re` and `im` in ohm.
 export function columns(z) {
   const y = z.re.map((re, k) => { const m = re * re + z.im[k] * z.im[k]; return [re / m, -z.im[k] / m]; });
   return {
@@ -21,7 +21,7 @@ export function columns(z) {
   };
 }
 
-// A curve that was taken at other frequencies, at these: straight between its points, nothing outside.
+// A curve interpolated linearly to the frequencies `at`; null outside its range.
 export function resampled(f, values, at) {
   let k = 0;
   return at.map((x) => {
@@ -32,8 +32,8 @@ export function resampled(f, values, at) {
   });
 }
 
-// What a fit has at the frequencies of a sweep, null where it has nothing, or null altogether: not every fitter takes
-// all of a recording, and some take repeats together.
+// A fit's curves at the frequencies of a sweep, with null outside its bands, or null if it has none there: not every
+// fitter uses the whole recording, and some combine repeats.
 export function overlay(f, curves) {
   const same = curves.find((one) => one.f.length === f.length && one.f[0] === f[0] && one.f.at(-1) === f.at(-1));
   if (same) return columns(same.fitted);
@@ -98,7 +98,7 @@ function trace(pen, sets, at) {
   }
 }
 
-// B over G, each with its own scale of the same size.
+// B over G, both to the same scale.
 export function circle(id, sets) {
   const [pen, width] = paper(id, "B over G"), all = sets.flatMap(([, , y]) => y);
   if (!all.length) return;

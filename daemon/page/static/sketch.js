@@ -1,9 +1,9 @@
-// The stack to scale with the guilty places marked, and the history of one constant; both as SVG.
+// The stack to scale with the places of the findings marked, and the history of one constant; both as SVG.
 
 import { withUncertainty } from "./numbers.js";
 
 const NS = "http://www.w3.org/2000/svg";
-const SMALLEST = 0.07; // of the width: a glue line of 10 µm beside a disk of 0.5 mm must stay visible
+const SMALLEST = 0.07; // smallest share of the width, so that a glue line of 10 µm is visible beside a disk of 0.5 mm
 
 function make(name, attributes, text) {
   const node = document.createElementNS(NS, name);
@@ -12,29 +12,29 @@ function make(name, attributes, text) {
   return node;
 }
 
-// `findings` of a diagnosis: where each sits is marked, and named below.
+// The place of each of the `findings` is marked in the stack and named below it.
 export function stack(home, build, step, findings) {
-  const guilty = findings.map((finding) => finding.where);
+  const marked = findings.map((finding) => finding.where);
   const present = build.steps.find((one) => one.name === step)?.layers ?? build.layers.map((layer) => layer.name);
   const layers = build.layers.filter((layer) => present.includes(layer.name));
   const total = layers.reduce((sum, layer) => sum + layer.thickness, 0);
   const wide = layers.map((layer) => Math.max(layer.thickness / total, SMALLEST));
   const sum = wide.reduce((a, b) => a + b, 0);
   const svg = make("svg", { viewBox: `0 0 400 ${176 + 20 * findings.length}`, role: "img",
-    "aria-label": `layers back to front: ${present.join(", ")}${guilty.length ? `; mismatch at ${guilty.join(", ")}` : ""}` });
+    "aria-label": `layers back to front: ${present.join(", ")}${marked.length ? `; mismatch at ${marked.join(", ")}` : ""}` });
   let x = 10;
   const front = {};
   layers.forEach((layer, k) => {
-    const w = (380 * wide[k]) / sum, bad = guilty.includes(`layer:${layer.name}`);
-    svg.append(make("rect", { x, y: 8, width: w, height: 130, fill: bad ? "var(--warn)" : `var(--${layer.kind})`, stroke: "var(--faint)", class: bad ? "guilty" : "" }));
+    const w = (380 * wide[k]) / sum, bad = marked.includes(`layer:${layer.name}`);
+    svg.append(make("rect", { x, y: 8, width: w, height: 130, fill: bad ? "var(--warn)" : `var(--${layer.kind})`, stroke: "var(--faint)", class: bad ? "marked" : "" }));
     const middle = x + w / 2;
     svg.append(make("text", { x: middle, y: 73, "text-anchor": "middle", "dominant-baseline": "middle", "font-size": 15, transform: `rotate(-90 ${middle} 73)` }, `${layer.name} ${(layer.thickness * 1e6).toPrecision(3)} µm`));
     x += w;
     front[layer.name] = x;
   });
-  for (const where of guilty) {
+  for (const where of marked) {
     const at = where === "face:back" ? 10 : where === "face:front" ? x : where.startsWith("interface:") ? front[where.slice(10).split("|")[0]] : undefined;
-    if (at !== undefined) svg.append(make("line", { x1: at, x2: at, y1: 0, y2: 146, stroke: "var(--warn)", "stroke-width": 7, class: "guilty" }));
+    if (at !== undefined) svg.append(make("line", { x1: at, x2: at, y1: 0, y2: 146, stroke: "var(--warn)", "stroke-width": 7, class: "marked" }));
     if (where === "terminals" || where === "sweep") wires(svg);
   }
   svg.append(make("text", { x: 10, y: 162, "font-size": 15 }, `back: ${build.back}`));
@@ -45,7 +45,7 @@ export function stack(home, build, step, findings) {
 
 // The leads from disk to analyzer, marked.
 function wires(svg) {
-  svg.append(make("path", { d: "M190 138 v12 h20 v-12", fill: "none", stroke: "var(--warn)", "stroke-width": 6, class: "guilty" }));
+  svg.append(make("path", { d: "M190 138 v12 h20 v-12", fill: "none", stroke: "var(--warn)", "stroke-width": 6, class: "marked" }));
 }
 
 const short = (value) => withUncertainty(Number(value.toPrecision(4)), 0);

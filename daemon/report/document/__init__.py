@@ -1,1 +1,1 @@
-"""The report of one sample as one HTML file or PDF."""
+"""The report of one sample as one HTML or PDF file."""

@@ -1,4 +1,4 @@
-"""What a diagnosis found, as the section of a report: verdict, picture, evidence, what stays open."""
+"""The report's section about a diagnosis: verdict, picture, evidence, and what remains undecided."""
 
 from collections.abc import Sequence
 from html import escape
@@ -13,24 +13,24 @@ from ..tables.numbers import with_uncertainty
 from .html_table import table
 
 
-def guilty(one: StepRecord) -> tuple[str, ...]:
-    """Return the places that the diagnosis found guilty."""
-    findings: list[dict[str, Any]] = one.diagnosis.diagnosis.get("findings", []) if one.diagnosis else []
+def finding_places(record: StepRecord) -> tuple[str, ...]:
+    """Return the places of the diagnosis's findings."""
+    findings: list[dict[str, Any]] = record.diagnosis.diagnosis.get("findings", []) if record.diagnosis else []
     return tuple(str(finding.get("where")) for finding in findings)
 
 
-def diagnosed(found: dict[str, Any], curves: Sequence[Curve], build: Build) -> str:
-    """Return the section; its picture needs `curves`, which older journals do not hold."""
-    says: list[str] = found.get("says") or [str(found.get("verdict", ""))]
+def diagnosis_section(diagnosis: dict[str, Any], curves: Sequence[Curve], build: Build) -> str:
+    """Return the section as HTML; its picture needs `curves`, which older journals do not hold."""
+    says: list[str] = diagnosis.get("says") or [str(diagnosis.get("verdict", ""))]
     html = f"<p class='verdict'>Diagnosis: {escape(says[0])}</p>"
-    html += "".join(f"<p>{escape(sentence)}</p>" for sentence in found.get("compared", ()))
-    if curves and "findings" in found:
-        html += svg_of(diagnosis_figure(found, curves, build), "diagnosis")
-    return html + _findings(found) + _open(found)
+    html += "".join(f"<p>{escape(sentence)}</p>" for sentence in diagnosis.get("compared", ()))
+    if curves and "findings" in diagnosis:
+        html += svg_of(diagnosis_figure(diagnosis, curves, build), "diagnosis")
+    return html + _findings(diagnosis) + _open(diagnosis)
 
 
-def _findings(found: dict[str, Any]) -> str:
-    findings: list[dict[str, Any]] = found.get("findings", [])
+def _findings(diagnosis: dict[str, Any]) -> str:
+    findings: list[dict[str, Any]] = diagnosis.get("findings", [])
     rows = [
         (
             str(f.get("effect")),
@@ -47,9 +47,9 @@ def _findings(found: dict[str, Any]) -> str:
     return table(heads, rows) if rows else ""
 
 
-def _open(found: dict[str, Any]) -> str:
+def _open(diagnosis: dict[str, Any]) -> str:
     html = ""
-    hidden: list[dict[str, Any]] = found.get("not_decidable", [])
+    hidden: list[dict[str, Any]] = diagnosis.get("not_decidable", [])
     if hidden:
         rows = [
             (
@@ -62,11 +62,11 @@ def _open(found: dict[str, Any]) -> str:
             for n in hidden
         ]
         heads = ("effect", "where", "at most", "would have shifted", "would decide")
-        html = "<p>May be there unseen, because the constants absorb it:</p>" + table(heads, rows)
-    proposed: list[dict[str, Any]] = found.get("would_measure", [])
+        html = "<p>Could be present; the constants would hide it:</p>" + table(heads, rows)
+    proposed: list[dict[str, Any]] = diagnosis.get("would_measure", [])
     if proposed:
         rows = [(str(p.get("what")), str(p.get("why")), f"{p.get('seconds', 0):.0f} s") for p in proposed]
-        html += "<p>Measurements that would decide, and were not made:</p>" + table(("what", "why", "takes"), rows)
+        html += "<p>Further measurements that would decide:</p>" + table(("what", "why", "takes"), rows)
     return html
 
 

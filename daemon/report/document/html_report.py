@@ -1,4 +1,4 @@
-"""A report of one sample: one HTML file that needs nothing else, for the shelf and for the colleague."""
+"""The report of one sample as one self-contained HTML file."""
 
 from html import escape
 
@@ -8,7 +8,7 @@ from ....models.sweep import now_utc
 from ...samples.sample_record import SampleRecord, StepRecord
 from ..pictures import svg_pictures as draw
 from . import report_sections as sections
-from .diagnosis_section import guilty
+from .diagnosis_section import finding_places
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1a1d21; --faint: #5c6470; --line: #d5d9df; }
@@ -38,24 +38,24 @@ class NothingToReport(CannotError):
 
 
 def report_html(record: SampleRecord, fitter: str | None = None) -> str:
-    """Return the report of a sample: that of its last measured step with a fit, and how it came there.
+    """Return the report of a sample: the fit of its last fitted step, and the changes from step to step.
 
-    `fitter`: whose fits; None takes the first that answered the last step. Raises NothingToReport.
+    `fitter` selects the fits; None takes the fitter that answered the last step first. Raises NothingToReport.
     """
     chosen = _fits(record, fitter)
     if not chosen:
         named = f" by {fitter!r}" if fitter else ""
         makes = f"`pzctl fit --all{f' --fitter {fitter}' if fitter else ''}` makes them"
         raise NothingToReport(f"sample {record.name!r}: the journal holds no fit{named}; {makes}")
-    one, fit = chosen[-1]
+    last, fit = chosen[-1]
     fits = [result for _, result in chosen]
     parts = [
         ("What was measured", sections.measured(record)),
-        ("The transducer", draw.stack_svg(record.build, _present(record, one), guilty(one)) + _SCALE),
+        ("The transducer", draw.stack_svg(record.build, _present(record, last), finding_places(last)) + _SCALE),
         ("Constants", sections.constants(fit, record.build)),
         ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
         ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),
-        ("Mismatch, and what it means", sections.mismatch(one, fit, record.build)),
+        ("Misfit, and what it means", sections.mismatch(last, fit, record.build)),
         ("From step to step", _history(fits)),
         ("Uncertainty budget", sections.budget(fit)),
         ("Correlations", sections.correlations(fit)),
@@ -64,26 +64,27 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     title = f"Transducer {record.name}: {' + '.join(fit.steps)}"
     body = "".join(f"<section><h2>{escape(head)}</h2>{html}</section>" for head, html in parts if html)
     when = now_utc()[:16].replace("T", " ")
-    made = f"fitted by {escape(fit.fitter)}, version {escape(fit.version)}; report made {when} UTC"
+    origin = f"fitted by {escape(fit.fitter)}, version {escape(fit.version)}; report made {when} UTC"
     return (
         f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
         f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>"
-        f"<h1>{escape(title)}</h1><p class='faint'>{made}</p>{body}</body></html>"
+        f"<h1>{escape(title)}</h1><p class='faint'>{origin}</p>{body}</body></html>"
     )
 
 
 def _fits(record: SampleRecord, fitter: str | None) -> list[tuple[StepRecord, FitResult]]:
     """Return the fits of one fitter, by step."""
-    answered = [one for one in record.steps if one.fits]
-    name = fitter or (answered[-1].fits[0].fitter if answered else "")
-    return [(one, fit) for one in record.steps for fit in one.fits if fit.fitter == name]
+    fitted = [step for step in record.steps if step.fits]
+    name = fitter or (fitted[-1].fits[0].fitter if fitted else "")
+    return [(step, fit) for step in record.steps for fit in step.fits if fit.fitter == name]
 
 
-def _present(record: SampleRecord, one: StepRecord) -> tuple[str, ...]:
-    return next(step.layers for step in record.build.steps if step.name == one.measurement.sample.step)
+def _present(record: SampleRecord, of: StepRecord) -> tuple[str, ...]:
+    """Return the names of the layers that are present at a step."""
+    return next(step.layers for step in record.build.steps if step.name == of.measurement.sample.step)
 
 
 def _history(fits: list[FitResult]) -> str:
-    """Return the picture of constants that more than one step's fit has."""
+    """Return the picture of the constants that were fitted at more than one step."""
     history = {name: values for name, values in draw.last_fits(fits).items() if len(values) > 1}
     return draw.history_svg(history) if history else ""

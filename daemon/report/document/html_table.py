@@ -1,12 +1,12 @@
-"""A table of a report, as HTML; every cell is escaped."""
+"""A table of a report as HTML, with every cell escaped."""
 
 from collections.abc import Sequence
 from html import escape
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[str] = ()) -> str:
-    """Return the table; `classes` are those of the rows, where rows differ."""
-    head = "".join(f"<th scope='col'>{escape(one)}</th>" for one in heads)
+    """Return the table; `classes` are the CSS classes of the rows."""
+    head = "".join(f"<th scope='col'>{escape(text)}</th>" for text in heads)
     body = "".join(
         f"<tr class='{classes[k] if classes else ''}'>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
         for k, row in enumerate(rows)

@@ -1,7 +1,6 @@
-"""The report as PDF: the very sections of the HTML report, set on pages by fpdf2, with vector pictures.
+"""The report as PDF: the sections of the HTML report, set on pages by fpdf2, with vector pictures.
 
-fpdf2 is plain Python, so that a PDF comes out on any machine that pip has served; a browser would do, but is not
-always there.
+fpdf2 is plain Python and needs no browser, so it works on any machine with pip.
 """
 
 import io
@@ -18,20 +17,20 @@ _TEXT, _SMALL = 9.5, 7.0
 """Sizes in points."""
 _HEADS = {"h1": 18.0, "h2": 13.0}
 _COLOURS = {"near": (227, 243, 230), "off": (253, 243, 211), "far": (251, 220, 214)}
-"""Of the deviation's cell, as in the HTML report."""
+"""Background of the deviation's cell, as in the HTML report."""
 _DEVIATION = 4
 _PICTURE = re.compile(r"(<svg.*?</svg>)", re.DOTALL)
 _BOX = re.compile(r'viewBox="[^"]*"')
 _MM = 25.4 / 72
 """Millimetres in a point."""
 _WIDEST, _EDGE = 75.0, 3.0
-"""Millimetres: of a column at most, and the room beside its text."""
+"""Greatest width of a column, and the margin beside its text, in millimetres."""
 _BOLD = 1.12
-"""Headings are set in bold, which is as much wider."""
+"""Width of bold text, as in headings, relative to normal text."""
 
 
 def report_pdf(html: str) -> bytes:
-    """Return the report `report_html` made as a PDF file."""
+    """Return the result of `report_html` as a PDF file."""
     logging.getLogger("fpdf").setLevel(logging.ERROR)
     logging.getLogger("fontTools").setLevel(logging.ERROR)
     paper = _Paper(format="A4")
@@ -41,7 +40,7 @@ def report_pdf(html: str) -> bytes:
         paper.add_font(_FAMILY, style, _fonts() / name)
     paper.add_page()
     reader = _Reader(paper)
-    for part in _PICTURE.split(html):  # a picture is XML, and goes as it is
+    for part in _PICTURE.split(html):  # a picture is XML and is passed on unchanged
         if part.startswith("<svg"):
             reader.picture(part)
         else:
@@ -50,24 +49,24 @@ def report_pdf(html: str) -> bytes:
 
 
 def _fonts() -> Path:
-    """Return the folder of matplotlib's fonts: they know Greek letters and are there with it."""
+    """Return the folder of matplotlib's fonts, which include Greek letters."""
     import matplotlib as mpl
 
     return Path(mpl.get_data_path()) / "fonts" / "ttf"
 
 
 class _Paper(FPDF):
-    """A4 pages with their number below."""
+    """A4 pages with a page number at the foot."""
 
     def footer(self) -> None:
-        """Write the page's number below."""
+        """Write the page number at the foot."""
         self.set_y(-12)
         self.set_font(_FAMILY, "", _SMALL)
         self.cell(0, 5, f"{self.page_no()}", align="C")
 
 
 class _Reader(HTMLParser):
-    """Takes the report apart: headings, paragraphs, tables and pictures in their order."""
+    """Parses the report and sets headings, paragraphs, tables and pictures in their order."""
 
     def __init__(self, paper: FPDF) -> None:
         super().__init__()
@@ -77,7 +76,7 @@ class _Reader(HTMLParser):
         self._inside = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Begin an element."""
+        """Start an element."""
         if tag == "table":
             self._rows = []
         elif tag == "tr":
@@ -86,11 +85,11 @@ class _Reader(HTMLParser):
             self._inside, self._text = tag, []
 
     def handle_data(self, data: str) -> None:
-        """Keep text."""
+        """Collect text."""
         self._text.append(data)
 
     def handle_endtag(self, tag: str) -> None:
-        """Set what is complete."""
+        """Set an element that is complete."""
         if tag in ("td", "th"):
             self._rows[-1][1].append("".join(self._text))
         elif tag == "table":
@@ -124,7 +123,7 @@ class _Reader(HTMLParser):
         paper.ln(2)
 
     def picture(self, svg: str) -> None:
-        """Set a picture, as wide as the page at most."""
+        """Set a picture in its size, or reduced to the width or height of the page."""
         width, height = (float(x) for x in re.findall(r"[\d.]+", _BOX.findall(svg)[0])[2:4])
         wide = min(self._paper.epw, width * _MM)
         tall = wide * height / width
@@ -137,7 +136,7 @@ class _Reader(HTMLParser):
 
 
 def _widths(paper: FPDF, rows: list[list[str]]) -> tuple[float, ...]:
-    """Return the columns' widths, mm: no word is broken, and what is left goes where text would wrap."""
+    """Return the widths of the columns (mm): wide enough for each word; spare width goes to columns that would wrap."""
     columns = [[cell for cell in column if cell] for column in zip(*rows, strict=False)]
     need = [min(_WIDEST, _EDGE + _widest(paper, (w for cell in column for w in cell.split()))) for column in columns]
     want = [min(_WIDEST, _EDGE + _widest(paper, column)) for column in columns]

@@ -1,4 +1,4 @@
-"""The sections of a report, each as HTML. Every name and sentence from outside is escaped."""
+"""The sections of a report, each as HTML, with every name and sentence from outside escaped."""
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
@@ -14,29 +14,29 @@ from ..pictures import svg_pictures as draw
 from ..tables.deviation import deviation
 from ..tables.fit_tables import derived_shown
 from ..tables.numbers import complex_with_uncertainty, with_uncertainty
-from .diagnosis_section import diagnosed
+from .diagnosis_section import diagnosis_section
 from .html_table import table
 
 _FEW = 8
-"""Numbers of one setting that are written out."""
+"""Greatest number of values of one setting that are written out."""
 _BAD, _GOOD = 2.0, 1.2
-"""Misfits per degree of freedom: above the first the model lacks something, below the second it lacks nothing."""
+"""chi2/dof above which the model lacks an effect, and below which it lacks none."""
 
 
 def measured(record: SampleRecord) -> str:
-    """Return what was measured: a row for each sweep; then what was withdrawn."""
+    """Return a table with one row for each sweep, then a sentence for each withdrawn measurement."""
     rows = [
         (
-            one.measurement.sample.step,
+            record_of_step.measurement.sample.step,
             sweep.time[:19].replace("T", " "),
             f"{sweep.frequency[0] / 1e6:.4g} - {sweep.frequency[-1] / 1e6:.4g} MHz",
             str(sweep.frequency.size),
             _drive(sweep.settings),
             str(sweep.settings.get("bandwidth", "")),
-            "; ".join((*((one.withdrawal.says,) if one.withdrawal else ()), *sweep.notes)),
+            "; ".join((*((record_of_step.withdrawal.says,) if record_of_step.withdrawal else ()), *sweep.notes)),
         )
-        for one in record.steps
-        for sweep in one.sweeps
+        for record_of_step in record.steps
+        for sweep in record_of_step.sweeps
     ]
     shown = table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
     return shown + "".join(f"<p>{escape(says)}.</p>" for says in record.withdrawn)
@@ -50,16 +50,16 @@ def _drive(settings: Any) -> str:
 
 
 def constants(fit: FitResult, build: Build) -> str:
-    """Return the constants beside the data sheet; how far they are off in standard uncertainties of the two."""
+    """Return the table of constants: fitted value, data sheet, deviation in joint standard uncertainties."""
     sheet = build.data_sheet
     rows: list[Sequence[str]] = []
     classes: list[str] = []
     for name, c in fit.constants.items():
         nominal = sheet.get(name)
         value = _number(c.re, c.im, c.u_re, c.u_im)
-        said = _number(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
+        expected = _number(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
         percent, classed = deviation(c.re, c.u_re, nominal, c.free)
-        rows.append((name, value, c.unit, said, percent, nominal.source if nominal else ""))
+        rows.append((name, value, c.unit, expected, percent, nominal.source if nominal else ""))
         classes.append(classed)
     for name, c in derived_shown(fit).items():
         rows.append((name, _number(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
@@ -68,14 +68,14 @@ def constants(fit: FitResult, build: Build) -> str:
 
 
 def _number(re: float, im: float, u_re: float | None, u_im: float | None) -> str:
-    """Return a complex number whose j stays on the line of its digits."""
+    """Return a complex number as text that is not broken before its j."""
     return complex_with_uncertainty(re, im, u_re, u_im).replace(" j", "\N{NO-BREAK SPACE}j")
 
 
 def budget(fit: FitResult) -> str:
-    """Return what makes up each uncertainty, or say that this fitter does not tell."""
+    """Return the contributions to each uncertainty, or a sentence if the fit has no budget."""
     if fit.budget is None:
-        return f"<p>The fit that is kept of {escape(fit.fitter)} holds no budget of its uncertainties.</p>"
+        return f"<p>This fit by {escape(fit.fitter)} has no uncertainty budget.</p>"
     rows = [
         (
             f"{name}{suffix}",
@@ -99,8 +99,8 @@ def budget(fit: FitResult) -> str:
         "largest",
     )
     note = (
-        "<p>Standard uncertainties, in the constant's unit. Squared, those of noise, dimensions and data sheets make "
-        "up the square of u; what held values may do is not in it.</p>"
+        "<p>Standard uncertainties in the unit of the constant. u is the root of the sum of squares of noise, "
+        "instrument, model, dimensions and data sheets; it does not include the held values.</p>"
     )
     return note + table(heads, rows)
 
@@ -114,49 +114,49 @@ def _most(share: Any) -> str:
 
 
 def correlations(fit: FitResult) -> str:
-    """Return which constants the recording hardly separates."""
+    """Return the pairs of constants that the recording hardly separates."""
     if not fit.correlation:
-        return "<p>No two constants are strongly correlated, or the fitter does not tell.</p>"
+        return "<p>No two constants are strongly correlated, or the fitter gives no correlations.</p>"
     a, b, r = fit.correlation[0]
     words = (
-        f"<p>A correlation near ±1 means that the recording fixes only a combination of the two. The strongest is "
-        f"{escape(a)} with {escape(b)}, {r:+.5f}: a better value of one from elsewhere (a micrometer, a balance) "
-        "makes the other better too.</p>"
+        f"<p>A correlation near ±1 means that the recording determines only a combination of the two constants. The "
+        f"strongest is {escape(a)} with {escape(b)}, {r:+.5f}: measuring one of them independently (with a micrometer, "
+        "a balance) makes the other more accurate too.</p>"
     )
     return words + draw.correlation_svg(fit.correlation)
 
 
-def mismatch(one: StepRecord, fit: FitResult, build: Build) -> str:
-    """Return how well the model describes the recording, and what that means."""
+def mismatch(record: StepRecord, fit: FitResult, build: Build) -> str:
+    """Return how well the model describes the recording and what this means, then the diagnosis."""
     chi2 = fit.chi2_per_dof
     if chi2 > _BAD:
-        meaning = "Well above 1: the recording shows something that the model does not have, and constants may be off."
+        meaning = "Well above 1: the recording shows an effect that the model lacks; the constants may be wrong."
     elif chi2 > _GOOD:
-        meaning = "Somewhat above 1: a small effect is left over; uncertainties are a little too small."
+        meaning = "Somewhat above 1: the model lacks a small effect; the uncertainties are slightly too small."
     else:
-        meaning = "Near 1: the model describes all that the noise lets one see."
+        meaning = "Near 1: model and recording agree to within the noise."
     words = [
         f"Misfit per degree of freedom {chi2:.3g}; typical relative misfit {fit.rms_log_error:.2g}, noise per point "
         f"{fit.noise.relative:.1e} (from {fit.noise.source}). {meaning}",
-        *([] if fit.converged else ["The fit did not converge: take its numbers for a beginning only."]),
+        *([] if fit.converged else ["The fit did not converge: its numbers are only a starting point."]),
         *fit.says,
-        *one.refusals,
+        *record.refusals,
     ]
     html = "".join(f"<p>{escape(word)}</p>" for word in words)
-    if one.diagnosis is None:
-        return html + "<p>No diagnosis of this measurement is in the journal.</p>"
-    return html + diagnosed(one.diagnosis.diagnosis, one.diagnosis_curves, build)
+    if record.diagnosis is None:
+        return html + "<p>The journal holds no diagnosis of this measurement.</p>"
+    return html + diagnosis_section(record.diagnosis.diagnosis, record.diagnosis_curves, build)
 
 
 def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
-    """Return what is needed to do all of it again: versions, instrument, hashes, settings."""
+    """Return everything needed to repeat measurement and fit: versions, instrument, hashes, settings."""
     build = hashlib.sha256(to_json(record.build)).hexdigest()
     rows: list[Sequence[str]] = [("pzctl", version("pzctl")), ("build file, SHA-256 of its content", build)]
     rows += [(f"fitter at {fit.steps[-1]}", f"{fit.fitter} {fit.version}") for fit in fits]
-    for one in record.steps:
-        rows.append((f"instrument at {one.measurement.sample.step}", one.idn))
-        rows.append((f"measurement of {one.measurement.sample.step}", one.measurement.id))
-        for sweep in one.sweeps:
+    for step in record.steps:
+        rows.append((f"instrument at {step.measurement.sample.step}", step.idn))
+        rows.append((f"measurement of {step.measurement.sample.step}", step.measurement.id))
+        for sweep in step.sweeps:
             digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
             rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
             rows.append(("settings as read back", _in_words(sweep.settings)))
@@ -164,7 +164,7 @@ def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
 
 
 def _in_words(settings: Mapping[str, Any]) -> str:
-    """Return settings to be read by people: of a column of numbers, how many it holds; all are in the journal."""
+    """Return settings as text; a long list is replaced by its length, as the journal holds all its values."""
     return ", ".join(f"{name} {_in_short(value)}" for name, value in settings.items() if value not in (None, [], ()))
 
 

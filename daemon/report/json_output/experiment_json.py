@@ -1,7 +1,7 @@
-"""Measurements that would decide what a diagnosis leaves open, as the JSON that `diagnose` requests are answered with.
+"""Further measurements that decide a diagnosis, as JSON in the answer to a `diagnose` request.
 
-`would_measure` holds the proposals, each with its plan; `compared` what measurements that were made already show
-without any model.
+`would_measure` holds the proposed measurements, each with its plan; `compared` holds sentences about the measurements
+already made, from comparing their sweeps without a model.
 """
 
 from typing import Any
@@ -17,19 +17,20 @@ from ....models.sweep_plan import SweepPlan
 
 
 def deciding_json(task: FitTask, diagnosis: Diagnosis, own: FitTask, propose: bool) -> dict[str, Any]:
-    """Return what further measurements of the last step show, and where asked which ones would decide the rest.
+    """Return `compared` if there are further measurements of the last step, and `would_measure` if `propose` is set.
 
-    `own` has the step's own sweeps only, `task` those made to decide as well.
+    `own` has the step's own sweeps only, `task` those of the further measurements as well.
     """
     step = list(own.sweeps)[-1]
     further = task.sweeps[step][len(own.sweeps[step]) :]
-    found: dict[str, Any] = {}
+    deciding: dict[str, Any] = {}
     if further:
-        found["compared"] = [one.says for one in compared(own.sweeps[step], further)]
+        deciding["compared"] = [comparison.says for comparison in compared(own.sweeps[step], further)]
     if propose:
         instrument = capabilities_of(str(own.sweeps[step][0].settings.get("instrument", "")))
-        found["would_measure"] = [_proposal(one, diagnosis) for one in proposals(task, diagnosis, instrument)]
-    return found
+        proposed = proposals(task, diagnosis, instrument)
+        deciding["would_measure"] = [_proposal(proposal, diagnosis) for proposal in proposed]
+    return deciding
 
 
 def plan_in(proposal: dict[str, Any]) -> SweepPlan:
@@ -37,29 +38,29 @@ def plan_in(proposal: dict[str, Any]) -> SweepPlan:
     return msgspec.convert(proposal["plan"], SweepPlan)
 
 
-def _proposal(one: Proposal, diagnosis: Diagnosis) -> dict[str, Any]:
+def _proposal(proposal: Proposal, diagnosis: Diagnosis) -> dict[str, Any]:
     return {
-        "kind": one.experiment.kind,
-        "what": one.experiment.says,
-        "why": _why(one, diagnosis),
-        "seconds": round(one.seconds, 1),
-        "decides": [{"effect": question.effect, "where": question.where} for question in one.decides],
-        "separation": one.separation,
-        "plan": msgspec.to_builtins(one.experiment.plan),
+        "kind": proposal.experiment.kind,
+        "what": proposal.experiment.says,
+        "why": _why(proposal, diagnosis),
+        "seconds": round(proposal.seconds, 1),
+        "decides": [{"effect": question.effect, "where": question.where} for question in proposal.decides],
+        "separation": proposal.separation,
+        "plan": msgspec.to_builtins(proposal.experiment.plan),
     }
 
 
-def _why(one: Proposal, diagnosis: Diagnosis) -> str:
-    if not one.separation:
-        return "to tell whether what nothing explains sits in the device or in the sweep"
-    found = " and ".join(f"{finding.effect} at {finding.where}" for finding in diagnosis.findings)
+def _why(proposal: Proposal, diagnosis: Diagnosis) -> str:
+    if not proposal.separation:
+        return "to tell whether the unexplained misfit is in the device or in the sweep"
+    findings = " and ".join(f"{finding.effect} at {finding.where}" for finding in diagnosis.findings)
     unseen, others, once = (
-        [_named(question) for question in one.decides if question.kind == kind]
+        [_named(question) for question in proposal.decides if question.kind == kind]
         for kind in ("unseen", "instead", "seen once")
     )
-    words = [f"to see whether {_listed(once)} really depends on the sweep, as it should"] if once else []
+    words = [f"to see whether {_listed(once)} depends on the sweep, as it should"] if once else []
     if others:
-        words.append(f"to tell {found} from {_listed(others)}")
+        words.append(f"to tell {findings} from {_listed(others)}")
     if unseen:
         words.append(f"to show or exclude {_listed(unseen)}, which the constants absorb")
     return ", and ".join(words)

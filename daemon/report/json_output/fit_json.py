@@ -1,4 +1,4 @@
-"""Fit results as the JSON object that `pzctl fit --json` prints: the one that travels over the wire."""
+"""Fit results as the JSON object that `pzctl fit --json` prints, which is also the one on the wire."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from ...wire.result_messages import report_of
 
 
 def number(value: float | None) -> float | None:
-    """Return a number that JSON can hold: what is missing or infinite is null."""
+    """Return the number, or None (null in JSON) if it is missing or not finite."""
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -27,5 +27,5 @@ def fit_json(result: FitResult) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return what a reader of the JSON gets."""
+    """Return a value as plain data, as a reader of its JSON gets it."""
     return msgspec.json.decode(to_json(value))

@@ -1,4 +1,4 @@
-"""A diagnosis as a picture: residuals before and after, the build with the guilty places, what else it could be."""
+"""A diagnosis as a picture: residuals before and after, the device with the findings marked, and the alternatives."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,30 +14,30 @@ from ....models.sweep import Sweep
 from .device_sketch import draw_sketch
 from .picture_file import as_label, save_picture
 
-BEFORE, AFTER, GUILTY, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
+BEFORE, AFTER, SHOWS, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
 _STRIP = 0.025
-"""Height of the strip that marks what was held out, of the axes."""
+"""Height of the strip that marks held-out bands, relative to the axes."""
 _SMOOTH = 9
-"""Points over which the heavy line is averaged."""
+"""Number of points over which the heavy line is averaged."""
 _LEAST_SPAN = 50.0
-"""Of the residuals' axis: where there is noise alone, it is to look like noise."""
+"""Smallest span of the residuals' axis, so that noise alone looks small."""
 _MOST_PANELS, _MOST_BARS = 6, 9
 
 
-def diagnosis_picture(found: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
-    """Draw a diagnosis (the object of `diagnosis_json`, and its curves); return the path. Raises PictureError."""
-    return save_picture(diagnosis_figure(found, curves, build), path, dpi=160)
+def diagnosis_picture(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
+    """Draw a diagnosis (the object of `diagnosis_json` and its curves) and return the path. Raises PictureError."""
+    return save_picture(diagnosis_figure(diagnosis, curves, build), path, dpi=160)
 
 
-def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:
-    """Return the figure. `curves` have the fit without effects as `start` and the one with them as `fitted`."""
+def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:
+    """Return the figure; in `curves`, `start` is the fit without effects and `fitted` the fit with them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = curves[:_MOST_PANELS]
     columns = 1 if len(shown) == 1 else 2
     rows = -(-len(shown) // columns)
-    bars = min(_MOST_BARS, sum(1 + len(_rivals(one)) for one in found["findings"])) or 1
+    bars = min(_MOST_BARS, sum(1 + len(_rivals(finding)) for finding in diagnosis["findings"])) or 1
     bottom = max(2.1, 0.9 + 0.34 * bars)
     figure: Any = Figure(figsize=(10.5, 2.9 * rows + bottom + 0.7), layout="constrained")
     FigureCanvasAgg(figure)
@@ -46,24 +46,25 @@ def diagnosis_figure(found: Mapping[str, Any], curves: Sequence[Curve], build: B
     named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
     for k, axes in enumerate(panels.flat):
         if k < len(shown):
-            held: Any = found["held_out_Hz"][k] if found.get("held_out_Hz") else ()  # older journals do not tell
-            _residuals(axes, shown[k], found["findings"], held, named=named, legend=k == 0)
+            held: Any = diagnosis["held_out_Hz"][k] if diagnosis.get("held_out_Hz") else ()  # missing in older journals
+            _residuals(axes, shown[k], diagnosis["findings"], held, named=named, legend=k == 0)
         else:
             axes.set_axis_off()
-    above.suptitle(as_label(f"{build.name}: {found['says'][0]}"), fontweight="bold", fontsize=11.5)
+    above.suptitle(as_label(f"{build.name}: {diagnosis['says'][0]}"), fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
-    draw_sketch(sketch, build, curves[-1].step, _guilty(found))
-    _candidates(chances, found["findings"])
+    draw_sketch(sketch, build, curves[-1].step, _places(diagnosis))
+    _candidates(chances, diagnosis["findings"])
     return figure
 
 
-def _guilty(found: Mapping[str, Any]) -> tuple[str, ...]:
-    places = dict.fromkeys(str(finding["where"]) for finding in found["findings"])
+def _places(diagnosis: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the places of the findings."""
+    places = dict.fromkeys(str(finding["where"]) for finding in diagnosis["findings"])
     return tuple(place for place in places if place != "any")
 
 
 def _rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [one for one in finding["alternatives"] if one["probability"] >= 0.005]
+    return [rival for rival in finding["alternatives"] if rival["probability"] >= 0.005]
 
 
 def _residuals(
@@ -77,16 +78,15 @@ def _residuals(
 ) -> None:
     """Draw the size of the residuals over frequency: every point faint, their running mean heavy.
 
-    `held`: bands in Hz that took no part in the fits of the proof. `named`: whether something was found that the model
-    can take in.
+    `held` are the held-out bands in Hz. `named` says whether the model can include the findings.
     """
     f = curve.frequency / 1e6
     noise = noise_from_smoothness(Sweep(curve.frequency, curve.measured))
     floor = 1e-7 if noise is None else 0.2 * float(np.median(noise))
-    drawn = [(curve.start, BEFORE, "without what was found"), (curve.fitted, AFTER, "with it")]
+    lines = [(curve.start, BEFORE, "without the findings"), (curve.fitted, AFTER, "with them")]
     if not named:
-        drawn = [(curve.fitted, AFTER, "model against recording")]
-    for Z, colour, label in drawn:
+        lines = [(curve.fitted, AFTER, "model against recording")]
+    for Z, colour, label in lines:
         size = np.abs(np.log(Z / curve.measured))
         axes.semilogy(f, np.maximum(size, floor), color=colour, linewidth=0.5, alpha=0.35)
         axes.semilogy(f, np.maximum(_running(size), floor), color=colour, linewidth=1.5, label=label)
@@ -105,18 +105,18 @@ def _residuals(
 
 
 def _bands(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], held: Sequence[Sequence[float]]) -> None:
-    """Mark where findings show, and at the foot what was held out."""
+    """Mark the bands where findings show and, at the foot, the held-out bands."""
     for finding in findings:
         if finding["step"] == curve.step:
             for low, high in finding["bands_Hz"]:
                 if high > curve.frequency[0] and low < curve.frequency[-1]:
-                    axes.axvspan(low / 1e6, high / 1e6, color=GUILTY, linewidth=0, zorder=-1)
+                    axes.axvspan(low / 1e6, high / 1e6, color=SHOWS, linewidth=0, zorder=-1)
     for low, high in held:
         axes.axvspan(low / 1e6, high / 1e6, ymax=_STRIP, color=HELD, linewidth=0)
     if any(finding["bands_Hz"] for finding in findings):
-        axes.fill_between([], [], color=GUILTY, linewidth=0, label="where it shows")
+        axes.fill_between([], [], color=SHOWS, linewidth=0, label="where it shows")
     if held:
-        axes.fill_between([], [], color=HELD, linewidth=0, label="held out for the proof")
+        axes.fill_between([], [], color=HELD, linewidth=0, label="held out")
 
 
 def _running(size: Reals) -> Reals:
@@ -127,14 +127,14 @@ def _running(size: Reals) -> Reals:
 
 
 def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
-    """Draw each finding with what else could stand in its place, and how likely each is."""
+    """Draw the probability of each finding and of its alternatives."""
     bars = [
-        (f"{one['effect']}, {one['where']}", one["probability"] or 0.0, MARK if one is finding else FAINT)
+        (f"{cause['effect']}, {cause['where']}", cause["probability"] or 0.0, MARK if cause is finding else FAINT)
         for finding in findings
-        for one in (finding, *_rivals(finding))
+        for cause in (finding, *_rivals(finding))
     ][:_MOST_BARS]
     if not bars:
-        axes.text(0.5, 0.5, "nothing left out\nthat this recording could show", ha="center", va="center", fontsize=10)
+        axes.text(0.5, 0.5, "no missing effect\nshows in this recording", ha="center", va="center", fontsize=10)
         axes.set_axis_off()
         return
     for k, (_, size, colour) in enumerate(bars):

@@ -10,7 +10,7 @@ from ....models.base.arrays import Complexes, Impedances
 from .picture_file import as_label, save_picture
 
 _HEIGHT = 12.0
-"""Of the picture, inches."""
+"""Height of the picture in inches."""
 _ROWS = ("|Z| (ohm)", "phase (deg)", "G (S)", "B (S)", "residual")
 _MEASURED: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "label": "measured"}
 _START: dict[str, Any] = {"color": "tab:green", "linewidth": 0.9, "linestyle": "--", "label": "start"}
@@ -18,7 +18,7 @@ _FITTED: dict[str, Any] = {"color": "tab:red", "linewidth": 0.9, "label": "fitte
 
 
 def fit_picture(result: FitResult, path: Path) -> Path:
-    """Draw |Z|, phase, G, B and the residual of every sweep, one column each; return the path. Raises PictureError."""
+    """Draw |Z|, phase, G, B and residual, with one column per sweep, and return the path. Raises PictureError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -27,7 +27,7 @@ def fit_picture(result: FitResult, path: Path) -> Path:
     figure: Any = Figure(figsize=(width, _HEIGHT))
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
-    # Margins in inches: a layout that matplotlib finds itself takes as long as all of the drawing.
+    # Margins in inches, because matplotlib's automatic layout takes as long as the drawing.
     figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
     for k, curve in enumerate(result.curves):
         _column(axes[:, k], curve, result.noise.relative)

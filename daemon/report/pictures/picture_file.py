@@ -1,4 +1,4 @@
-"""The file of a picture: what its name may be, and what is said where it cannot be written."""
+"""Picture files: allowed names, labels, and writing."""
 
 from pathlib import Path
 from typing import Any
@@ -10,24 +10,24 @@ KINDS = (".png", ".svg", ".pdf")
 
 
 class PictureError(PzctlError):
-    """A picture that cannot be written where it is wanted."""
+    """A picture cannot be written to the given path."""
 
 
 def as_label(text: str) -> str:
-    """Return text from outside as matplotlib is to draw it: `$` begins no formula."""
+    """Return text from outside for matplotlib, with `$` escaped so that it starts no formula."""
     return shown(text, keep="\n").replace("$", r"\$")
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a path that no picture can go to, before any work is done. Raises PictureError."""
+    """Refuse a path that a picture cannot be written to, before any work is done. Raises PictureError."""
     if path.is_dir():
-        raise PictureError(f"{path}: this is a folder; the name of a file is needed, as {path / 'fit.png'}")
+        raise PictureError(f"{path}: this is a folder; a file name is needed, such as {path / 'fit.png'}")
     if path.suffix.lower() not in KINDS:
-        raise PictureError(f"{path}: no picture has a name that ends so; allowed are {', '.join(KINDS)}")
+        raise PictureError(f"{path}: the name ends with {path.suffix!r}; allowed are {', '.join(KINDS)}")
 
 
 def save_picture(figure: Any, path: Path, dpi: int) -> Path:
-    """Write a figure of matplotlib's, its folder made if it is not there; return the path. Raises PictureError."""
+    """Write a matplotlib figure, making its folder if missing, and return the path. Raises PictureError."""
     check_picture(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The pictures of a report, as SVG text that stands inside the page."""
+"""The pictures of a report as SVG text to be placed inside the HTML page."""
 
 import io
 import re
@@ -14,19 +14,17 @@ from .picture_file import as_label
 
 MEASURED, FITTED, INK = "#8a8f98", "#c8321f", "#1f5fa8"
 _KINDS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
-_GUILTY = "#f6b26b"
+_MARKED = "#f6b26b"
 _COLOURS = 21
-"""Of a correlation; more than fifty, and matplotlib draws the colour bar as an image."""
+"""Number of colours for correlations; with more than fifty, matplotlib draws the colour bar as an image."""
 _SMALLEST_SHARE = 0.06
-"""Of the width: a glue line of 10 um beside a disk of 0.5 mm must stay visible."""
-
-
+"""Smallest share of the width for a layer, so that a glue line of 10 um is visible beside a disk of 0.5 mm."""
 _OVER_NOISE: dict[str, Any] = {"fontsize": "x-small", "framealpha": 0.9, "edgecolor": "none", "loc": "upper right"}
-"""Of a legend that lies on a noisy curve."""
+"""Style of a legend that lies on a noisy curve."""
 
 
 def curves_svg(curves: Sequence[Curve], noise: float) -> str:
-    """Return |Z|, phase, conductance and residual of each sweep, a picture for each step; `noise` is per point."""
+    """Return |Z|, phase, conductance and residual of each sweep, one picture per step; `noise`: relative, per point."""
     steps = dict.fromkeys(curve.step for curve in curves)
     return "".join(_step_svg([curve for curve in curves if curve.step == step], noise) for step in steps)
 
@@ -34,7 +32,7 @@ def curves_svg(curves: Sequence[Curve], noise: float) -> str:
 def _step_svg(curves: Sequence[Curve], noise: float) -> str:
     width, height = max(7.0, 4.8 * len(curves)), 8.4
     figure = _figure(width, height, layout=None)
-    # Margins in inches: a layout that matplotlib finds itself takes longer than all of the drawing.
+    # Margins in inches, because matplotlib's automatic layout takes longer than the drawing.
     figure.subplots_adjust(1.05 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.35 / height, wspace=0.25, hspace=0.06)
     axes = figure.subplots(4, len(curves), squeeze=False, sharex="col", height_ratios=[1.2, 1, 1, 0.8])
     for k, curve in enumerate(curves):
@@ -65,7 +63,7 @@ def _curve(axes: Any, curve: Curve, noise: float) -> None:
 
 
 def circle_svg(curves: Sequence[Curve]) -> str:
-    """Return the admittance circles: B over G of each sweep."""
+    """Return the admittance circles, B over G, of each sweep."""
     columns = min(4, len(curves))
     rows = -(-len(curves) // columns)
     figure = _figure(3.2 * columns, 3.2 * rows)
@@ -82,7 +80,7 @@ def circle_svg(curves: Sequence[Curve]) -> str:
 
 
 def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
-    """Return the strong correlations as a matrix of colours; white is what the fit separates well."""
+    """Return the strong correlations as a matrix of colours; pairs that the fit separates well stay white."""
     import matplotlib as mpl
 
     names = list(dict.fromkeys(name for a, b, _ in pairs for name in (a, b)))
@@ -93,9 +91,11 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
     size = 2.2 + 0.34 * len(names)
     figure = _figure(size + 1.4, size)
     axes = figure.add_subplot()
-    # Vectors alone, few colours: fpdf2 sets an image inside an SVG in the wrong place.
+    # Few colours, so that all is vector graphics: fpdf2 misplaces an image inside an SVG.
     mesh = axes.pcolormesh(matrix, cmap=mpl.colormaps["RdBu_r"].resampled(_COLOURS), vmin=-1, vmax=1)
-    for i, j in np.argwhere(np.isfinite(matrix)):  # by sign as well: not everybody tells the colours apart
+    for i, j in np.argwhere(
+        np.isfinite(matrix)
+    ):  # the sign is written too, for readers who cannot tell the colours apart
         shown = {"ha": "center", "va": "center", "color": "white" if abs(matrix[i, j]) > 0.6 else "black"}
         axes.text(j + 0.5, i + 0.5, "+" if matrix[i, j] > 0 else "\N{MINUS SIGN}", **shown)
     axes.set(aspect="equal", ylim=(len(names), 0))
@@ -107,7 +107,7 @@ def correlation_svg(pairs: Sequence[tuple[str, str, float]]) -> str:
 
 
 def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
-    """Return how each constant (real part, with its standard uncertainty) went from step to step."""
+    """Return each constant (real part, with its standard uncertainty) over the steps."""
     columns = min(4, len(history))
     rows = -(-len(history) // columns)
     figure = _figure(2.9 * columns, 2.1 * rows)
@@ -127,8 +127,8 @@ def history_svg(history: dict[str, list[tuple[str, Constant]]]) -> str:
     return svg_of(figure, "history")
 
 
-def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> str:
-    """Return the layers that are there, back to front, thickness to scale; `guilty` are places (`layer:disk` ...)."""
+def stack_svg(build: Build, present: Sequence[str], marked: Sequence[str]) -> str:
+    """Return the `present` layers, back to front, thickness to scale, with the places `marked` (`layer:disk` ...)."""
     layers = [layer for layer in build.layers if layer.name in present]
     share = np.array([layer.values["thickness"].re for layer in layers])
     width = np.maximum(share / share.sum(), _SMALLEST_SHARE)
@@ -136,14 +136,14 @@ def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> st
     figure = _figure(7.5, 2.0)
     axes = figure.add_subplot()
     for layer, left, right in zip(layers, edges, edges[1:], strict=False):
-        colour = _GUILTY if f"layer:{layer.name}" in guilty else _KINDS[layer.kind]
+        colour = _MARKED if f"layer:{layer.name}" in marked else _KINDS[layer.kind]
         axes.axvspan(left, right, color=colour, ec="0.4", lw=0.6)
         label = f"{as_label(layer.name)}\n{layer.values['thickness'].re * 1e6:.4g} µm"
         axes.text((left + right) / 2, 0.5, label, ha="center", va="center", rotation=90, fontsize="small")
-    for where in guilty:
+    for where in marked:
         place = _edge(where, [layer.name for layer in layers], edges)
         if place is not None:
-            axes.axvline(place, color=_GUILTY, linewidth=5)
+            axes.axvline(place, color=_MARKED, linewidth=5)
     axes.text(-0.01, 0.5, f"back: {as_label(build.back.name)}", ha="right", va="center", fontsize="small")
     axes.text(1.01, 0.5, f"front: {as_label(build.front.name)}", ha="left", va="center", fontsize="small")
     axes.set_xlim(-0.12, 1.12)
@@ -152,7 +152,7 @@ def stack_svg(build: Build, present: Sequence[str], guilty: Sequence[str]) -> st
 
 
 def _edge(where: str, names: list[str], edges: Any) -> float | None:
-    """Return where an interface or a face lies; None for places that are no plane of the stack."""
+    """Return the coordinate of an interface or a face, or None for a place that is no plane of the stack."""
     kind, _, place = where.partition(":")
     if kind == "face":
         return 0.0 if place == "back" else 1.0
@@ -161,13 +161,13 @@ def _edge(where: str, names: list[str], edges: Any) -> float | None:
 
 
 def last_fits(fits: Sequence[FitResult]) -> dict[str, list[tuple[str, Constant]]]:
-    """Return each free constant's values by the last step of the fit, in the order of the fits."""
-    found: dict[str, list[tuple[str, Constant]]] = {}
+    """Return for each free constant the last step and the value of every fit, in the order of the fits."""
+    history: dict[str, list[tuple[str, Constant]]] = {}
     for fit in fits:
         for name, constant in fit.constants.items():
             if constant.free:
-                found.setdefault(name, []).append((fit.steps[-1], constant))
-    return found
+                history.setdefault(name, []).append((fit.steps[-1], constant))
+    return history
 
 
 def _figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Any:
@@ -180,13 +180,13 @@ def _figure(width: float, height: float, layout: Literal["constrained"] | None =
 
 
 def svg_of(figure: Any, prefix: str) -> str:
-    """Return the figure as one `<svg>`; its ids begin with `prefix`, so that several may stand in one page."""
+    """Return the figure as one `<svg>`; its ids begin with `prefix`, so that a page may hold several."""
     import matplotlib as mpl
 
     memory, context = io.StringIO(), cast(Any, mpl).rc_context
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
-        figure.set_layout_engine("none")  # else savefig draws it once more, unseen, to lay it out
+        figure.set_layout_engine("none")  # or savefig would draw the figure twice, once for its layout
     with context({"svg.fonttype": "none", "svg.hashsalt": prefix}):
         figure.savefig(memory, format="svg", metadata={"Date": None}, transparent=True)
     prefix, text = re.sub(r"\W", "_", prefix), memory.getvalue()

@@ -1,4 +1,4 @@
-"""Who did what, as a table."""
+"""The audit entries of the journal as a table."""
 
 from collections.abc import Iterable
 
@@ -12,14 +12,14 @@ from ...journal.audit import AuditEntry
 
 
 def print_audit(screen: Console, entries: Iterable[AuditEntry]) -> None:
-    """Print one row for each entry. Names and sentences come from outside, so they are escaped."""
+    """Print one row for each entry, with names and sentences from outside escaped."""
     table = Table(header_style="bold", box=SIMPLE_HEAD)
     for column in ("event", "time (UTC)", "who", "did", "of", "says"):
         table.add_column(column)
-    for one in entries:
-        who = f"{one.by} ({one.client})" if one.by else one.client
-        of = f"{one.sample.name} {one.sample.step}" if one.sample else ""
-        event = f"{one.station} {one.seq}".strip()
-        row = (event, one.time[:19].replace("T", " "), who, one.did, of, one.says)
+    for entry in entries:
+        who = f"{entry.by} ({entry.client})" if entry.by else entry.client
+        of = f"{entry.sample.name} {entry.sample.step}" if entry.sample else ""
+        event = f"{entry.station} {entry.seq}".strip()
+        row = (event, entry.time[:19].replace("T", " "), who, entry.did, of, entry.says)
         table.add_row(*(escape(shown(cell)) for cell in row))
     screen.print(table)

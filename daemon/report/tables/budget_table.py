@@ -9,10 +9,10 @@ from ....fitters.interface import FitResult, Share
 
 
 def print_budget(console: Console, result: FitResult) -> None:
-    """Print what the uncertainties are made of, in per cent of each value, and the tolerances assumed."""
+    """Print the contributions to the uncertainties in per cent of each value, and the tolerances of held constants."""
     budget = result.budget
     if budget is None:
-        console.print(f"{result.fitter} gives no uncertainty budget of this fit", style="yellow", highlight=False)
+        console.print(f"{result.fitter} gives no uncertainty budget for this fit", style="yellow", highlight=False)
         return
     table = Table(header_style="bold", title="uncertainty budget, standard uncertainties")
     table.add_column("constant")
@@ -23,8 +23,8 @@ def print_budget(console: Console, result: FitResult) -> None:
     _rows(table, result, budget.im, " (im)")
     console.print(table)
     if budget.tolerances:
-        taken = ", ".join(f"{name} {tolerance:.2g}" for name, tolerance in budget.tolerances.items())
-        console.print(f"assumed of what is held (SI): {taken}", highlight=False)
+        tolerances = ", ".join(f"{name}, +-{tolerance:.2g}" for name, tolerance in budget.tolerances.items())
+        console.print(f"held constants, not in u (SI units): {tolerances}", highlight=False)
 
 
 def _rows(table: Table, result: FitResult, shares: Mapping[str, Share], suffix: str) -> None:

@@ -1,15 +1,15 @@
-"""How far a fitted constant is from its data sheet, and whether that is within what the two are known to."""
+"""The deviation of a fitted constant from its data sheet, in per cent and in joint standard uncertainties."""
 
 from typing import Literal
 
 from ....models.build import Quantity
 
 Verdict = Literal["held", "near", "off", "far", ""]
-"""Within one joint standard uncertainty, within two, beyond; empty where nothing is known to compare with."""
+"""`near`: within one joint standard uncertainty; `off`: within two; `far`: beyond; empty: nothing to compare with."""
 
 
 def deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) -> tuple[str, Verdict]:
-    """Return the deviation of a constant's real part in words, `+2.1 % (0.8 u)`, and how it is to be taken."""
+    """Return the deviation of a constant's real part as text, `+2.1 % (0.8 u)`, and its verdict."""
     if not free:
         return "held", "held"
     if nominal is None or not nominal.re:

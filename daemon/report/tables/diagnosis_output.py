@@ -1,4 +1,4 @@
-"""A diagnosis as the JSON object that `pzctl diagnose --json` prints, and as words for the terminal."""
+"""A diagnosis as the JSON object that `pzctl diagnose --json` prints, and as text for the terminal."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from .numbers import complex_with_uncertainty, with_uncertainty
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return a diagnosis as one JSON object, without the curves; a number that is missing or infinite is null."""
+    """Return a diagnosis as one JSON object without the curves; a missing or infinite number becomes null."""
     return {
         "verdict": diagnosis.verdict,
         "baseline": _fitted(diagnosis.baseline),
@@ -43,59 +43,60 @@ def _fitted(side: Fitted) -> dict[str, Any]:
 
 
 def _check(check: DataCheck) -> dict[str, Any]:
-    """Return what the gates found of one recording; each trouble with its sentence."""
+    """Return the data-quality check of one recording, with a sentence for each issue."""
     troubles = [msgspec.to_builtins(trouble) | {"says": trouble.says} for trouble in check.troubles]
     return msgspec.to_builtins(check) | {"troubles": troubles}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
-    made = msgspec.to_builtins(finding)
+    fields = msgspec.to_builtins(finding)
     numbers = ("chi2_per_dof_before", "chi2_per_dof_after", "held_out_before", "held_out_after", "probability")
     numbers = (*numbers, "share", "moves")
-    return made | {name: number(made[name]) for name in numbers}
+    return fields | {name: number(fields[name]) for name in numbers}
 
 
 def diagnosis_curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
-    """Return each recording with the fit without effects as `start` and the one with them as `fitted`."""
+    """Return the curves of each recording: `start` is the fit without effects, `fitted` the fit with them."""
     return tuple(
         replace(after, start=before.fitted) for before, after in zip(diagnosis.before, diagnosis.after, strict=True)
     )
 
 
-def print_diagnosis(console: Console, found: Mapping[str, Any]) -> None:
-    """Print a diagnosis (the object of `diagnosis_json`): the verdict that anyone understands, then the evidence."""
-    console.print(found["says"][0], style="bold", highlight=False)
-    findings: list[dict[str, Any]] = found["findings"]
+def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
+    """Print a diagnosis (the object of `diagnosis_json`): first the verdict as a sentence, then the evidence."""
+    console.print(diagnosis["says"][0], style="bold", highlight=False)
+    findings: list[dict[str, Any]] = diagnosis["findings"]
     for finding in findings:
         console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
-    for check in found["data"]:
+    for check in diagnosis["data"]:
         for trouble in check["troubles"]:
             says = f"recording {check['index'] + 1} of {check['step']}: {trouble['says']}"
             console.print(f"- {says}", style="magenta", highlight=False)
-    for sentence in (*found.get("compared", ()), *(other["says"] for other in found.get("others", ()))):
+    for sentence in (*diagnosis.get("compared", ()), *(other["says"] for other in diagnosis.get("others", ()))):
         console.print(f"- {sentence}", highlight=False)
     if findings:
         console.print(_findings_table(findings))
-    if found["not_decidable"]:
-        console.print("May be there unseen, because the constants absorb it:", highlight=False)
-        console.print(_open_table(found["not_decidable"]))
-    before, after = found["baseline"], found["final"]
-    held = f", on what took no part in the fit {_fall(before, after, 'held_out')}" if after["held_out"] else ""
-    console.print(f"chi2/dof {_fall(before, after, 'chi2_per_dof')}{held}; {found['seconds']:.1f} s", highlight=False)
+    if diagnosis["not_decidable"]:
+        console.print("Could be present; the constants would hide it:", highlight=False)
+        console.print(_open_table(diagnosis["not_decidable"]))
+    before, after = diagnosis["baseline"], diagnosis["final"]
+    held_out = f", held-out points: {_fall(before, after, 'held_out')}" if after["held_out"] else ""
+    fall = _fall(before, after, "chi2_per_dof")
+    console.print(f"chi2/dof {fall}{held_out}; {diagnosis['seconds']:.1f} s", highlight=False)
 
 
 def print_constants(console: Console, diagnosis: Diagnosis) -> None:
-    """Print the constants without what was found, and with it; and what their uncertainties count, where it is said."""
+    """Print the constants without and with the findings, then the sentences about their uncertainties."""
     table = Table(title="Constants", title_justify="left", header_style="bold")
-    found = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
-    columns = ("constant", *(("without the findings",) if found else ()), "with them" if found else "fitted", "unit")
+    named = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
+    columns = ("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")
     for column in columns:
         table.add_column(column)
     for name, after in diagnosis.final.constants.items():
         before = diagnosis.baseline.constants.get(name)
         if after.free:
-            sides = (before, after) if found else (after,)
-            values = (complex_with_uncertainty(one.re, one.im, one.u_re, one.u_im) if one else "" for one in sides)
+            sides = (before, after) if named else (after,)
+            values = (complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im) if c else "" for c in sides)
             table.add_row(name, *values, after.unit)
     console.print(table)
     for sentence in diagnosis.says[1 + len(diagnosis.findings) :]:
@@ -106,7 +107,7 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(header_style="bold")
     rivalled = any(_rivals(finding) for finding in findings)
     for column in ("effect", "where"):
-        table.add_column(column, no_wrap=True, overflow="fold")  # a name that ends in dots is none
+        table.add_column(column, no_wrap=True, overflow="fold")  # never shorten a name with dots
     for column in ("step", "probability", "size", "chi2/dof", "bands (MHz)", *(["or else"] if rivalled else [])):
         table.add_column(column, overflow="fold")
     for finding in findings:
@@ -126,9 +127,9 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _rivals(finding: Mapping[str, Any]) -> list[str]:
-    """Return what else it may be."""
-    rivals = [one for one in finding["alternatives"] if one["probability"] > 0.005]
-    return [f"{one['effect']} at {one['where']} ({one['probability']:.2f})" for one in rivals]
+    """Return the alternatives to a finding, each with its probability."""
+    rivals = [rival for rival in finding["alternatives"] if rival["probability"] > 0.005]
+    return [f"{rival['effect']} at {rival['where']} ({rival['probability']:.2f})" for rival in rivals]
 
 
 def _fall(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> str:

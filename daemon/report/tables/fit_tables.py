@@ -11,11 +11,11 @@ from .numbers import complex_with_uncertainty
 
 _COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
 _DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay"})
-"""What is derived from the constants and asked for."""
+"""The derived constants that the table shows."""
 
 
 def fit_table(result: FitResult, build: Build | None) -> Table:
-    """Return the table of a fit: constants with uncertainties, beside what the data sheet says."""
+    """Return the table of a fit: constants with uncertainties beside their data sheet values."""
     table = Table(header_style="bold")
     for column in ("constant", "fitted", "unit", "data sheet, build"):
         table.add_column(column)
@@ -39,7 +39,7 @@ def derived_shown(result: FitResult) -> dict[str, Constant]:
 
 
 def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
-    """Print figures of merit, table, and what must be known of them."""
+    """Print the figures of merit, the table of constants, and the fitter's remarks."""
     console.print(_title(result), style="bold", highlight=False)
     console.print(fit_table(result, build))
     for sentence in result.says:

@@ -9,8 +9,8 @@ _EXPONENT = re.compile(r"e(?:\+|(-))0*(\d+)")
 def with_uncertainty(value: float, u: float | None) -> str:
     """Return `1.514(3)e11`: the digits in brackets are the standard uncertainty of the last digits shown.
 
-    The uncertainty gets one digit, two where its first is a 1. Without an uncertainty: six digits; held as exact
-    (0): the value as it is.
+    The uncertainty gets one digit, or two if its first digit is 1. A value without an uncertainty, or with one of 0,
+    gets six significant digits; one that is not finite is `-`.
     """
     if not math.isfinite(value):
         return "-"
@@ -29,12 +29,12 @@ def with_uncertainty(value: float, u: float | None) -> str:
 
 
 def _digits(u: float) -> int:
-    """Return how many digits of an uncertainty are shown: two where one would round it by more than a quarter."""
+    """Return the number of digits of an uncertainty: two if one digit would round it by more than a quarter."""
     return 2 if f"{u:.0e}"[0] == "1" or f"{u:.1e}"[0] == "1" else 1
 
 
 def complex_with_uncertainty(re: float, im: float, u_re: float | None, u_im: float | None) -> str:
-    """Return `1.514(3)e11 + 1.44(2)e9 j`; a real constant, which has no imaginary part, without its second half."""
+    """Return `1.514(3)e11 + 1.44(2)e9 j`, or for a real constant the first number only."""
     if im == 0 and not u_im:
         return with_uncertainty(re, u_re)
     return f"{with_uncertainty(re, u_re)} {'-' if im < 0 else '+'} {with_uncertainty(abs(im), u_im)} j"

@@ -1,4 +1,4 @@
-"""The statistics of a population as a table for the terminal, and as JSON."""
+"""The statistics of a population as a table for the terminal and as JSON."""
 
 import math
 from collections.abc import Iterator
@@ -14,27 +14,27 @@ from ....fitters.population.random_effects import RandomEffects
 
 _COLUMNS = ("constant", "n", "mean", "variance", "sd", "between (95 %)", "within", "data sheet, build")
 _NAMED = 12
-"""Samples that the title names one by one; more are only counted."""
+"""Greatest number of samples that the title names; more are only counted."""
 
 
-def print_population(console: Console, found: Population) -> None:
-    """Print the table, then outliers, what lies outside its tolerance, and what must be known of the numbers."""
-    if found.constants:
-        console.print(population_table(found))
-    for sentence in (*_strange(found), *found.says):
+def print_population(console: Console, population: Population) -> None:
+    """Print the table, then outliers, samples outside a tolerance, and remarks on the statistics."""
+    if population.constants:
+        console.print(population_table(population))
+    for sentence in (*_strange(population), *population.says):
         console.print(f"! {sentence}", style="yellow", highlight=False)
 
 
-def population_table(found: Population) -> Table:
-    """Return mean, variance and standard deviation of each constant, split into between and within."""
-    n = len(found.samples)
-    named = f": {', '.join(found.samples)}" if n <= _NAMED else ""
+def population_table(population: Population) -> Table:
+    """Return a table of each constant's mean, variance and standard deviation, between and within samples."""
+    n = len(population.samples)
+    named = f": {', '.join(population.samples)}" if n <= _NAMED else ""
     title = f"{n} sample{'' if n == 1 else 's'}{named}"
     table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in _COLUMNS:
         table.add_column(column, justify="left" if column == "constant" else "right", overflow="fold")
     layer = ""
-    for name, part in _parts(found):
+    for name, part in _parts(population):
         owner = name.split(".")[0]
         if layer not in ("", owner):
             table.add_section()
@@ -43,10 +43,10 @@ def population_table(found: Population) -> Table:
     return table
 
 
-def population_json(found: Population) -> dict[str, Any]:
-    """Return the statistics as plain dicts, lists, texts and numbers; `sd`, `low` and `high` written out."""
-    plain: dict[str, Any] = msgspec.to_builtins(found)
-    for name, spread in found.constants.items():
+def population_json(population: Population) -> dict[str, Any]:
+    """Return the statistics as plain data, with the computed values `n`, `sd`, `low` and `high` included."""
+    plain: dict[str, Any] = msgspec.to_builtins(population)
+    for name, spread in population.constants.items():
         for key, part in (("re", spread.re), ("im", spread.im)):
             if part is not None:
                 of_part: dict[str, Any] = plain["constants"][name][key]
@@ -56,9 +56,9 @@ def population_json(found: Population) -> dict[str, Any]:
     return plain
 
 
-def _parts(found: Population) -> Iterator[tuple[str, VarianceShare]]:
-    """Yield `disk.c33D re, Pa` and its statistics; real constants without `re`."""
-    for name, spread in found.constants.items():
+def _parts(population: Population) -> Iterator[tuple[str, VarianceShare]]:
+    """Yield the label of each constant, `disk.c33D re, Pa` (real constants without `re`), and its statistics."""
+    for name, spread in population.constants.items():
         unit = "" if spread.unit == "1" else f", {spread.unit}"
         if spread.im is None:
             yield name + unit, spread.re
@@ -73,7 +73,7 @@ def _cells(part: VarianceShare) -> tuple[str, ...]:
 
 
 def _short(value: float | None, digits: int) -> str:
-    """Return `1.48e11`, or `-` where there is none."""
+    """Return a number such as `1.48e11`, or `-` for None."""
     if value is None:
         return "-"
     mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
@@ -81,10 +81,10 @@ def _short(value: float | None, digits: int) -> str:
 
 
 def _between(effects: RandomEffects | None) -> str:
-    """Return `4.6 (3.0..8.7)e9`: scatter between samples and its interval, with one exponent."""
+    """Return the scatter between samples and its interval with one exponent, `4.6 (3.0..8.7)e9`."""
     if effects is None:
         return "-"
-    largest = max(effects.tau, effects.tau_high / 10)  # of few samples the upper end lies far out
+    largest = max(effects.tau, effects.tau_high / 10)  # with few samples the upper end is far out
     if largest == 0:
         return "0"
     exponent = math.floor(math.log10(largest))
@@ -106,12 +106,12 @@ def _signed(percent: float) -> str:
     return f"{round(percent, 1) + 0.0:+.1f}"  # + 0.0: never -0.0
 
 
-def _strange(found: Population) -> Iterator[str]:
+def _strange(population: Population) -> Iterator[str]:
     """Yield a sentence for each outlier and for each constant with samples outside its tolerance."""
-    for name, part in _parts(found):
+    for name, part in _parts(population):
         for sample, chance in part.outliers.items():
-            value = next(one.value for one in part.values if one.sample == sample)
-            yield f"{name}: {sample} ({value:.5g}) does not belong to the rest; by chance in {100 * chance:.1g} % only"
+            value = next(of_sample.value for of_sample in part.values if of_sample.sample == sample)
+            yield f"{name}: {sample} ({value:.5g}) is an outlier; the probability of chance is {100 * chance:.1g} %"
         if part.sheet is not None and part.sheet.outside:
             low, high = part.sheet.low, part.sheet.high
-            yield f"{name}: outside {low:.5g} .. {high:.5g} of the data sheet: {', '.join(part.sheet.outside)}"
+            yield f"{name}: outside the data sheet's {low:.5g} .. {high:.5g}: {', '.join(part.sheet.outside)}"

@@ -1,4 +1,4 @@
-"""What `pzctl watch` shows: the state of the lab after each event, as something for the terminal or as one line."""
+"""The view of `pzctl watch`: the state of the newest measurement, or one line for each event."""
 
 from dataclasses import dataclass, field
 
@@ -21,7 +21,7 @@ _WIDTH = 80
 
 @dataclass
 class Watched:
-    """What was heard so far of the measurement that is newest."""
+    """The state of the newest measurement, updated by each event."""
 
     headline: str = "waiting for a measurement"
     fraction: float = 0.0
@@ -31,31 +31,31 @@ class Watched:
     fit: FitResult | None = None
     words: list[str] = field(default_factory=list[str])
     missed: list[str] = field(default_factory=list[str])
-    """What was not heard and is no longer in the journal, a sentence each."""
+    """One sentence for each range of events that was missed and is no longer in the journal."""
 
     def miss(self, missing: MissingEvents) -> None:
-        """Take in which events are gone."""
+        """Record a range of lost events."""
         self.missed.append(missing.sentence)
 
-    def hear(self, heard: ReceivedEvent) -> None:
-        """Take in one event."""
-        event = heard.event
+    def hear(self, received: ReceivedEvent) -> None:
+        """Update the state with one event."""
+        event = received.event
         if isinstance(event, Sampled) and event.measurement != self.measurement:
             self.measurement, self.sweeps, self.fit, self.words = event.measurement, [], None, []
         if isinstance(event, ProgressEvent):
             self.fraction = event.fraction
         if isinstance(event, SweepEvent):
             self.build = event.build
-            self.sweeps.append(heard.sweep())
+            self.sweeps.append(received.sweep())
         if isinstance(event, FitEvent) and event.report is not None:
-            self.fit = fit_of(heard)
+            self.fit = fit_of(received)
             self.words = list(self.fit.says)
         if isinstance(event, DiagnosisEvent):
             self.words = [str(sentence) for sentence in event.diagnosis.get("says", ())]
-        self.headline = line(heard) or self.headline
+        self.headline = line(received) or self.headline
 
     def screen(self) -> RenderableType:
-        """Return what the terminal shows."""
+        """Return the view for the terminal."""
         parts: list[RenderableType] = [Text(self.headline, "bold"), ProgressBar(1.0, self.fraction, _WIDTH)]
         for sweep in self.sweeps:
             low, high = sweep.frequency[0] / 1e6, sweep.frequency[-1] / 1e6
@@ -68,7 +68,7 @@ class Watched:
 
 
 def sparkline(sweep: Sweep, width: int = _WIDTH) -> str:
-    """Return ln |Z| over frequency as `width` bars; a bar shows the extreme of its stretch that lies farther out."""
+    """Return ln |Z| over frequency as `width` bars, each at the value of its points farthest from the median."""
     size = np.log(np.abs(sweep.impedance))
     middle = float(np.median(size))
     parts = np.array_split(size, min(width, size.size))
@@ -78,15 +78,15 @@ def sparkline(sweep: Sweep, width: int = _WIDTH) -> str:
     return "".join(_BARS[level] for level in levels)
 
 
-def line(heard: ReceivedEvent) -> str | None:
-    """Return an event as one line, or None for one that nobody waits for."""
-    event = heard.event
+def line(received: ReceivedEvent) -> str | None:
+    """Return an event as one line, or None for a kind that is not shown."""
+    event = received.event
     of = f"{event.sample.name} {event.sample.step}: " if isinstance(event, Sampled) else ""
     match event:
         case ProgressEvent():
             return f"{of}{100 * event.fraction:.0f} %, {event.what}, {event.seconds_left:.0f} s left"
         case SweepEvent():
-            return f"{of}sweep {event.segment} of {event.segments} recorded, {heard.sweep().frequency.size} points"
+            return f"{of}sweep {event.segment} of {event.segments} recorded, {received.sweep().frequency.size} points"
         case FitEvent(report=None):
             return f"{of}{event.fitter} gives no result: {event.error}"
         case FitEvent(report=report) if report is not None:

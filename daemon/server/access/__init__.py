@@ -1,1 +1,1 @@
-"""Who may connect, who may do what, and who holds the instrument."""
+"""Access: which clients may connect, what each may do, and who has leased the instrument."""

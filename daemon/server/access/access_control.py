@@ -1,4 +1,4 @@
-"""Who may do what: every client by its key, from this machine as from others."""
+"""The rights of clients, each identified by its key, on this machine as on others."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ from .key_folder import KeyFolder
 log = logging.getLogger(__name__)
 
 DOMAIN = "pzctl"
-"""The ZAP domain of both sockets; enforced, so that without an authenticator nobody comes in."""
+"""The ZAP domain of both sockets; libzmq enforces it, so that nobody has access without an authenticator."""
 
 NEEDED: Mapping[type[ask.Request], Right] = {
     ask.MeasureRequest: "measure",
@@ -40,7 +40,7 @@ NEEDED: Mapping[type[ask.Request], Right] = {
     ask.BenchRequest: "bench",
     ask.ShutdownRequest: "admin",
 }
-"""What else is asked needs the right to watch."""
+"""The right that each request needs; all others need the right to watch."""
 
 
 def _today() -> date:
@@ -48,64 +48,67 @@ def _today() -> date:
 
 
 class AccessControl:
-    """Lets in those whose keys are in the folder; a key that is taken away, changed or made counts at once.
+    """Admits the clients whose keys are in the folder; changes in the folder take effect at once.
 
-    Programs of this account on this machine come in with the key of `daemon.json`. With `outside`, the daemon can be
-    reached from other machines: that needs a server key made on purpose, and clients.
+    Programs of this user account on this machine use the key in `daemon.json`. With `outside`, the daemon can be
+    reached from other machines, which needs a server key made for the purpose, and clients.
     """
 
     def __init__(self, folder: Path, *, outside: bool, today: Callable[[], date] = _today) -> None:
-        own = local_keys(folder)
-        self.server: KeyPair = server_key(folder) if outside or (folder / "server.json").exists() else own.server
-        self.local = ClientKey(self.server.public, own.client.public, own.client.secret)
-        """For those who can read this user's files: the commands and fitters on this machine."""
+        generated = local_keys(folder)
+        has_server_key = outside or (folder / "server.json").exists()
+        self.server: KeyPair = server_key(folder) if has_server_key else generated.server
+        self.local = ClientKey(self.server.public, generated.client.public, generated.client.secret)
+        """Key for programs that can read this user's files: the commands and fitters on this machine."""
         self._folder = KeyFolder(folder)
         self._today = today
         self._admitted: set[str] = set()
         self._barred = False
         if outside and not self._clients():
             raise KeyFileError(
-                f"{folder / 'clients'}: nobody may come in yet; make a key with `pzctl keys client NAME`"
+                f"{folder / 'clients'}: no client has access yet; make a key with `pzctl keys client NAME`"
             )
 
     def start(self, context: zmq.asyncio.Context) -> AsyncioAuthenticator:
-        """Begin to check keys; to be stopped before the context ends."""
+        """Start checking keys and return the authenticator, which has to be stopped before the context ends."""
         authenticator = AsyncioAuthenticator(context)
         authenticator.start()
         authenticator.configure_curve_callback(domain=DOMAIN, credentials_provider=self)
         return authenticator
 
     def callback(self, domain: str, key: bytes) -> bool:
-        """Return whether a key may come in; called by the authenticator."""
+        """Return whether a key has access; called by the authenticator."""
         allowed = self.allows(key.decode())
         if not allowed:
-            log.warning("a key that is not known was turned away: %s", key.decode())
+            log.warning("an unknown or expired key was refused: %s", key.decode())
         return allowed
 
     def allows(self, key: str | None) -> bool:
-        """Return whether a key may come in now."""
+        """Return whether a key has access now."""
         who = self._who(key or "")
         return who is not None and not self._has_expired(who)
 
     def somebody_was_barred(self) -> bool:
-        """Return whether a key was taken away, or expired, since this was last asked."""
+        """Return whether a key was revoked or expired since the last call."""
         self._clients()
         barred, self._barred = self._barred, False
         return barred
 
     def check(self, key: str | None, request: ask.Request) -> str:
-        """Return the name of the client who asks with this key. Raises RequestError where it may not ask for this."""
+        """Return the name of the client with this key. Raises RequestError if it lacks the right to this request."""
         who = self._who(key or "")
         needed = NEEDED.get(type(request), "watch")
         if isinstance(request, ask.HelloRequest) and request.fitter is not None:
-            needed = "measure"  # who comes as a fitter is waited for
+            needed = "measure"  # because clients wait for the answers of a fitter
         if who is None:
-            raise RequestError("not-allowed", "this key has been revoked", "ask who runs the daemon for a new one")
+            raise RequestError(
+                "not-allowed", "this key has been revoked", "ask the daemon's administrator for a new one"
+            )
         if self._has_expired(who):
             raise RequestError(
                 "not-allowed",
                 f"the key of {who.name!r} expired after {who.expires}",
-                "ask who runs the daemon for a new one",
+                "ask the daemon's administrator for a new one",
             )
         if RIGHTS.index(who.right) < RIGHTS.index(needed):
             raise RequestError(
@@ -123,7 +126,7 @@ class AccessControl:
         return client.expires is not None and self._today() > client.expires
 
     def _clients(self) -> dict[str, AllowedClient]:
-        """Return the clients by public key, as their files are now."""
+        """Return the clients in the folder by public key."""
         known = self._folder.clients()
         admitted = {key for key, client in known.items() if not self._has_expired(client)}
         self._barred |= bool(self._admitted - admitted)

@@ -1,4 +1,4 @@
-"""What lies on the simulated bench, as far as it was glued through the daemon: a measurement is of the step it says."""
+"""The gluing step of the device on the simulated bench, so that no measurement is recorded under a wrong step."""
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -11,10 +11,10 @@ GLUING = ("step", "next", "new-sample")
 
 
 class BenchStep:
-    """The step that was glued last, and by whom.
+    """The step that was glued last through the daemon, and the client that glued it.
 
-    A measurement of another one of the bench's steps is refused, and so is gluing while something is measured or
-    waits: what is recorded under the name of a step was glued when it was asked for, and stays until it is recorded.
+    A measurement of another step of the bench is refused, and so is gluing while a measurement runs or waits.
+    Therefore the device stays at the requested step from the request of a measurement until it is recorded.
     """
 
     def __init__(self) -> None:
@@ -25,18 +25,16 @@ class BenchStep:
 
     @contextmanager
     def command(self, command: Mapping[str, Any], client: str, *, busy: bool) -> Generator[dict[str, Any]]:
-        """Surround a command that a client gives the bench; what the bench answers is put into the dict.
+        """Run a client's bench command in this context, and put the bench's answer into the yielded dict.
 
-        Raises RequestError where the command would change the device under a measurement.
+        Raises RequestError if the command would change the device during a measurement.
         """
         answer: dict[str, Any] = {}
         if command.get("command") not in GLUING:
             yield answer
             return
         if busy and command != {"command": "step", "name": self._step}:
-            raise RequestError(
-                "busy", "bench: something is measured, or waits to be; nobody glues meanwhile", "ask again later"
-            )
+            raise RequestError("busy", "bench: no gluing while a measurement runs or waits", "ask again later")
         self._changing += 1
         try:
             yield answer
@@ -45,13 +43,13 @@ class BenchStep:
         self._step, self._steps, self._by = answer.get("step"), frozenset(answer.get("steps", ())), client
 
     def check(self, step: str) -> None:
-        """Raise RequestError where a measurement of a step would be one of another step."""
+        """Raise RequestError if the device on the bench is at another step, or is being glued."""
         if self._changing:
-            raise RequestError("busy", "bench: it is just being glued", "ask again when that is answered")
+            raise RequestError("busy", "bench: a layer is being glued", "ask again when that command is answered")
         if self._step is not None and step != self._step and step in self._steps:
             raise RequestError(
                 "bench-failed",
-                f"the device on the bench is at step {self._step!r}, glued by {self._by!r}; a measurement of step "
-                f"{step!r} would be one of {self._step!r}",
-                "glue first; who takes the lease glues and measures undisturbed",
+                f"the device on the bench is at step {self._step!r}, glued by {self._by!r}, so step {step!r} cannot be "
+                "measured",
+                "glue first; with a lease nobody else glues or measures meanwhile",
             )

@@ -1,9 +1,9 @@
-"""Who sends the daemon more than it can want is cut off, before memory or descriptors run out.
+"""Protection against clients that send too much: their connections are cut before memory or descriptors run out.
 
-libzmq keeps the frames of a message until the last one has come, and every subscription, and has no limit for either.
-How much has come over a connection is asked of the kernel (TCP_INFO); that a whole request was read of it is told
-here. To cut a connection is to reset it: libzmq then lets go of it as it does of any client that goes, and gives
-back what it kept. The client may come again. Only Linux says as much; elsewhere nobody is cut off.
+libzmq keeps the frames of a message until the last one has arrived, and every subscription, and limits neither. The
+guard reads from the kernel (TCP_INFO) how many bytes a connection has received, and is told when a complete request was
+read from it. It cuts a connection by a reset, upon which libzmq closes it and frees its memory; the client may connect
+again. Only Linux provides these numbers; on other systems no connection is cut.
 """
 
 import asyncio
@@ -21,37 +21,37 @@ from dataclasses import dataclass
 log = logging.getLogger(__name__)
 
 LARGEST_MESSAGE = 16 << 20
-"""Bytes of one request, all frames together."""
+"""Greatest size of one request in bytes, all frames together."""
 
 MOST_SUBSCRIBED = 16 << 10
-"""Bytes of what one listener subscribes to."""
+"""Greatest size in bytes of one listener's subscriptions."""
 
 LIFE_SIGNS = 1000.0
-"""Bytes a second that count for nothing: heartbeats, which under CURVE are longer."""
+"""Bytes per second that are not counted: heartbeats, which CURVE makes longer."""
 
 MOST_GROWTH = 32 << 20
-"""Bytes by which this process may have grown since a connection said something whole, if a little came over it: empty
-frames cost thirty times what they weigh on the way."""
+"""Bytes by which this process may grow after the last complete message of a connection that has sent more than `LITTLE`
+since. Empty frames take thirty times more memory than bytes on the connection."""
 
 LITTLE = 64 << 10
 
 MOST_CONNECTIONS = 500
-"""Those that come then are cut off, so that files can still be opened."""
+"""Greatest number of connections; newer ones are cut, so that files can still be opened."""
 
 LOOK = 0.02
-"""Seconds between two looks."""
+"""Seconds between two checks."""
 
 _BYTES_RECEIVED = 128
-"""Where `tcpi_bytes_received` stands in the kernel's `struct tcp_info`."""
+"""Offset of `tcpi_bytes_received` in the kernel's `struct tcp_info`."""
 
 
 @dataclass
 class _Line:
-    """One connection, and what had come over it when it was last in order."""
+    """One connection, and the bytes it had received when it was last in order."""
 
     handle: int
     link: str
-    """Socket and inode: libzmq gives the number of one that has gone to the next."""
+    """Socket and inode, since the descriptor of a closed connection is used again."""
     port: int
     peer: str
     since: float
@@ -60,11 +60,11 @@ class _Line:
     heard_came: int
     heard_memory: int
     looks: int = 0
-    """How often in a row it was found to send too much."""
+    """Number of checks in a row at which it had sent too much."""
 
 
 class ConnectionGuard:
-    """The connections to some ports of this process: each with the bytes that may come over it without a request."""
+    """Guards the connections to some ports; `most` gives the bytes allowed without a complete request, by port."""
 
     def __init__(self, most: Mapping[int, int], counts: Counter[str]) -> None:
         self._most = most
@@ -73,20 +73,20 @@ class ConnectionGuard:
         self._heard: set[int] = set()
 
     def heard(self, handle: int) -> None:
-        """Note that a whole message was read of the connection with this descriptor."""
+        """Record that a complete message was read from the connection with this descriptor."""
         self._heard.add(handle)
 
     async def watch(self) -> None:
-        """Look, for ever; where there is nothing to be seen, say so once."""
+        """Check the connections until cancelled; on other systems than Linux, log that this is not possible."""
         if sys.platform != "linux":
-            log.warning("who sends without end is not cut off here: only Linux tells what comes over a connection")
+            log.warning("connections that send without end are not cut: this needs Linux")
             return
         while True:
             self.look(time.monotonic())
             await asyncio.sleep(LOOK)
 
     def look(self, now: float) -> None:
-        """Cut off who has sent too much, at two looks in a row: a message may just be waiting to be read."""
+        """Cut the connections that sent too much at two checks in a row, as a message may be waiting to be read."""
         memory = _memory()
         known, self._lines = self._lines, {}
         for handle, link in _sockets():
@@ -102,20 +102,20 @@ class ConnectionGuard:
             self._cut(line, f"there are {MOST_CONNECTIONS} connections")
 
     def cut(self, port: int, why: str) -> None:
-        """Cut off everybody at a port."""
+        """Cut all connections to a port."""
         if sys.platform != "linux":
-            log.warning("nobody can be cut off here, on Linux alone; a reason to: %s", why)
+            log.warning("connections should be cut, which needs Linux: %s", why)
         for handle, link in _sockets():
             line = self._line(handle, link, time.monotonic(), 0)
             if line is not None and line.port == port:
                 self._cut(line, why)
 
     def _line(self, handle: int, link: str, now: float, memory: int) -> _Line | None:
-        """Return a connection; None where it is none to these ports."""
+        """Return the connection of a socket, or None if it is not connected to one of these ports."""
         try:
-            with _borrowed(handle) as one:
-                port, peer = one.getsockname()[1], one.getpeername()
-        except (OSError, IndexError):  # no connection, or one that has gone since it was listed
+            with _borrowed(handle) as borrowed:
+                port, peer = borrowed.getsockname()[1], borrowed.getpeername()
+        except (OSError, IndexError):  # not connected, or closed since it was listed
             return None
         came = _came(handle)
         return _Line(handle, link, port, str(peer), now, came, now, came, memory) if port in self._most else None
@@ -126,7 +126,7 @@ class ConnectionGuard:
             line.heard_came, line.heard_memory = came, memory
             line.came, line.at, line.looks = came, now, 0
         over = came - line.came - LIFE_SIGNS * (now - line.at)
-        if over <= 0:  # what was not used up does not add up
+        if over <= 0:  # an unused allowance is not carried over
             line.came, line.at = came, now
         swollen = memory - line.heard_memory > MOST_GROWTH and came - line.heard_came > LITTLE
         if over > self._most[line.port] or swollen:
@@ -135,20 +135,20 @@ class ConnectionGuard:
         return False
 
     def _cut(self, line: _Line, why: str) -> None:
-        """Reset a connection, unless its number belongs to another one by now.
+        """Reset a connection, unless its descriptor belongs to another one by now.
 
-        Shut down it would go on to take what comes: Linux resets a TCP socket that is connected to no address.
+        After a shutdown it would still receive data; connecting a TCP socket to no address makes Linux reset it.
         """
         if _link(line.handle) != line.link:
             return
         if ctypes.CDLL(None).connect(line.handle, bytes(16), 16):  # AF_UNSPEC is 0
-            return  # it had gone already
+            return  # closed already
         self._counts["cut-off"] += 1
         log.warning("the connection from %s was cut off: %s", line.peer, why)
 
 
 class _borrowed:  # noqa: N801
-    """A socket of libzmq's, looked at and left alone. Raises OSError where it has gone: libzmq closes when it likes."""
+    """One of libzmq's sockets, inspected without closing it. Raises OSError if libzmq has closed it meanwhile."""
 
     def __init__(self, handle: int) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, fileno=handle)
@@ -161,7 +161,7 @@ class _borrowed:  # noqa: N801
 
 
 def _sockets() -> Iterator[tuple[int, str]]:
-    """Yield the descriptors of this process that are sockets, and what each one is."""
+    """Yield the descriptors of this process that are sockets, each with its socket link."""
     if sys.platform != "linux":
         return
     for handle in map(int, os.listdir("/proc/self/fd")):  # noqa: PTH208 - fifty times a second, a Path is slow
@@ -173,22 +173,22 @@ def _sockets() -> Iterator[tuple[int, str]]:
 def _link(handle: int) -> str:
     try:
         return os.readlink(f"/proc/self/fd/{handle}")  # noqa: PTH115
-    except OSError:  # it has gone meanwhile
+    except OSError:  # closed meanwhile
         return ""
 
 
 def _came(handle: int) -> int:
-    """Return the bytes that have come over a connection; 0 where it has gone."""
+    """Return the bytes that a connection has received, or 0 if it is closed."""
     try:
-        with _borrowed(handle) as one:
-            info = one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+        with _borrowed(handle) as borrowed:
+            info = borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
             return struct.unpack_from("Q", info, _BYTES_RECEIVED)[0]
     except (OSError, struct.error):
         return 0
 
 
 def _memory() -> int:
-    """Return the bytes of memory that this process has in use."""
+    """Return the resident memory of this process in bytes."""
     if sys.platform != "linux":
         return 0
     with open("/proc/self/statm", "rb") as file:  # noqa: PTH123

@@ -1,4 +1,4 @@
-"""The clients in the folder `keys/clients`, as the files are now: what is made, changed or removed counts at once."""
+"""The clients in the folder `keys/clients`; files that are added, changed or removed take effect at once."""
 
 import logging
 import time
@@ -12,24 +12,24 @@ from ...wire.curve_keys import AllowedClient, KeyFileError, client_files, read_c
 log = logging.getLogger(__name__)
 
 SETTLED = 2_000_000_000
-"""Nanoseconds after which a file that changes again has another time, on every file system."""
+"""Nanoseconds after which another change gives a file another time stamp, on every file system."""
 
 _Stamp: TypeAlias = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class _Read:
-    """What a file held when it was read."""
+    """The content of a file when it was read."""
 
     stamp: _Stamp | None
-    """None where it has to be read again: it changed just before, and might since without another time."""
+    """None if the file has to be read again, because it changed so recently that a further change might not show."""
     client: AllowedClient | None
     says: str
-    """Why there is no client."""
+    """The reason if there is no client."""
 
 
 class KeyFolder:
-    """The clients, each of a file of its own: one that cannot be used bars nobody else, and is said once."""
+    """The clients, one file each. A file that cannot be used is reported once and does not affect the others."""
 
     def __init__(self, root: Path, clock: Callable[[], int] = time.time_ns) -> None:
         self._root = root
@@ -42,11 +42,11 @@ class KeyFolder:
         self._files = {path: self._read(path, before.get(path)) for path in client_files(self._root)}
         for path, read in self._files.items():
             if read.says and (path not in before or before[path].says != read.says):
-                log.warning("this client is not let in: %s", read.says)
+                log.warning("this client has no access: %s", read.says)
         return {read.client.public: read.client for read in self._files.values() if read.client is not None}
 
     def _read(self, path: Path, before: _Read | None) -> _Read:
-        """Return what a file holds; it is read only where it may have changed."""
+        """Return the content of a file, reading it only if it may have changed."""
         now = self._clock()
         try:
             stat = path.stat()
@@ -54,10 +54,10 @@ class KeyFolder:
             if before is not None and before.stamp == stamp:
                 return before
             settled = now - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED
-            kept = stamp if settled else None
-        except OSError:  # a link that leads nowhere, a folder that may not be entered: `read_client` says so
-            kept = None
+            valid_stamp = stamp if settled else None
+        except OSError:  # a broken link or a folder without permission, which `read_client` reports
+            valid_stamp = None
         try:
-            return _Read(kept, read_client(path), "")
+            return _Read(valid_stamp, read_client(path), "")
         except KeyFileError as error:
-            return _Read(kept, None, str(error))
+            return _Read(valid_stamp, None, str(error))

@@ -1,4 +1,4 @@
-"""One owner of the instrument at a time: a lease that other tools take, give back, or let expire."""
+"""The lease of the instrument, which gives one owner exclusive use until it is returned or expires."""
 
 import time
 from collections.abc import Callable
@@ -19,7 +19,7 @@ class _Held:
 
 
 class Lease:
-    """Who has the instrument to themselves. Time is measured by a clock that nobody sets back."""
+    """The current lease, if any; it expires by a monotonic clock."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -27,15 +27,15 @@ class Lease:
 
     @property
     def holder(self) -> LeaseState | None:
-        """Who holds it, and until when; None where nobody does."""
+        """The owner and the end of the lease, or None if the instrument is not leased."""
         if self._held is not None and self._clock() >= self._held.ends:
             self._held = None
         return self._held.state if self._held else None
 
     def take(self, client: str, owner: str, seconds: float, lease: str | None, *, busy: bool) -> tuple[str, LeaseState]:
-        """Take it, or hold `lease` for longer; return its id and its state. It is of use to this client's key alone.
+        """Take a lease, or extend `lease`; return its id and its state. It is valid for this client's key only.
 
-        Raises RequestError where another one holds it, or where the instrument is `busy` for somebody.
+        Raises RequestError if the instrument is leased to another owner or is `busy`.
         """
         if lease is None:
             self.check(client, None)
@@ -49,18 +49,18 @@ class Lease:
         return self._held.lease, state
 
     def give_back(self, client: str, lease: str) -> None:
-        """Give it back. Raises RequestError where it is not held under this id, by this client."""
+        """Return the lease. Raises RequestError if this client has no lease with this id."""
         self._own(client, lease)
         self._held = None
 
     def check(self, client: str, lease: str | None) -> None:
-        """Raise RequestError where somebody else has the instrument to themselves."""
+        """Raise RequestError if the instrument is leased under another id."""
         self.check_client(client)
         if self.holder is not None and self._held is not None and lease != self._held.lease:
             raise self._leased(self.holder)
 
     def check_client(self, client: str) -> None:
-        """Raise RequestError where another client's key has the instrument: it cancels and glues, nobody else."""
+        """Raise RequestError if another client has the lease; only its holder may cancel and glue."""
         if self.holder is not None and self._held is not None and client != self._held.client:
             raise self._leased(self.holder)
 
@@ -68,11 +68,11 @@ class Lease:
     def _leased(holder: LeaseState) -> RequestError:
         return RequestError(
             "leased",
-            f"{holder.owner!r} has the instrument to itself until {holder.until}",
-            "wait until it is given back or expires",
+            f"the instrument is leased to {holder.owner!r} until {holder.until}",
+            "wait until the lease is returned or expires",
         )
 
     def _own(self, client: str, lease: str) -> None:
         held = self._held
         if self.holder is None or held is None or (held.client, held.lease) != (client, lease):
-            raise RequestError("no-such-lease", "this lease has expired, was given back, or never was")
+            raise RequestError("no-such-lease", "this lease has expired, was returned, or never existed")

@@ -1,1 +1,1 @@
-"""Events: written to the journal, then published."""
+"""Publishing of events: first written to the journal, then sent."""

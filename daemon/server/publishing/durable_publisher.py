@@ -1,4 +1,4 @@
-"""Puts every event on disk, then says it; where the journal's server has gone, as soon as it is back."""
+"""Writes every event to the journal and then publishes it; if the journal's server is away, once it is back."""
 
 import asyncio
 import logging
@@ -17,11 +17,11 @@ from .spool import Spool
 log = logging.getLogger(__name__)
 
 KNOCK = 1.0
-"""Seconds between two tries to reach a server that has gone."""
+"""Seconds between two attempts to reach a server that is away."""
 
 
 class DurablePublisher:
-    """The way of every event. `say` takes its frames, `said` is called with what was said."""
+    """Publishes every event: `say` sends its frames, then `said` is called with the event."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class DurablePublisher:
 
     @property
     def is_away(self) -> bool:
-        """Whether the journal's server has gone, or is still to be given what it missed."""
+        """Whether the journal's server is away, or has not yet received all events it missed."""
         return not self._there.is_set()
 
     async def there(self) -> None:
@@ -49,9 +49,9 @@ class DurablePublisher:
         await self._there.wait()
 
     def publish(self, event: Event, payload: Payload) -> None:
-        """Put an event on disk, then say it. Raises JournalError, and then nothing was said.
+        """Write an event to the journal, then publish it. Raises JournalError, and then nothing was published.
 
-        Where the journal's server has gone, it is kept in the data folder and said when the server is back.
+        While the journal's server is away, the event is kept in the data folder and published when the server is back.
         """
         named = msgspec.structs.replace(event, id=event.id or uuid7())
         if not self._there.is_set():
@@ -65,21 +65,21 @@ class DurablePublisher:
             self._put_off(named, payload)
 
     def catch_up(self) -> None:
-        """Publish what was put off, of an earlier run as well. Raises JournalError."""
+        """Publish the postponed events, those of an earlier run as well. Raises JournalError."""
         while self._unsaved:
             event, payload = self._unsaved.first()
             frames = self._journal.said(event.id)
             if frames is None:
                 self._keep_and_say(event, payload)
-            else:  # the server had taken it, and went before it could say so
+            else:  # the server had written the event before the connection was lost
                 self._say(frames)
                 self._said(event)
             self._unsaved.drop()
 
     async def mend(self) -> None:
-        """Look for ever whether the journal's server is there; come back to it, and catch up.
+        """Reconnect to the journal's server whenever it was away, and catch up; runs until cancelled.
 
-        Raises JournalError where it is not the journal that it was.
+        Raises JournalError if the journal is not the same as before.
         """
         while True:
             await asyncio.sleep(KNOCK)
@@ -103,5 +103,5 @@ class DurablePublisher:
         self._said(stamped)
 
     def _put_off(self, event: Event, payload: Payload) -> None:
-        if not isinstance(event, ProgressEvent):  # of no use to anybody later
+        if not isinstance(event, ProgressEvent):  # progress is of no use later
             self._unsaved.put(event, payload)

@@ -1,8 +1,8 @@
-"""The events socket, in a thread of its own that waits in C for what is to be said.
+"""The events socket, in a thread of its own that waits for events in C code.
 
-libzmq works through the subscriptions to a socket in the thread that uses it, for as long as they come, and an XPUB
-keeps each of them until it is read. In the daemon's loop, somebody who subscribes without end would hold up all
-answers, and fill the memory. A PUB notes who wants what and keeps nothing; it can send the welcome as well.
+libzmq processes the subscriptions to a socket in the thread that uses the socket, for as long as they arrive. In the
+daemon's event loop, a client that subscribes without end would delay all answers. The socket is a PUB, which, unlike an
+XPUB, does not keep subscriptions as messages that fill the memory; it can send the welcome message too.
 """
 
 import threading
@@ -11,54 +11,54 @@ from collections.abc import Callable, Sequence
 import zmq
 
 HIGH_WATER = 1000
-"""Events that wait for the thread; what comes then is dropped, and found by `seq`."""
+"""Greatest number of events that wait for the thread; further ones are dropped, which clients notice by `seq`."""
 
 LINGER = 1.0
-"""Seconds within which the last words are passed on."""
+"""Seconds for sending the last events."""
 
 
 class EventPublisher:
-    """Says events on a socket, which belongs to it from now on."""
+    """Publishes events on a socket, which it owns from now on."""
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", events: "zmq.Socket[bytes]") -> None:
         self._events = events
-        self._said, self._ours = context.socket(zmq.PAIR), context.socket(zmq.PAIR)
-        for end in (self._said, self._ours):
+        self._sender, self._receiver = context.socket(zmq.PAIR), context.socket(zmq.PAIR)
+        for end in (self._sender, self._receiver):
             end.set(zmq.SNDHWM, HIGH_WATER)
             end.set(zmq.RCVHWM, HIGH_WATER)
             end.set(zmq.LINGER, 0)
-        self._ours.bind("inproc://voice")
-        self._said.connect("inproc://voice")
+        self._receiver.bind("inproc://event_publisher")
+        self._sender.connect("inproc://event_publisher")
         self._thread = threading.Thread(target=self._speak, name="voice", daemon=True)
         self._thread.start()
 
     def say(self, frames: Sequence[bytes]) -> None:
-        """Publish; nobody is ever waited for."""
+        """Publish an event without ever waiting."""
         try:
-            self._said.send_multipart(frames, zmq.NOBLOCK)
-        except zmq.Again:  # it is late by a thousand events: who listens asks for them
+            self._sender.send_multipart(frames, zmq.NOBLOCK)
+        except zmq.Again:  # the thread is a thousand events behind: clients request them again
             return
 
     def close(self, make_way: Callable[[], None]) -> None:
-        """Say what is still to be said, and close the sockets; `make_way` is called where somebody holds that up."""
+        """Publish the remaining events and close the sockets; call `make_way` if a client holds up the thread."""
         self.say([b""])
         self._thread.join(LINGER)
         while self._thread.is_alive():
             make_way()
             self.say([b""])
             self._thread.join(0.1)
-        for one in (self._said, self._ours, self._events):
-            one.close()
+        for end in (self._sender, self._receiver, self._events):
+            end.close()
 
     def _speak(self) -> None:
-        """Pass on until the empty message."""
+        """Send events until the empty message."""
         poller = zmq.Poller()
-        poller.register(self._ours, zmq.POLLIN)
-        poller.register(self._events, zmq.POLLIN)  # a PUB has never anything to read; but this lets it welcome
+        poller.register(self._receiver, zmq.POLLIN)
+        poller.register(self._events, zmq.POLLIN)  # a PUB has nothing to read, but polling lets it send the welcome
         while True:
             poller.poll()
-            while self._ours.poll(0):
-                frames = self._ours.recv_multipart()
+            while self._receiver.poll(0):
+                frames = self._receiver.recv_multipart()
                 if frames == [b""]:
                     return
                 self._events.send_multipart(frames)

@@ -1,4 +1,4 @@
-"""Events that the journal's server was not there to take: in files of the data folder until it is back."""
+"""Events that wait for the journal's server, in files of the data folder."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ _FORM = ".event"
 
 
 class Spool:
-    """A queue of events that outlives this process. Raises JournalError where the disk does not take or give them."""
+    """A queue of events that outlives this process. Raises JournalError if its files cannot be written or read."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -23,7 +23,7 @@ class Spool:
         return len(self._waiting)
 
     def put(self, event: Event, payload: Payload) -> None:
-        """Keep an event, synced, behind those that are kept already."""
+        """Append an event to the queue, synced to disk."""
         number = int(self._waiting[-1].stem) + 1 if self._waiting else 0
         path = self._folder / f"{number:09d}{_FORM}"
         part = path.with_suffix(".part")
@@ -35,19 +35,21 @@ class Spool:
                 os.fsync(file.fileno())
             part.replace(path)
         except OSError as error:
-            raise JournalError(f"{path}: what the journal's server did not take cannot be kept: {error}") from error
+            raise JournalError(f"{path}: an event for the journal's server cannot be kept: {error}") from error
         self._waiting.append(path)
 
     def first(self) -> tuple[AnyEvent, Payload]:
-        """Return the oldest one."""
+        """Return the oldest event."""
         try:
             header, payload = _form.decode(self._waiting[0].read_bytes())
             return _event.decode(header), payload
         except (OSError, msgspec.MsgspecError) as error:
-            raise JournalError(f"{self._waiting[0]}: an event that was kept here cannot be read: {error}") from error
+            raise JournalError(
+                f"{self._waiting[0]}: an event for the journal's server cannot be read: {error}"
+            ) from error
 
     def drop(self) -> None:
-        """Forget the oldest one: it is in the journal."""
+        """Remove the oldest event, which is in the journal now."""
         self._waiting.pop(0).unlink(missing_ok=True)
 
 

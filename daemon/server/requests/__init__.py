@@ -1,1 +1,1 @@
-"""From a request on the socket to its reply."""
+"""Requests: reading them from the socket, checking and answering them."""

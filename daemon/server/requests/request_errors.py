@@ -1,11 +1,11 @@
-"""Why a request is not met."""
+"""The error that refuses a request."""
 
 from ....models.base.errors import PzctlError
 from ...wire.replies import ErrorBody
 
 
 class RequestError(PzctlError):
-    """A request that cannot be met; carries what the answer says."""
+    """A request is refused; `problem` is the answer's error object."""
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""Answers every request but `bench`: looks things up, changes the queue, keeps what fitters hand in."""
+"""The handlers of all requests but `bench`: look-ups, changes of the queue, answers of fitters."""
 
 import os
 import time
@@ -31,26 +31,26 @@ from .request_errors import RequestError
 from .submissions import checked
 
 MOST_FITTERS = 100
-"""Fitters that are listed."""
+"""Greatest number of fitters in the list."""
 
 MOST_WAITING = 1000
-"""Measurements in the queue."""
+"""Greatest number of measurements in the queue."""
 
 
 VERSION = version("pzctl")
-"""Of this package; looked up once, it is read from a file."""
+"""Version of this package; determined once, since it is read from a file."""
 
-_installed = cache(installed_names)  # looking takes tens of milliseconds
+_installed = cache(installed_names)  # a look-up takes tens of milliseconds
 
 
 @dataclass
 class RequestHandlers:
-    """The daemon's answers. Every method takes the request and its raw columns and returns the answer's frames."""
+    """The daemon's answers to requests, and the parts of the daemon that they need."""
 
     journal: JournalWriter
     acquisition: Acquisition
     supervisor: Supervisor
-    errands: JobRunner
+    jobs: JobRunner
     instrument: InstrumentInfo
     endpoints: tuple[str, str]
     bench: str | None
@@ -64,9 +64,9 @@ class RequestHandlers:
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        """Return the answer to a client, known by its key's name, and the frames behind it.
+        """Return the answer to a request of `client` (the name of its key), and the frames that follow it.
 
-        Raises RequestError, JournalError or WireError.
+        `raw` are the frames after the request's header. Raises RequestError, JournalError or WireError.
         """
         raise NotImplementedError(type(request).__name__)
 
@@ -111,15 +111,15 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.MetricsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        found = self.metrics
+        metrics = self.metrics
         return (
             reply.MetricsAnswer(
                 id=request.id,
-                uptime=time.monotonic() - found.began,
-                counts=dict(found.counts),
+                uptime=time.monotonic() - metrics.began,
+                counts=dict(metrics.counts),
                 queue=len(self.acquisition.waiting),
-                errands=len(self.errands.running),
-                seconds=found.spreads(),
+                errands=len(self.jobs.running),
+                seconds=metrics.spreads(),
             ),
             [],
         )
@@ -139,7 +139,7 @@ class RequestHandlers:
         if plan is None:
             raise RequestError(
                 "no-plan",
-                f"neither the request nor build {request.build.name!r} says what to sweep",
+                f"neither the request nor build {request.build.name!r} has a sweep plan",
                 "give a plan, or a [sweep] table in build.toml",
             )
         try:
@@ -156,8 +156,8 @@ class RequestHandlers:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
         if new:
-            wishes = (plan, request.priority, request.decides, client, request.by)
-            job = MeasurementJob(measurement, request.build, request.step, *wishes)
+            arguments = (plan, request.priority, request.decides, client, request.by)
+            job = MeasurementJob(measurement, request.build, request.step, *arguments)
             self.audit(request, client, "queued", measurement=measurement, sample=job.sample)
             self.acquisition.add(job)
         return reply.MeasureAnswer(id=request.id, measurement=measurement), []
@@ -165,9 +165,9 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         busy = self.acquisition.is_busy
-        lease, held = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
+        lease, state = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
         self.audit(request, client, "leased", f"to {request.owner!r} for {request.seconds:g} s")
-        return reply.LeaseAnswer(id=request.id, lease=lease, until=held.until), []
+        return reply.LeaseAnswer(id=request.id, lease=lease, until=state.until), []
 
     @answer.register
     def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -190,7 +190,7 @@ class RequestHandlers:
         if client != LOCAL:
             raise RequestError("not-allowed", "only programs of the daemon's own account may withdraw a measurement")
         if request.by is None:
-            raise RequestError("bad-request", "withdraw: `by` is missing; a measurement is withdrawn by somebody")
+            raise RequestError("bad-request", "withdraw: `by` is missing; give the name of the person who withdraws it")
         try:
             event = withdrawal_event(self.journal, request.measurement, request.why, client, request.by)
         except WithdrawalError as error:
@@ -210,11 +210,11 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.SamplesRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        found: dict[str, list[reply.MeasuredStep]] = {}
-        with closing(self.journal.reader()) as archive:  # another thread looks this up: it may be all there is
-            for one in archive.histories(request.name):
-                found.setdefault(one.measurement.sample.name, []).append(_measured(one))
-        samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in found.items())
+        by_sample: dict[str, list[reply.MeasuredStep]] = {}
+        with closing(self.journal.reader()) as journal:  # this runs in another thread, as it may read all of it
+            for history in journal.histories(request.name):
+                by_sample.setdefault(history.measurement.sample.name, []).append(_measured(history))
+        samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in by_sample.items())
         return reply.SamplesAnswer(id=request.id, samples=samples), []
 
     @answer.register
@@ -224,8 +224,9 @@ class RequestHandlers:
         earlier = (
             self.journal.latest(known.sample.name, step, known.id) for step in steps[: steps.index(known.sample.step)]
         )
-        measurements = [*(found for found in earlier if found), known.id]
-        return _events(request.id, [event for found in measurements for event in self.journal.sweeps(found)])
+        measurements = [*(measurement for measurement in earlier if measurement), known.id]
+        events = [event for measurement in measurements for event in self.journal.sweeps(measurement)]
+        return _events(request.id, events)
 
     @answer.register
     def _(self, request: ask.FitsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -233,38 +234,38 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.FitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        # Only what is installed or configured is ever loaded: a name that somebody said hello with is neither.
+        # Only installed or configured fitters may be loaded, never a name from a client's hello.
         installed = sorted({*_installed(), *self.settings["fitters"]})
         if request.fitter not in installed:
             raise RequestError(
                 "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
             )
-        return self._errand(request.id, WorkerJob(request.measurement, request.fitter), None), []
+        return self._start_job(request.id, WorkerJob(request.measurement, request.fitter), None), []
 
     @answer.register
     def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
             self._refuse_withdrawn(self._known(other))
         effects = tuple(sorted({*request.effects})) if request.effects else None
-        errand = WorkerJob(request.measurement, None, effects, request.also, request.propose)
-        return self._errand(request.id, errand, diagnosis_version(effects, errand.also, errand.propose)), []
+        job = WorkerJob(request.measurement, None, effects, request.also, request.propose)
+        return self._start_job(request.id, job, diagnosis_version(effects, job.also, job.propose)), []
 
     @answer.register
     def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.supervisor.visitors.renew(request.fitter, client)
-        open_ones = tuple(self.journal.unanswered(request.fitter))
-        return reply.MeasurementsAnswer(id=request.id, measurements=open_ones), []
+        unanswered = tuple(self.journal.unanswered(request.fitter))
+        return reply.MeasurementsAnswer(id=request.id, measurements=unanswered), []
 
     @answer.register
     def _(self, request: ask.SubmitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         known = self._known(request.measurement)
-        if client == LOCAL:  # the daemon's own fits and diagnoses answer as any installed fitter
+        if client == LOCAL:  # the daemon's own workers may answer as any installed fitter
             self.supervisor.visitors.renew(request.fitter, client)
         else:
             self._list_fitter(request.fitter, request.version, client)
         event = checked(self.journal, known, request, raw)
         if event is not None:
-            self.journal.store.check_room()  # answers without end must not take what measurements need
+            self.journal.store.check_room()  # answers must not fill the space that measurements need
             self.publish(event, tuple(raw))
         return reply.Answer(id=request.id), []
 
@@ -283,39 +284,39 @@ class RequestHandlers:
         measurement: str | None = None,
         sample: SampleStep | None = None,
     ) -> None:
-        """Publish who asked for what is done now: the journal keeps it, hashed and chained like every event."""
+        """Publish who requested an action, so that the journal keeps it, hashed and chained like every event."""
         event = StateEvent(state=did, says=says, measurement=measurement, sample=sample, client=client, by=request.by)
         self.publish(event, ())
 
     def _list_fitter(self, fitter: str, version: str, client: str) -> None:
-        """List a fitter as ready. Raises RequestError where the name is not this client's, or too many are listed."""
+        """List a fitter as ready. Raises RequestError if the name belongs to another client or the list is full."""
         if ":" in fitter and fitter not in self.settings["fitters"]:
             raise RequestError(
                 "bad-name",
-                f"fitter {fitter!r}: a name with ':' is a module's, which only the daemon's own configuration may give",
-                "give the fitter a name as an entry point of pzctl.fitters",
+                f"fitter {fitter!r}: only the daemon's own configuration may name a module with ':'",
+                "register the fitter as an entry point of pzctl.fitters",
             )
         visitors, listed = self.supervisor.visitors, self.supervisor.states
         if visitors.belongs_to_another(fitter, client):
             raise RequestError(
                 "not-allowed",
-                f"fitter {fitter!r}: this name belongs to a fitter that came in with another key",
+                f"fitter {fitter!r}: this name belongs to a fitter with another key",
                 "give the fitter another name",
             )
         if fitter not in listed and len(listed) >= MOST_FITTERS:
-            raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters said hello already")
+            raise RequestError("too-many-fitters", f"{MOST_FITTERS} fitters are connected already")
         visitors.heard(fitter, client)
         self.supervisor.ready(fitter, version)
 
-    def _errand(self, request: str, errand: WorkerJob, version: str | None) -> reply.JobAnswer:
-        """Begin an errand on a complete measurement."""
-        known = self._known(errand.measurement)
+    def _start_job(self, request: str, job: WorkerJob, version: str | None) -> reply.JobAnswer:
+        """Start a job on a complete measurement."""
+        known = self._known(job.measurement)
         self._refuse_withdrawn(known)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
-        if not self.errands.begin(errand, known, self.journal.sweep_ids(known.id)):
-            raise RequestError("queue-full", f"{len(self.errands.running)} fits and diagnoses run or wait already")
-        return reply.JobAnswer(id=request, measurement=known.id, fitter=errand.name, version=version)
+        if not self.jobs.begin(job, known, self.journal.sweep_ids(known.id)):
+            raise RequestError("queue-full", f"{len(self.jobs.running)} fits and diagnoses run or wait already")
+        return reply.JobAnswer(id=request, measurement=known.id, fitter=job.name, version=version)
 
     @staticmethod
     def _refuse_withdrawn(known: JournalMeasurement) -> None:
@@ -328,30 +329,30 @@ class RequestHandlers:
             raise RequestError(
                 "no-such-measurement",
                 f"measurement {measurement!r} is of {of.name!r} at step {of.step!r}; one of {sample.name!r} at step "
-                f"{sample.step!r} is decided by measuring that step",
+                f"{sample.step!r} can only help to decide one of the same step",
             )
 
     def _known(self, measurement: str) -> JournalMeasurement:
-        found = self.journal.measurement(measurement)
-        if found is None:
+        known = self.journal.measurement(measurement)
+        if known is None:
             raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
-        return found
+        return known
 
 
 def scoped(client: str, request: str) -> str:
-    """Return the id of a client's request among those of all: two who count "1", "2" do not ask the same."""
+    """Return a request id that is unique among all clients, since two clients may both count "1", "2" ..."""
     return request if client == LOCAL else f"{client}/{request}"
 
 
-def _measured(one: History) -> reply.MeasuredStep:
-    known = one.measurement
-    return reply.MeasuredStep(known.id, known.sample.step, known.state, known.time, one.sweeps, one.fitters)
+def _measured(history: History) -> reply.MeasuredStep:
+    known = history.measurement
+    return reply.MeasuredStep(known.id, known.sample.step, known.state, known.time, history.sweeps, history.fitters)
 
 
 def _events(
     request: str, events: Sequence[list[bytes]], *, more: bool = False, missing: Sequence[reply.MissingEvents] = ()
 ) -> tuple[reply.Answer, list[bytes]]:
-    """Return the answer that carries events as they were published."""
+    """Return an answer with the frames of events as they were published."""
     frames = tuple(len(event) for event in events)
     answer = reply.EventsAnswer(id=request, frames=frames, more=more, missing=tuple(missing))
     return answer, [frame for event in events for frame in event]

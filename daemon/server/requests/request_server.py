@@ -1,4 +1,4 @@
-"""The requests socket: reads what comes, has it answered, does nothing twice."""
+"""The requests socket: reads requests, has them answered, and carries none out twice."""
 
 import asyncio
 import hashlib
@@ -30,14 +30,14 @@ from .request_handlers import RequestHandlers, scoped
 log = logging.getLogger(__name__)
 
 REMEMBERED = 1000
-"""Answers kept, so that a request that is sent again is answered again and not done again."""
+"""Number of answers to keep, so that a repeated request gets the same answer and is not carried out again."""
 
 AT_ONCE = 100
-"""Requests that somebody else has to do something for; the next are read when one of them has been answered."""
+"""Greatest number of long requests under way; further requests are read when one of them has been answered."""
 
 TURN = 0.002
-"""Seconds of answering after which others have their turn. Where there was nonsense among what was answered, as long
-is waited: who floods the daemon does not take a whole core, and so what is asked properly finds it awake."""
+"""Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
+2 ms, so that a flood does not take a whole core and valid requests are still answered soon."""
 
 ONCE = (
     ask.MeasureRequest,
@@ -49,21 +49,21 @@ ONCE = (
     ask.LeaseRequest,
     ask.ReleaseRequest,
 )
-"""Requests that change something each time they are done; the others may be answered anew."""
+"""Requests that must not be carried out twice; the others may simply be answered again."""
 
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
-"""Those that others than the desk have a part in, or that look through the whole journal."""
+"""Requests that wait for something outside the handlers, or that read the whole journal."""
 
 MOST_TOLD = 1000
-"""Characters of a bench command that the journal keeps."""
+"""Greatest number of characters of a bench command that the journal keeps."""
 
 Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
-"""The frames of an answer, or of one that takes a while."""
+"""The frames of an answer, now or later."""
 
 
 @dataclass(frozen=True)
 class _Done:
-    """What was answered, and to which bytes."""
+    """An answer that was given, and the hash of its request."""
 
     digest: bytes
     said: Said
@@ -72,24 +72,24 @@ class _Done:
 class RequestServer:
     """Answers requests for as long as `serve` runs.
 
-    The socket is read and written without waiting: a ROUTER drops what somebody does not take.
+    The socket is read and written without waiting: a ROUTER drops answers that a client does not read.
     """
 
     def __init__(
-        self, socket: zmq.asyncio.Socket, desk: RequestHandlers, gate: AccessControl, intake: ConnectionGuard
+        self, socket: zmq.asyncio.Socket, handlers: RequestHandlers, access: AccessControl, guard: ConnectionGuard
     ) -> None:
         self._coming = socket
         self._socket: zmq.Socket[bytes] = zmq.Socket(shadow=socket)
-        self._gate = gate
-        self._desk = desk
-        self._intake = intake
+        self._access = access
+        self._handlers = handlers
+        self._guard = guard
         self._done: OrderedDict[str, _Done] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = ThreadPoolExecutor(1, "looking")
 
     async def serve(self) -> None:
-        """Answer for ever."""
-        counts = self._desk.metrics.counts
+        """Answer requests until cancelled."""
+        counts = self._handlers.metrics.counts
         while True:
             await self._coming.poll()
             garbage, until = counts["garbage"], time.monotonic() + TURN
@@ -101,29 +101,29 @@ class RequestServer:
                 await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
     def _answer_next(self) -> bool:
-        """Answer the next request; return False where none is there."""
+        """Answer the next request; return False if there is none."""
         received = self._receive()
         if received is None:
             return False
         began, last = time.monotonic(), received[-1]
         handle, key = _property(last, "__fd"), _property(last, "User-Id")
         if handle:
-            self._intake.heard(int(handle))
+            self._guard.heard(int(handle))
         sender, *frames = [frame.bytes for frame in received]
         envelope = [sender]
-        if frames and not frames[0]:  # a REQ socket puts an empty frame before its request, and wants it back
+        if frames and not frames[0]:  # a REQ socket sends an empty frame before its request, and expects it back
             envelope.append(frames.pop(0))
         answer = self._answer(frames, key)
         if isinstance(answer, list):
             self._send(envelope, answer, began)
         else:
             task = asyncio.create_task(self._send_later(envelope, answer, began))
-            self._tasks.add(task)  # the loop itself keeps no hold of a task
+            self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
         return True
 
     def _receive(self) -> list[zmq.Frame] | None:
-        """Return a message, of one that has too many frames the first and the last; None where none is there."""
+        """Return the next message, or None. Of one with too many frames, keep only the first ones and the last."""
         try:
             frames = [self._socket.recv(zmq.NOBLOCK, copy=False)]
         except zmq.Again:
@@ -136,18 +136,18 @@ class RequestServer:
         return frames
 
     def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float) -> None:
-        self._desk.metrics.counts["requests"] += 1
-        self._desk.metrics.lasted("request", time.monotonic() - began)
+        self._handlers.metrics.counts["requests"] += 1
+        self._handlers.metrics.lasted("request", time.monotonic() - began)
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
 
     async def _send_later(self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float) -> None:
         self._send(envelope, await answer, began)
 
     def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
-        """Return the answer: whatever came, somebody who asked hears why not."""
+        """Return the answer to a message, which is a refusal with the reason for an invalid one."""
         try:
             request = _read(frames)
-            client = self._gate.check(key, request)
+            client = self._access.check(key, request)
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
         place, digest = scoped(client, request.id), hashlib.sha256(b"".join(frames)).digest()
@@ -157,11 +157,11 @@ class RequestServer:
             said = asyncio.ensure_future(self._arrange(request, client))
         else:
             try:
-                answer, more = self._desk.answer(request, frames[1:], client)
+                answer, more = self._handlers.answer(request, frames[1:], client)
                 said = [to_json(answer), *more]
             except Exception as error:
                 said = self._why_not(request.id, error)
-                if isinstance(error, JournalError):  # asked again, it may be done
+                if isinstance(error, JournalError):  # a repetition may succeed
                     return said
         if isinstance(request, ONCE):
             self._done[place] = _Done(digest, said)
@@ -172,22 +172,22 @@ class RequestServer:
     async def _arrange(
         self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest, client: str
     ) -> list[bytes]:
-        """Answer what takes others: the bench, the instrument, the catalogue of effects, a thread that reads."""
+        """Answer a request that waits for the bench, the instrument, the catalogue of effects or a reading thread."""
         try:
             if isinstance(request, ask.BenchRequest):
-                self._desk.lease.check_client(client)
+                self._handlers.lease.check_client(client)
                 answer = await self._bench(request, client)
-                self._desk.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
+                self._handlers.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
-                _check_effects(request.effects, await self._desk.errands.effects())
+                _check_effects(request.effects, await self._handlers.jobs.effects())
             if isinstance(request, ask.SamplesRequest):
                 loop = asyncio.get_running_loop()
-                answer, more = await loop.run_in_executor(self._looking, self._desk.answer, request, (), client)
+                answer, more = await loop.run_in_executor(self._looking, self._handlers.answer, request, (), client)
             else:
-                answer, more = self._desk.answer(request, (), client)
+                answer, more = self._handlers.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest):
-                await self._desk.acquisition.let_go()
+                await self._handlers.acquisition.let_go()
             header = to_json(answer)
             if len(header) > LARGEST_FRAME:
                 says = f"the answer would have {len(header)} bytes; at most {LARGEST_FRAME} are allowed"
@@ -199,8 +199,8 @@ class RequestServer:
             return self._why_not(request.id, error)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
-        """Return the refusal that an error becomes, and count it."""
-        counts = self._desk.metrics.counts
+        """Return the refusal for an error, and count it."""
+        counts = self._handlers.metrics.counts
         if isinstance(error, RequestError):
             counts["refused"] += 1
             return _refusal(request, error.problem)
@@ -214,13 +214,13 @@ class RequestServer:
 
     async def _bench(self, request: ask.BenchRequest, client: str) -> reply.BenchAnswer:
         """Pass a command on to the simulator's bench. Raises RequestError."""
-        if self._desk.bench is None:
-            raise RequestError("no-bench", "this daemon measures with an instrument that has no simulated bench")
+        if self._handlers.bench is None:
+            raise RequestError("no-bench", "the instrument of this daemon has no simulated bench")
         if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
             raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
-        host, _, port = self._desk.bench.rpartition(":")
-        busy = self._desk.acquisition.is_busy
-        with self._desk.bench_step.command(request.command, client, busy=busy) as answer:
+        host, _, port = self._handlers.bench.rpartition(":")
+        busy = self._handlers.acquisition.is_busy
+        with self._handlers.bench_step.command(request.command, client, busy=busy) as answer:
             try:
                 answer.update(await asyncio.to_thread(bench_command, host, int(port), **request.command))
             except PzctlError as error:
@@ -231,8 +231,8 @@ class RequestServer:
 def _id_in_use(request: str) -> RequestError:
     return RequestError(
         "id-in-use",
-        f"id {request!r} was another request's; a request is sent again with the same content",
-        "give every request an id of its own, such as a UUID",
+        f"id {request!r} belongs to another request; only an identical request may be sent again with its id",
+        "give every request a unique id, such as a UUID",
     )
 
 
@@ -242,14 +242,14 @@ class _Named(msgspec.Struct):
 
 
 NAMES = tuple(str(kind.__struct_config__.tag) for kind in ask.AnyRequest.__args__)
-"""Of the requests."""
+"""The names of all requests."""
 
 _request = msgspec.json.Decoder(ask.AnyRequest)
 _named = msgspec.json.Decoder(_Named)
 
 
 def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
-    """Return the request. Raises WireError with a sentence, whatever the bytes are."""
+    """Return the request. Raises WireError if the frames are not a valid request, whatever they contain."""
     if not 1 <= len(frames) <= MOST_FRAMES:
         raise WireError(f"request: {len(frames)} frame(s); 1 to {MOST_FRAMES} are allowed")
     name = from_json(frames[0], _named).request
@@ -258,21 +258,21 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
     request = from_json(frames[0], _request)
     if request.v != WIRE:
         raise WireError(
-            f"request: this is pzctl wire {request.v}, and wire {WIRE} is read here: upgrade the older side"
+            f"request: it has wire version {request.v}; this daemon reads version {WIRE}; upgrade the older side"
         )
     check_names(request)
     return request
 
 
 def _check_effects(asked: Sequence[str], known: frozenset[str]) -> None:
-    """Raise RequestError where the catalogue has no such effect."""
+    """Raise RequestError if the catalogue lacks one of the effects."""
     unknown = sorted({*asked} - known)
     if unknown:
         raise RequestError("no-such-effect", f"effect {unknown[0]!r} is not known; {among(unknown[0], sorted(known))}")
 
 
 def _property(frame: zmq.Frame, name: str) -> str | None:
-    """Return what libzmq knows of the connection that a frame came over: its descriptor, whose key it came in with."""
+    """Return a property of the connection that a frame came from: its descriptor, or its client's public key."""
     try:
         return str(frame.get(name))
     except zmq.ZMQError:
@@ -280,7 +280,7 @@ def _property(frame: zmq.Frame, name: str) -> str | None:
 
 
 def _id_of(frames: Sequence[bytes]) -> str | None:
-    """Return the id of what is no request, where it has one."""
+    """Return the id of an invalid request, if it has one."""
     try:
         return from_json(frames[0], _named).id if frames else None
     except WireError:

@@ -1,4 +1,4 @@
-"""What fitters hand in, checked before it is kept: whole, about sweeps that there are, and not without end."""
+"""Checks of the answers that fitters submit: complete, about existing sweeps, and limited in number."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,19 +12,19 @@ from ...wire.result_messages import curves_of
 from .request_errors import RequestError
 
 MOST_ANSWERS = 100
-"""Answers of one fitter to one measurement, each of another version or of other sweeps."""
+"""Greatest number of answers of one fitter to one measurement, which differ in version or sweeps."""
 
 
 def checked(
     journal: JournalWriter, known: JournalMeasurement, request: ask.SubmitRequest, raw: Sequence[bytes]
 ) -> FitEvent | DiagnosisEvent | None:
-    """Return the event that a submission becomes, or None where the same was handed in before.
+    """Return the event for a submission, or None if the same was submitted before.
 
-    Raises RequestError where it is no answer, WireError where its columns are not what the header says.
+    Raises RequestError if it is not a valid answer, WireError if its columns do not fit the header.
     """
     event = _event(request, known)
     if known.state != "measured":
-        raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; no fitter is asked about it")
+        raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it takes no answers of fitters")
     if fault := _sweeps_fault(journal, known, request.sweeps):
         raise RequestError("no-such-sweep", f"answer of {request.fitter!r}: {fault}")
     curves_of(request.curves, unpack(request.columns, raw))
@@ -38,17 +38,17 @@ def checked(
 
 
 def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Sequence[str]) -> str:
-    """Return what is wrong with the sweeps that an answer is about, empty where nothing is.
+    """Return what is wrong with the sweeps of an answer, or an empty string.
 
-    A fitter is asked about a measurement together with those of the earlier steps of its sample.
+    An answer may use the sweeps of the measurement and of the earlier steps of its sample.
     """
     steps = [step.name for step in journal.build(known.id).steps]
-    asked = steps[: steps.index(known.sample.step) + 1]
+    allowed = steps[: steps.index(known.sample.step) + 1]
     for sweep in dict.fromkeys(sweeps):
         of = journal.sample_of_sweep(sweep)
         if of is None:
             return f"the journal holds no sweep {sweep!r}"
-        if of.name != known.sample.name or of.step not in asked:
+        if of.name != known.sample.name or of.step not in allowed:
             return (
                 f"sweep {sweep!r} is of {of.name!r} at step {of.step!r}; measurement {known.id!r} is of "
                 f"{known.sample.name!r} at step {known.sample.step!r}"
@@ -58,7 +58,7 @@ def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Seq
 
 
 def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | DiagnosisEvent:
-    """Return the event that a fitter's answer becomes. Raises RequestError where it is not one answer."""
+    """Return the event for a fitter's answer. Raises RequestError if it does not hold exactly one answer."""
     given = [name for name in ("report", "error", "diagnosis") if getattr(request, name) is not None]
     if len(given) != 1:
         raise RequestError(
@@ -66,8 +66,8 @@ def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | 
             f"answer of {request.fitter!r} holds {' and '.join(given) or 'nothing'}; "
             "exactly one of report, error, diagnosis is needed",
         )
-    said: dict[str, Any] = {"measurement": known.id, "sample": known.sample}
-    said |= {name: getattr(request, name) for name in ("fitter", "version", "sweeps", "curves", "columns")}
+    fields: dict[str, Any] = {"measurement": known.id, "sample": known.sample}
+    fields |= {name: getattr(request, name) for name in ("fitter", "version", "sweeps", "curves", "columns")}
     if request.diagnosis is not None:
-        return DiagnosisEvent(**said, diagnosis=request.diagnosis)
-    return FitEvent(**said, report=request.report, error=request.error)
+        return DiagnosisEvent(**fields, diagnosis=request.diagnosis)
+    return FitEvent(**fields, report=request.report, error=request.error)

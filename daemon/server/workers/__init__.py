@@ -1,1 +1,1 @@
-"""Fitters and diagnoses, each in a process of its own."""
+"""Workers: fitters and diagnoses, each in a process of its own."""

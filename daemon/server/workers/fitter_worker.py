@@ -1,4 +1,4 @@
-"""One fitter in a process of its own: an ordinary client that fits what it hears and hands in what it found.
+"""The process of one fitter: an ordinary client that fits every measurement and submits the results.
 
 python -m pzctl.daemon.server.workers.fitter_worker mason --events tcp://127.0.0.1:5470 --requests tcp://127.0.0.1:5471
 """
@@ -16,7 +16,7 @@ from ...client.protocol import DaemonError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import ReceivedEvent, StateEvent, SweepEvent
 from .visitors import LEASE
-from .worker_main import run_as_guest
+from .worker_main import run_worker
 
 log = logging.getLogger(__name__)
 
@@ -24,22 +24,22 @@ HELLO_EVERY = LEASE / 5
 """Seconds after which a fitter says hello again."""
 
 PAUSE = 5.0
-"""Seconds until a visitor knocks again at a daemon that has gone."""
+"""Seconds until a visiting fitter tries again to reach a daemon."""
 
 
-def task_of(heard: Sequence[ReceivedEvent]) -> FitTask:
-    """Return what a fitter is given, of the sweep events of a measurement and of the steps before it."""
+def task_of(events: Sequence[ReceivedEvent]) -> FitTask:
+    """Return the fit task from the sweep events of a measurement and of the steps before it."""
     sweeps: dict[str, tuple[Sweep, ...]] = {}
     build = None
-    for one in heard:
-        if isinstance(one.event, SweepEvent):
-            build, step = one.event.build, one.event.sample.step
-            sweeps[step] = (*sweeps.get(step, ()), one.sweep())
+    for received in events:
+        if isinstance(received.event, SweepEvent):
+            build, step = received.event.build, received.event.sample.step
+            sweeps[step] = (*sweeps.get(step, ()), received.sweep())
     return FitTask(build, sweeps)
 
 
 class FitterWorker:
-    """Fits every measurement once."""
+    """A fitter that answers every measurement once."""
 
     def __init__(self, name: str, fitter: Fitter, client: Client) -> None:
         self._name = name
@@ -49,20 +49,21 @@ class FitterWorker:
         self._greeted = 0.0
 
     def serve(self) -> None:
-        """Answer what is open, then what comes. Raises DaemonError when the daemon has gone."""
+        """Answer the open measurements, then every new one. Raises DaemonError when the daemon has ended."""
         events = self._client.listen(patience=HELLO_EVERY)
         self._greet()
         for measurement in self._client.unanswered(self._name):
             self.answer(measurement)
         while True:
-            for heard in events:
-                if isinstance(heard.event, StateEvent) and heard.event.state == "started":  # the daemon, anew
+            for received in events:
+                event = received.event
+                if isinstance(event, StateEvent) and event.state == "started":  # the daemon was restarted
                     self._greet()
-                if isinstance(heard.event, SweepEvent) and _completes(heard.event):
-                    self.answer(heard.event.measurement)
+                if isinstance(event, SweepEvent) and _completes(event):
+                    self.answer(event.measurement)
                 if time.monotonic() - self._greeted > HELLO_EVERY:
                     self._greet()
-            self._greet()  # nothing came: who is silent for long is taken off the list
+            self._greet()  # no event came; the daemon removes silent fitters from its list
             events = self._client.listen(patience=HELLO_EVERY)
 
     def _greet(self) -> None:
@@ -70,28 +71,28 @@ class FitterWorker:
         self._greeted = time.monotonic()
 
     def answer(self, measurement: str) -> None:
-        """Fit a measurement together with the earlier steps of its sample; hand in the result, or why there is none."""
+        """Fit a measurement with the earlier steps of its sample; submit the result or the reason why there is none."""
         if measurement in self._answered:
             return
-        heard = self._client.sweeps(measurement)
-        if not heard:
+        events = self._client.sweeps(measurement)
+        if not events:
             return
         try:
-            found = self._fitter.fit(task_of(heard))
+            answer = self._fitter.fit(task_of(events))
         except FitError as error:
-            found = str(error)
-        except MemoryError:  # what it leaked before would make every later fit fail as well: begin anew
+            answer = str(error)
+        except MemoryError:  # leaked memory would make every later fit fail too: let the process be restarted
             raise
         except Exception as error:
             log.exception("measurement %s", measurement)
-            found = f"fitter {self._name!r} failed: {type(error).__name__}: {error}"
-        self._hand_in(measurement, [one.event.id for one in heard], found)
+            answer = f"fitter {self._name!r} failed: {type(error).__name__}: {error}"
+        self._submit(measurement, [received.event.id for received in events], answer)
         self._answered.add(measurement)
 
-    def _hand_in(self, measurement: str, sweeps: list[str], found: FitResult | str) -> None:
-        """Submit; where the daemon refuses the answer, its reason is what the person who waits must see."""
+    def _submit(self, measurement: str, sweeps: list[str], answer: FitResult | str) -> None:
+        """Submit an answer; if the daemon refuses it, submit the reason, so that the person who waits sees it."""
         try:
-            self._client.submit(measurement, sweeps, self._name, self._fitter.version, found)
+            self._client.submit(measurement, sweeps, self._name, self._fitter.version, answer)
         except DaemonError as error:
             if error.code == "unreachable":
                 raise
@@ -100,35 +101,35 @@ class FitterWorker:
 
 
 def _completes(event: SweepEvent) -> bool:
-    """Return whether a step's own measurement is complete with this sweep."""
+    """Return whether this sweep is the last one of a step's own measurement."""
     return event.segment == event.segments and event.decides is None
 
 
-def visit(name: str, events: str, requests: str, key: ClientKey | None, told: Callable[[str], None]) -> None:
-    """Run a fitter for a daemon that did not start it, on another machine say, for ever; come back after the daemon.
+def visit(name: str, events: str, requests: str, key: ClientKey | None, report: Callable[[str], None]) -> None:
+    """Run a fitter for a daemon that did not start it, for example on another machine, and reconnect when needed.
 
-    The daemon knows a `module:Class` by its class: it takes no module names from others. `told` is given a sentence
-    when it comes and when the daemon has gone. Raises PluginError, and DaemonError where
-    the key has no right to hand in fits.
+    The daemon knows a `module:Class` by its class name, since it accepts no module names from clients. `report` is
+    called with a sentence when the fitter has connected and when the daemon has ended. Raises PluginError, or
+    DaemonError if the key has no right to submit fits.
     """
     fitter, known_as = load_configured(name), name.rpartition(":")[2]
     while True:
         try:
             with Client(events, requests, key) as client:
-                told(f"fitter {known_as!r} waits for sweeps of the daemon at {requests}")
+                report(f"fitter {known_as!r} waits for sweeps of the daemon at {requests}")
                 FitterWorker(known_as, fitter, client).serve()
         except DaemonError as error:
             if error.code != "unreachable":
                 raise
-            told(f"{error}; trying again")
+            report(f"{error}; trying again")
         time.sleep(PAUSE)
 
 
 def main() -> None:
     """Run one fitter until the daemon that started it ends."""
-    parser = argparse.ArgumentParser(description="One fitter as a guest of the daemon.")
+    parser = argparse.ArgumentParser(description="One fitter as a worker of the daemon.")
     parser.add_argument("name", help="an installed fitter, or module:Class")
-    run_as_guest(parser, lambda client, given: FitterWorker(given.name, load_configured(given.name), client).serve())
+    run_worker(parser, lambda client, given: FitterWorker(given.name, load_configured(given.name), client).serve())
 
 
 if __name__ == "__main__":

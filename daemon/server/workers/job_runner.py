@@ -1,4 +1,4 @@
-"""Fits and diagnoses that were asked for: a process for each, few at a time, each limited in time and memory."""
+"""Requested fits and diagnoses: each in a process of its own, few at a time, limited in time and memory."""
 
 import asyncio
 import subprocess
@@ -17,36 +17,36 @@ from ...wire.events import FitEvent
 from .process_runner import run_to_end
 
 AT_ONCE = 2
-"""Errands that run side by side; the others wait."""
+"""Greatest number of jobs that run at the same time; the others wait."""
 
 MOST = 100
-"""Errands that run or wait."""
+"""Greatest number of jobs that run or wait."""
 
 
 NAMES = "from pzctl.models.effects import catalogue; print(*(effect.name for effect in catalogue()))"
-"""A program that prints the names of the effects: the catalogue brings SciPy along, and loading that would hold up
-everybody who asks the daemon, so another process does."""
+"""A program that prints the names of the effects. It runs in another process, because the catalogue imports SciPy,
+which would delay the daemon's answers."""
 
 
 @dataclass(frozen=True)
 class WorkerJob:
-    """What is to be done: a fit by `fitter`, or a diagnosis that considers `effects` where fitter is None."""
+    """A fit by `fitter`, or, if fitter is None, a diagnosis that considers `effects`."""
 
     measurement: str
     fitter: str | None
     effects: tuple[str, ...] | None = None
     also: tuple[str, ...] = ()
-    """Measurements that were made to decide the diagnosis."""
+    """Ids of further measurements made to decide the diagnosis."""
     propose: bool = False
 
     @property
     def name(self) -> str:
-        """The fitter's name on the answer."""
+        """The fitter's name in the answer."""
         return self.fitter or DIAGNOSIS
 
     @property
     def arguments(self) -> list[str]:
-        """For `daemon/server/workers/job_worker.py`."""
+        """The command-line arguments for `job_worker`."""
         fitter = [] if self.fitter is None else ["--fitter", self.fitter]
         effects = ["--effects", ",".join(self.effects)] if self.effects else []
         also = ["--also", ",".join(self.also)] if self.also else []
@@ -55,7 +55,7 @@ class WorkerJob:
 
 @dataclass
 class JobRunner:
-    """Carries errands out. An errand that ends without an answer is answered here, with the reason."""
+    """Runs jobs. A job that ends without an answer is answered here, with the reason."""
 
     home: Path
     events: str
@@ -67,35 +67,35 @@ class JobRunner:
     _effects: "asyncio.Task[frozenset[str]] | None" = None
     _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
 
-    def begin(self, errand: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> bool:
-        """Begin an errand, unless it runs already; return False where too many do."""
-        if errand in self.running:
+    def begin(self, job: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> bool:
+        """Start a job, unless it runs already; return False if there are too many."""
+        if job in self.running:
             return True
         if len(self.running) >= MOST:
             return False
-        task = asyncio.get_running_loop().create_task(self._do(errand, of, sweeps))
-        self.running[errand] = task
-        task.add_done_callback(lambda _: self.running.pop(errand, None))
+        task = asyncio.get_running_loop().create_task(self._do(job, of, sweeps))
+        self.running[job] = task
+        task.add_done_callback(lambda _: self.running.pop(job, None))
         return True
 
     async def effects(self) -> frozenset[str]:
-        """Return the names of the effects that a diagnosis can be limited to; looked up once."""
+        """Return the names of all effects; looked up only once."""
         if self._effects is None:
             self._effects = asyncio.create_task(asyncio.to_thread(_effects))
         return await asyncio.shield(self._effects)
 
     async def end(self) -> None:
-        """End what runs."""
+        """End all jobs."""
         tasks = list(self.running.values())
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _do(self, errand: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> None:
+    async def _do(self, job: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> None:
         async with self._slots:
             began, most = time.monotonic(), self.limits.seconds
-            arguments = [*errand.arguments, "--events", self.events, "--requests", self.requests]
-            log = log_file(self.home, f"errand-{errand.measurement}")
+            arguments = [*job.arguments, "--events", self.events, "--requests", self.requests]
+            log = log_file(self.home, f"job-{job.measurement}")
             end = await run_to_end(
                 "pzctl.daemon.server.workers.job_worker",
                 [*arguments, "--memory-MB", str(self.limits.memory_MB)],
@@ -110,10 +110,10 @@ class JobRunner:
             FitEvent(
                 measurement=of.id,
                 sample=of.sample,
-                fitter=errand.name,
+                fitter=job.name,
                 version="",
                 sweeps=sweeps,
-                error=f"{errand.name} of measurement {of.id}: {end.says}",
+                error=f"{job.name} of measurement {of.id}: {end.says}",
             )
         )
 

@@ -1,4 +1,4 @@
-"""Who owes an answer to what: so that a fitter that hangs is found, and what it hangs on is known."""
+"""The results that each fitter still owes, which show whether a fitter hangs, and over which measurement."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -7,7 +7,7 @@ from ...wire.events import DiagnosisEvent, Event, FitEvent, StateEvent
 
 
 class PendingResults:
-    """The measurements that each kept fitter has still to answer, in the order in which it takes them."""
+    """The unanswered measurements of each fitter that the daemon keeps, in the order in which it takes them."""
 
     def __init__(self, fitters: Iterable[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -15,7 +15,7 @@ class PendingResults:
         self._since: dict[str, float] = {}
 
     def note(self, event: Event) -> None:
-        """Take note of an event: a complete measurement opens an entry for every fitter, its answer closes it."""
+        """Update the list: a complete measurement adds an entry for every fitter, and its answer removes it."""
         if isinstance(event, StateEvent) and event.state == "measured" and event.measurement:
             for fitter, waiting in self._open.items():
                 if not waiting:
@@ -26,11 +26,11 @@ class PendingResults:
             self._since[event.fitter] = self._clock()
 
     def first(self, fitter: str) -> str | None:
-        """Return the measurement that a fitter is busy with; None where it has nothing to do."""
+        """Return the measurement that a fitter is working on, or None if it has answered all."""
         return next(iter(self._open.get(fitter, {})), None)
 
     def waited(self, fitter: str, began: float) -> float:
-        """Return the seconds that a fitter, whose process began at `began` (of the clock), has taken for the first."""
+        """Return the seconds that a fitter has worked on its first measurement; its process started at `began`."""
         if self.first(fitter) is None:
             return 0.0
         return self._clock() - max(began, self._since[fitter])

@@ -1,4 +1,4 @@
-"""Runs one guest process to its end, and ends it where it hangs; the daemon's loop goes on meanwhile."""
+"""Running a worker process to its end without blocking the daemon's event loop, and ending it if it hangs."""
 
 import asyncio
 import os
@@ -14,23 +14,23 @@ from ...wire.frames import to_json
 from .subprocesses import end_child, kill_child, last_line, start_child
 
 ONE_THREAD: dict[str, str] = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""So that fitters side by side do not fight over the cores."""
+"""Environment that limits numerical libraries to one thread, so that parallel fitters do not compete for the cores."""
 
 
-KEY = "PZCTL_GUEST_KEY"
-"""Of the environment: the key that a guest comes in with."""
+KEY = "PZCTL_WORKER_KEY"
+"""Environment variable with the key of a worker."""
 
 
 @dataclass(frozen=True)
 class ProcessExit:
-    """How a process ended: its exit status (negative: the signal), and a sentence."""
+    """The end of a process: its exit status (negative: the signal), and a sentence."""
 
     code: int
     says: str
 
 
-def guest_client(events: str, requests: str) -> Client:
-    """Return the client that a guest's process talks through; its key is taken out of the environment."""
+def worker_client(events: str, requests: str) -> Client:
+    """Return the client for a worker's process; remove its key from the environment."""
     key = os.environ.pop(KEY, None)
     return Client(events, requests, msgspec.json.decode(key, type=ClientKey) if key else None)
 
@@ -38,11 +38,10 @@ def guest_client(events: str, requests: str) -> Client:
 async def run_to_end(
     module: str, arguments: Sequence[str], log: Path, key: ClientKey | None, hung: Callable[[], str]
 ) -> ProcessExit:
-    """Run a module of this package until it ends, or until `hung` says what it hangs over.
+    """Run a module of this package until it ends, or end it when `hung` returns a reason.
 
-    Its output goes to `log`, begun anew, so that a guest that dies over and over does not fill the disk; what was
-    there is kept once, as `.last`. `key` lets it in where the daemon
-    asks for one. Where this is cancelled, the process is ended first.
+    Its output goes to a new file `log`, and the previous one is kept as `.last`, so that a worker that crashes again
+    and again does not fill the disk. `key` is its key for the daemon. If cancelled, this coroutine ends the process.
     """
     if log.exists():
         log.replace(log.with_suffix(".last"))

@@ -13,12 +13,12 @@ from typing import IO
 def start_child(
     module: str, arguments: Sequence[str], log: IO[bytes], *, stdout: IO[bytes] | int, environment: Mapping[str, str]
 ) -> "subprocess.Popen[bytes]":
-    """Run a module of this package in a process of its own, its errors into `log`.
+    """Run a module of this package in a child process, with its standard error written to `log`.
 
-    Its standard input is a pipe that ends when this process does; the child watches it (`end_with_parent`).
-    In a session of its own, so that Ctrl-C reaches the parent alone, who ends the child in good order. Nothing is
-    imported from the working directory (`-P`), which is the root of the file system: files that happen to lie beside
-    the daemon are no part of it.
+    Its standard input is a pipe that ends with this process, which the child watches (`end_with_parent`). It has a
+    session of its own, so that Ctrl-C reaches only the parent, which ends the child in an orderly way. Nothing is
+    imported from the working directory (`-P`), which is the root of the file system, so that stray files beside the
+    daemon are never run.
     """
     return subprocess.Popen(  # noqa: S603
         [sys.executable, "-P", "-m", module, *arguments],
@@ -32,7 +32,7 @@ def start_child(
 
 
 def end_child(process: "subprocess.Popen[bytes]") -> None:
-    """End a child: asked first, then made to."""
+    """Terminate a child, or kill it if it does not end within 2 s; close its pipes."""
     if process.poll() is None:
         process.terminate()
         try:
@@ -46,12 +46,12 @@ def end_child(process: "subprocess.Popen[bytes]") -> None:
 
 
 def kill_child(process: "subprocess.Popen[bytes]") -> None:
-    """End a child that hangs, and whatever it started: at once, it is past being asked."""
+    """Kill a child that hangs, and its own children, at once."""
     if process.poll() is None:
         if sys.platform == "win32":
             process.kill()
         else:
-            os.killpg(process.pid, signal.SIGKILL)  # start_child gave it a session, so a group, of its own
+            os.killpg(process.pid, signal.SIGKILL)  # start_child gave it a session, and so a process group, of its own
     process.wait()
     end_child(process)
 
@@ -60,7 +60,7 @@ def end_with_parent() -> None:
     """End this process when its standard input ends; called by the child."""
 
     def watch() -> None:
-        while os.read(0, 4096):  # not sys.stdin: its lock would be held when the child ends by itself
+        while os.read(0, 4096):  # not sys.stdin, whose lock would be held when the child ends by itself
             pass
         os._exit(0)
 
@@ -68,8 +68,8 @@ def end_with_parent() -> None:
 
 
 def last_line(path: Path) -> str:
-    """Return the last line of a log that says something."""
+    """Return the last line of a log that is not empty."""
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 4000))
         lines = file.read().decode(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "no output")

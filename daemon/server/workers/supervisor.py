@@ -1,4 +1,4 @@
-"""Keeps the fitters: each in a process of its own, started again when it dies, and the daemon goes on without it."""
+"""Supervision of the fitters: each runs in a process of its own and is restarted when it ends."""
 
 import asyncio
 import time
@@ -16,15 +16,15 @@ from .visitors import LEASE, Visitors
 from .worker_main import GIVEN_UP
 
 QUIET = 1.0
-"""Seconds within which a fitter that is ready is not announced again: it must not fill the journal."""
+"""Seconds within which a ready fitter is not announced again, so that it cannot fill the journal."""
 
 FIRST_WAIT, LONGEST_WAIT = 0.5, 60.0
-"""Seconds until a fitter that died is started again; doubled at each death, forgotten after a long life."""
+"""Seconds until a fitter is restarted: doubled at each end up to the longest; reset after a run longer than that."""
 
 
 @dataclass(frozen=True)
 class WorkerExit:
-    """What became of a fitter's process."""
+    """The end of a fitter's process."""
 
     fitter: str
     code: int
@@ -33,27 +33,27 @@ class WorkerExit:
 
 @dataclass
 class Supervisor:
-    """The fitters a daemon was told to keep, and those that came by themselves."""
+    """The fitters that the daemon keeps running, and those that connected by themselves."""
 
     home: Path
     events: str
     requests: str
     key: ClientKey | None
-    """What lets a fitter in, where keys are asked for."""
+    """Key of the fitters for the daemon."""
     limits: Limits
-    ledger: PendingResults
-    """Who owes which answer since when."""
+    pending: PendingResults
+    """The results that the fitters still owe."""
     changed: Callable[[FitterState, str], None]
     """Called with a fitter's new state and a sentence when it became ready, ended or broken."""
     died: Callable[[WorkerExit], None]
     """Called when a process ended by itself."""
     visitors: Visitors
-    """Whose those are that came by themselves."""
+    """The fitters that connected by themselves, and their owners."""
     states: dict[str, FitterState] = field(default_factory=dict[str, FitterState])
     _told: dict[str, float] = field(default_factory=dict[str, float])
 
     def ready(self, name: str, version: str) -> None:
-        """Note that a fitter said hello; said again, it is no news."""
+        """Record that a fitter said hello; a repeated hello changes nothing."""
         state = FitterState(name, "ready", version)
         known = self.states.get(name)
         if known == state:
@@ -65,30 +65,30 @@ class Supervisor:
         self._set(state)
 
     def forget_silent(self) -> None:
-        """Take those off the list that came by themselves and have not been heard of for too long."""
+        """Remove fitters that connected by themselves and have been silent for too long."""
         for name in self.visitors.silent():
             if (state := self.states.pop(name, None)) is not None:
-                self.changed(FitterState(name, "ended", state.version), f"not heard of for {LEASE:g} s")
+                self.changed(FitterState(name, "ended", state.version), f"silent for {LEASE:g} s")
                 self._told.pop(name, None)
 
     async def keep(self, name: str) -> None:
-        """Run a fitter for ever, or until it says that starting it again is of no use."""
+        """Run a fitter until cancelled, restarting it whenever it ends, or until its exit status says to give up."""
         wait = FIRST_WAIT
         loop = asyncio.get_running_loop()
         while True:
             self.states[name] = FitterState(name, "starting")
             began = loop.time()
-            fate = await self._live(name)
-            if fate.code == GIVEN_UP:
-                self._set(FitterState(name, "broken", None, fate.says))
+            exit_ = await self._live(name)
+            if exit_.code == GIVEN_UP:
+                self._set(FitterState(name, "broken", None, exit_.says))
                 return
-            self._set(FitterState(name, "ended", self.states[name].version, fate.says))
-            self.died(fate)
+            self._set(FitterState(name, "ended", self.states[name].version, exit_.says))
+            self.died(exit_)
             wait = FIRST_WAIT if loop.time() - began > LONGEST_WAIT else min(2 * wait, LONGEST_WAIT)
             await asyncio.sleep(wait)
 
     async def _live(self, name: str) -> WorkerExit:
-        """Run the process once; end it where it hangs, or where this is cancelled."""
+        """Run the process once; end it if it hangs or if this is cancelled."""
         path = log_file(self.home, "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name))
         arguments = [name, "--events", self.events, "--requests", self.requests]
         arguments += ["--memory-MB", str(self.limits.memory_MB)]
@@ -99,12 +99,12 @@ class Supervisor:
         return WorkerExit(name, end.code, end.says)
 
     def _hung(self, name: str, began: float) -> str:
-        """Return what a fitter hangs over, in words; nothing where it does not."""
-        most = self.limits
-        if self.states[name].state == "starting" and time.monotonic() - began > most.start_seconds:
-            return f"did not say hello within {most.start_seconds:g} s of its start"
-        if self.ledger.waited(name, began) > most.seconds:
-            return f"gave no answer within {most.seconds:g} s"
+        """Return in words why a fitter counts as hanging, or an empty string."""
+        limits = self.limits
+        if self.states[name].state == "starting" and time.monotonic() - began > limits.start_seconds:
+            return f"did not say hello within {limits.start_seconds:g} s of its start"
+        if self.pending.waited(name, began) > limits.seconds:
+            return f"gave no answer within {limits.seconds:g} s"
         return ""
 
     def _set(self, state: FitterState) -> None:

@@ -1,4 +1,4 @@
-"""Fitters that came by themselves: whose each is, when it was last heard of. Once it is gone its name is free."""
+"""Fitters that connected by themselves: the owner of each name, until the fitter has been silent for too long."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -7,21 +7,20 @@ from dataclasses import dataclass
 from ...wire.curve_keys import LOCAL
 
 LEASE = 300.0
-"""Seconds that a fitter is listed after it was last heard of."""
+"""Seconds that a fitter stays listed after its last request."""
 
 
 @dataclass(frozen=True)
 class _Visitor:
     client: str
-    """The name of the key that it came in with."""
+    """The name of its key."""
     heard: float
 
 
 class Visitors:
-    """A name belongs to the key that said hello with it, until nothing is heard of it any more.
+    """The owners of fitter names: a name belongs to the key that said hello with it, until that fitter is gone.
 
-    The names that the daemon keeps for its own, those of the fitters that it starts and of its diagnoses, belong to
-    the daemon's own account.
+    Reserved names, those of the fitters that the daemon starts and of its diagnoses, belong to the daemon's account.
     """
 
     def __init__(self, reserved: Iterable[str], clock: Callable[[], float] = time.monotonic) -> None:
@@ -30,24 +29,24 @@ class Visitors:
         self._known: dict[str, _Visitor] = {}
 
     def belongs_to_another(self, name: str, client: str) -> bool:
-        """Return whether a fitter's name is not this client's to use."""
+        """Return whether this client must not use a fitter's name."""
         if name in self._reserved:
             return client != LOCAL
         return name in self._known and self._known[name].client != client
 
     def heard(self, name: str, client: str) -> None:
-        """Note that a client speaks as a fitter; the name is its own from now on, unless it is somebody else's."""
+        """Record a request of a fitter; its name belongs to this client from now on, unless it is another's."""
         if name not in self._reserved and not self.belongs_to_another(name, client):
             self._known[name] = _Visitor(client, self._clock())
 
     def renew(self, name: str, client: str) -> None:
-        """Note that a client which is a fitter already was heard of."""
+        """Record a request of a client that is known as a fitter already."""
         if name in self._known:
             self.heard(name, client)
 
     def silent(self) -> list[str]:
-        """Forget those of whom nothing was heard for too long; return their names."""
-        gone = [name for name, one in self._known.items() if self._clock() - one.heard > LEASE]
+        """Forget the fitters that have been silent for too long, and return their names."""
+        gone = [name for name, visitor in self._known.items() if self._clock() - visitor.heard > LEASE]
         for name in gone:
             del self._known[name]
         return gone

@@ -1,4 +1,4 @@
-"""How a guest's process begins and ends: with its parent, in its limits, and with one sentence of what went wrong."""
+"""Start and end of a worker's process: it has memory limits, ends with its parent, and reports an error in one line."""
 
 import argparse
 import logging
@@ -9,15 +9,15 @@ from ....fitters.plugins import PluginError
 from ....models.base.errors import PzctlError
 from ...client.client import Client
 from ...files.worker_limits import Limits, limit_memory
-from .process_runner import guest_client
+from .process_runner import worker_client
 from .subprocesses import end_with_parent
 
 GIVEN_UP = 2
-"""The exit status that says: starting me again is of no use."""
+"""The exit status after which a restart is of no use."""
 
 
-def run_as_guest(parser: argparse.ArgumentParser, work: Callable[[Client, argparse.Namespace], None]) -> None:
-    """Do some work as a client of the daemon that started this process, and end with it."""
+def run_worker(parser: argparse.ArgumentParser, work: Callable[[Client, argparse.Namespace], None]) -> None:
+    """Run `work` as a client of the daemon that started this process; end when the daemon ends."""
     parser.add_argument("--events", required=True)
     parser.add_argument("--requests", required=True)
     parser.add_argument("--memory-MB", type=int, default=Limits.memory_MB, help="address space it may use")
@@ -26,7 +26,7 @@ def run_as_guest(parser: argparse.ArgumentParser, work: Callable[[Client, argpar
     end_with_parent()
     limit_memory(given.memory_MB)
     try:
-        with guest_client(given.events, given.requests) as client:
+        with worker_client(given.events, given.requests) as client:
             work(client, given)
     except PluginError as error:
         logging.exception("fitter")
@@ -36,5 +36,5 @@ def run_as_guest(parser: argparse.ArgumentParser, work: Callable[[Client, argpar
         print(error, file=sys.stderr)
         sys.exit(1)
     except MemoryError:
-        print(f"it needs more than the {given.memory_MB} MB of memory it may use", file=sys.stderr)
+        print(f"it needs more than the allowed {given.memory_MB} MB of memory", file=sys.stderr)
         sys.exit(1)

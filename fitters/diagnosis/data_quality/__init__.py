@@ -1,1 +1,1 @@
-"""What must be right with the data before any physics is blamed, one gate a module; `gate` runs them all."""
+"""Data checks that run before any physics is blamed, one check per module; `gate` runs them all."""

@@ -1,4 +1,4 @@
-"""All gates, one after the other: what is wrong with the data is put right or left out, and said."""
+"""Run all data checks in turn: correct or exclude faulty data, and report every change."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,44 +18,44 @@ from .sampling import points_per_linewidth
 from .steps_and_glitches import find_abrupt, repaired
 
 _LEAST = 60
-"""PointErrors below which abruptness and causality cannot be told from noise."""
+"""Fewest points with which steps, glitches and violations of causality can be told from noise."""
 _SMOOTH = 15
 _EXCESS, _LEAST_RMS = 6.0, 2e-3
-"""Mean chi2 over `_SMOOTH` points beside the best fit of poles, and root mean square of ln Z: where both are above, no
-linear device could be so. Less than that may be poles that the fit did not get."""
+"""A recording is not causal where the mean chi2 over `_SMOOTH` points beside the best pole fit and the rms of ln Z are
+both above these limits. Smaller residuals may come from poles that the fit did not find."""
 _FAINT = 3e-3
-"""Relative size up to which a glitch may be a faint line of the device, four times an instrument's own error."""
+"""Largest relative size of a glitch that may be a weak line of the device: four times an instrument's own error."""
 _COARSE = 3.0
-"""PointErrors per linewidth below which a resonance is hardly seen at all."""
+"""Points per linewidth below which a resonance is hardly resolved."""
 
 
 @dataclass(frozen=True)
 class Gated:
-    """Recordings as the fits get them, and what was found of them."""
+    """Recordings ready to be fitted, and the results of their checks."""
 
     sweeps: dict[str, tuple[Sweep, ...]]
-    """By step: polarity put right, gain steps taken out, glitches left out."""
+    """By step: polarity corrected, gain steps removed, glitches left out."""
     checks: tuple[DataCheck, ...]
-    """One for each recording, in order."""
+    """One per recording, in order."""
 
     @property
     def bad(self) -> tuple[DataCheck, ...]:
-        """Recordings with something abrupt in them that is no physics of a device."""
+        """Recordings with a step or glitch that cannot be physics of the device."""
         return tuple(check for check in self.checks if any(_told(one) for one in check.abrupt))
 
     @property
     def turned(self) -> dict[str, str]:
-        """How recordings were turned, by step."""
+        """How recordings were turned (`inverted`, `conjugated`), by step."""
         return {check.step: check.turned for check in self.checks if check.turned}
 
 
 def _told(one: DataIssue) -> bool:
-    """Return whether a disturbance is large enough to be told as one: a small glitch may be a faint sharp line."""
+    """Return whether a disturbance is large enough to report: a small glitch may be a weak, sharp line."""
     return one.kind == "step" or (one.size or 0.0) > _FAINT
 
 
 def gate(sweeps: Mapping[str, tuple[Sweep, ...]]) -> Gated:
-    """Return the recordings put right, and a check of each; some 0.2 s for 801 points."""
+    """Return the corrected recordings and a check of each; takes about 0.2 s for 801 points."""
     right, turned = put_right(sweeps)
     made: dict[str, tuple[Sweep, ...]] = {}
     checks: list[DataCheck] = []
@@ -102,7 +102,7 @@ def _trouble(sweep: Sweep, flaw: Glitch) -> DataIssue:
 
 
 def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:
-    """Return when in its sweep a band was passed, in seconds since it began; None where nobody knows its pace."""
+    """Return when a sweep passed a band, in seconds since the sweep began; None if its duration is unknown."""
     seconds = float(sweep.settings.get("sweep_seconds") or 0.0)
     if seconds <= 0:
         return None
@@ -111,9 +111,9 @@ def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:
 
 
 def _not_causal(sweep: Sweep, noise: Reals, fit: PoleFit) -> list[tuple[float, float]]:
-    """Return the bands in which even poles leave far more than noise, the worst first, three at most."""
+    """Return the bands in Hz where even poles leave far more than noise: worst first, three at most."""
     if fit.poles.size == MOST_POLES:
-        return []  # more resonances than poles: a wide, thick disk is no broken law
+        return []  # more resonances than poles: a wide, thick disk violates no law
     n = sweep.frequency.size
     excess: Reals = (fit.residual[:n] ** 2 + fit.residual[n:] ** 2) / 2
     kernel = np.ones(_SMOOTH) / _SMOOTH

@@ -1,4 +1,4 @@
-"""What the gates found of a recording, in words that a technician understands."""
+"""Problems that the data checks find in a recording, in words that a technician understands."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,14 +8,14 @@ Kind = Literal["step", "glitch", "not passive", "not causal", "too coarse", "not
 
 @dataclass(frozen=True)
 class DataIssue:
-    """Something that is not right with a recording."""
+    """A problem in a recording."""
 
     kind: Kind
     band_Hz: tuple[float, float]
     seconds: float | None = None
-    """When it happened, since the sweep began; None where the sweep's pace is not known."""
+    """Time since the sweep began, s; None if the duration of the sweep is unknown."""
     size: float | None = None
-    """Relative height of a step or glitch; points per linewidth where they are too coarse; chi2 between repeats."""
+    """Relative height of a step or glitch; points per linewidth where too coarse; chi2 between repeated sweeps."""
 
     @property
     def says(self) -> str:
@@ -29,35 +29,35 @@ class DataIssue:
         count = f"{self.size or 0:.2g}"
         few = f"{count} point" if count == "1" else f"{count} points"
         return {
-            "step": f"it jumps by {size} {place}{when} (a range switch or a contact); the jump was taken out",
-            "glitch": f"a glitch of {size} {place}{when}; its points were left out",
-            "not passive": f"Re Z is negative beyond noise {place}, as if it gave energy; check the compensation",
-            "not causal": f"{place} no linear device at rest was found to look like this: driven too hard, swept too "
-            "fast, drifting, disturbed, or a great many resonances",
-            "too coarse": f"only {few} within the width of the resonance {place}; take more",
-            "not repeated": f"{place} this sweep differs from the one before it by more than noise",
+            "step": f"it jumps by {size} {place}{when} (a range switch or a bad contact); the jump was removed",
+            "glitch": f"a glitch of {size} {place}{when}; its points were excluded",
+            "not passive": f"Re Z is negative beyond noise {place}, as of a source; check the compensation",
+            "not causal": f"no linear, time-invariant device looks like this {place}: level too high, sweep too fast, "
+            "drift, a disturbance, or very many resonances",
+            "too coarse": f"only {few} within the width of the resonance {place}; measure with more points",
+            "not repeated": f"this sweep differs from the previous one by more than noise {place}",
         }[self.kind]
 
 
 @dataclass(frozen=True)
 class DataCheck:
-    """One recording's data, before any physics."""
+    """Result of the data checks of one recording, before any physics."""
 
     step: str
     index: int
-    """Which of the step's recordings, from 0."""
+    """Position among the step's recordings, from 0."""
     points: int
     noise: float | None = None
-    """Relative, of Re and Im of ln Z; None where there are too few points to tell."""
+    """Relative standard deviation of Re and Im of ln Z; None if there are too few points to estimate it."""
     causal_chi2_per_dof: float | None = None
-    """Misfit of the best causal, linear, time-invariant device, whatever it may be made of."""
+    """Misfit of the best causal, linear, time-invariant model, whatever the device is made of."""
     points_per_linewidth: float | None = None
-    """Of the sharpest resonance in the band."""
+    """For the sharpest resonance in the band."""
     turned: str = ""
-    """`inverted` or `conjugated`, and put right."""
+    """`inverted` or `conjugated` if the recording was, and has been corrected; else empty."""
     troubles: tuple[DataIssue, ...] = ()
 
     @property
     def abrupt(self) -> tuple[DataIssue, ...]:
-        """What happened to the data and not to the device: steps and glitches."""
+        """Disturbances of the data rather than of the device: steps and glitches."""
         return tuple(one for one in self.troubles if one.kind in ("step", "glitch"))

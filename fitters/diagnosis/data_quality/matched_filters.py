@@ -1,7 +1,7 @@
-"""Steps and short glitches held against what a fit of poles leaves: generalised likelihood ratios at every place.
+"""Matched filters for steps and short glitches: a generalised likelihood ratio test at every point of a pole fit.
 
-A step multiplies Z by 1 + a from one point on, a glitch for some points; `a` is complex. What the poles could imitate
-of it is taken off first, so that nothing is called a step that a resonance may be.
+A step multiplies Z by 1 + a from one point onwards, a glitch multiplies a few points; `a` is complex. The part that
+poles could imitate is projected out first, so that no resonance is reported as a step.
 """
 
 from collections.abc import Sequence
@@ -17,32 +17,32 @@ from .pole_fit import PoleFit, stacked
 _Number = TypeVar("_Number", np.float64, np.complex128)
 Indices = NDArray[np.intp]
 _LENGTHS = (1, 2, 3, 4, 6, 8, 12)
-"""Of glitches, in points; longer ones are two steps."""
+"""Lengths of glitches, in points; a longer one counts as two steps."""
 _NEAR = 25
-"""Points on either side over which a flaw is held against what is left over."""
+"""Number of points on either side whose residuals set the scale of a glitch's score."""
 _EDGE = 4
 _STEP_SURVIVES, _GLITCH_SURVIVES = 1e-4, 0.03
-"""Least part of a template's square that the poles must not be able to imitate."""
+"""Smallest part of a template's squared norm that must lie outside the span of the poles."""
 _BY_CHANCE = 0.2
-"""Correlation of neighbours that some fifty points of white noise may show."""
+"""Correlation of neighbouring residuals that about fifty points of white noise may show by chance."""
 
 
 @dataclass(frozen=True)
 class Glitch:
-    """Something abrupt in a recording."""
+    """A step or a glitch in a recording."""
 
     first: int
-    """Index of the first point that has it."""
+    """Index of the first point affected."""
     stop: int
-    """Index after the last one; the number of points for a step, which lasts."""
+    """Index after the last point affected; for a step, which lasts to the end, the number of points."""
     amplitude: complex
-    """What Z is multiplied by there, less 1."""
+    """Factor on Z at these points, minus 1."""
     raw: float
-    """Fall of chi2 that it brings."""
+    """Decrease of chi2 when it is taken into account."""
     score: float
-    """The same in units of what is left over near it, and for as many points as are worth counting."""
+    """`raw` over the residual chi2 per point nearby, corrected for correlated residuals."""
     plain: bool = False
-    """Whether it stands out against its own neighbourhood, without any fit of poles."""
+    """Whether it stands out against its neighbourhood even without a pole fit."""
 
     def is_step(self, points: int) -> bool:
         """Return whether it lasts to the end of a recording with this many points."""
@@ -50,7 +50,7 @@ class Glitch:
 
 
 def strongest(fit: PoleFit) -> list[Glitch]:
-    """Return the best place of a step, and of a glitch of every length, the most significant first."""
+    """Return the best step, and the best glitch of every length, most significant first."""
     search = _Search.of(fit)
     n = search.residual.size
     found = [search.best(np.arange(_EDGE, n - _EDGE), np.full(n - 2 * _EDGE, n), _STEP_SURVIVES)]
@@ -61,7 +61,7 @@ def strongest(fit: PoleFit) -> list[Glitch]:
 
 
 def standing(fit: PoleFit, flaw: Glitch) -> Glitch:
-    """Return a flaw scored anew by a fit that was made with it: a step taken out, a glitch's points still in."""
+    """Return a flaw with the score from a fit that already includes it: a step removed, a glitch's points still in."""
     search = _Search.of(fit)
     if not flaw.is_step(search.residual.size):
         return search.best(np.array([flaw.first]), np.array([flaw.stop]), _GLITCH_SURVIVES)
@@ -73,7 +73,7 @@ def standing(fit: PoleFit, flaw: Glitch) -> Glitch:
 
 
 def adjusted(fit: PoleFit, flaws: Sequence[Glitch]) -> list[Glitch]:
-    """Return the flaws, their steps as high as the fit, which was made without them, would have them all at once."""
+    """Return the flaws with the heights of all steps re-estimated together from the residuals of a fit without them."""
     n = fit.frame.inverse.size
     steps = [flaw for flaw in flaws if flaw.is_step(n)]
     basis = _Search.of(fit).basis
@@ -89,26 +89,26 @@ def adjusted(fit: PoleFit, flaws: Sequence[Glitch]) -> list[Glitch]:
 
 
 def _held(change: complex, flaw: Glitch) -> complex:
-    """Return the change of a step's height, kept to half of it: the fit may be bad yet."""
+    """Return the change of a step's height, limited to half the height because the fit may still be poor."""
     return change * min(1.0, 0.5 * abs(flaw.amplitude) / max(abs(change), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Running sums of everything that scores of contiguous templates need."""
+    """Cumulative sums from which the scores of all contiguous templates follow."""
 
     fit: PoleFit
     basis: Reals
-    """Orthonormal, the fit's tangent included, shape (2N, M)."""
+    """Orthonormal columns, including the tangent of the fit, shape (2N, M)."""
     residual: Complexes
-    """Shape (N,)."""
+    """Residuals outside the basis, shape (N,)."""
     real: Reals
     imag: Reals
-    """Running sums of basis rows over noise, shape (N + 1, M)."""
+    """Cumulative sums of basis rows over noise, shape (N + 1, M)."""
     left: Complexes
-    """Of residuals over noise, shape (N + 1,)."""
+    """Cumulative sums of residuals over noise, shape (N + 1,)."""
     squares: Reals
-    """Of 1 / noise^2, shape (N + 1,)."""
+    """Cumulative sums of 1 / noise^2, shape (N + 1,)."""
 
     @classmethod
     def of(cls, fit: PoleFit) -> "_Search":
@@ -120,13 +120,13 @@ class _Search:
         return cls(fit, basis, residual, real, imag, _running(residual * inverse), _running(inverse**2))
 
     def information(self, first: Indices, stop: Indices) -> tuple[Reals, Reals, Reals]:
-        """Return what templates [first, stop) tell of Re and Im of their height, and of both together."""
+        """Return the Fisher information of Re, of Im, and of both jointly, of the height of templates [first, stop)."""
         R, X = self.real[stop] - self.real[first], self.imag[stop] - self.imag[first]
         whole = self.squares[stop] - self.squares[first]
         return whole - np.sum(R**2, axis=1), whole - np.sum(X**2, axis=1), -np.sum(R * X, axis=1)
 
     def best(self, first: Indices, stop: Indices, survives: float) -> Glitch:
-        """Return the best of the templates [first, stop)."""
+        """Return the best of the templates [first, stop); at least the part `survives` must lie outside the basis."""
         whole, pull = self.squares[stop] - self.squares[first], self.left[stop] - self.left[first]
         aa, bb, ab = self.information(first, stop)
         det = aa * bb - ab**2
@@ -152,7 +152,7 @@ class _Search:
 
 
 def _worth(near: Complexes) -> float:
-    """Return chi2 per point of residuals, times how many of them are worth one."""
+    """Return chi2 per point of the residuals, times the number of correlated points that count as one."""
     total = float(np.sum(np.abs(near) ** 2))
     if total == 0:
         return 1.0
@@ -162,7 +162,7 @@ def _worth(near: Complexes) -> float:
 
 
 def _directions(J: Reals) -> Reals:
-    """Return orthonormal columns of all that the columns of J can do, without those that are rounding alone."""
+    """Return an orthonormal basis of the columns of J, without directions that are rounding only."""
     felt = J[:, np.linalg.norm(J, axis=0) > 1e-6]
     if not felt.size:
         return felt

@@ -1,4 +1,4 @@
-"""A passive device takes energy at every frequency: Re Z is nowhere negative beyond noise."""
+"""Passivity: a passive device absorbs power at every frequency, so Re Z is nowhere negative beyond noise."""
 
 import numpy as np
 
@@ -7,11 +7,11 @@ from ....models.sweep import Sweep
 
 _OVER = 9
 _BEYOND = 5.0
-"""Standard deviations of a mean of `_OVER` points."""
+"""Significance in standard deviations of a mean of `_OVER` points."""
 
 
 def active_bands(sweep: Sweep, noise: Reals) -> list[tuple[float, float]]:
-    """Return the bands in Hz where Re Z is negative beyond noise (of Re and Im of ln Z, shape (N,)), lowest first."""
+    """Return the bands in Hz where Re Z is negative beyond `noise` (of Re and Im of ln Z, shape (N,)), lowest first."""
     kernel = np.ones(_OVER) / _OVER
     R = np.convolve(sweep.impedance.real, kernel, mode="valid")
     variance = np.convolve((noise * np.abs(sweep.impedance)) ** 2, kernel, mode="valid") / _OVER

@@ -1,4 +1,4 @@
-"""Recordings that are turned: Z with the wrong sign, or its complex conjugate."""
+"""Polarity of recordings: detect and correct Z with the wrong sign, or its complex conjugate."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,17 +9,17 @@ from ....models.sweep import Sweep
 
 _MOSTLY = 0.9
 _FALLING = 0.75
-"""Part of the points at which a reactance falls, from which a recording is turned: neighbouring modes make it fall at
-one in six of a device that is recorded right."""
+"""Share of points with falling reactance from which a recording is conjugated or inverted; in a correct recording,
+coupled modes make the reactance fall at one point in six at most."""
 _STRIDE = 100
-"""Part of a sweep over which a reactance is seen to rise: a hundredth, so that noise does not decide."""
+"""The rise of the reactance is measured over 1/100 of the sweep, so that noise does not decide."""
 
 
 def polarity_of(sweep: Sweep) -> str | None:
-    """Return how a recording is turned: `inverted` (Z has the wrong sign), `conjugated`, or None where it is right.
+    """Return `inverted` (Z has the wrong sign), `conjugated`, or None if the recording is correct.
 
-    A passive device has Re Z >= 0 everywhere, and where it hardly loses anything its reactance rises with frequency
-    (Foster's theorem), whatever is in series with it: of its complex conjugate it falls.
+    A passive device has Re Z >= 0 everywhere. Where its losses are small its reactance rises with frequency (Foster's
+    theorem), whatever is in series with it; the reactance of the complex conjugate falls.
     """
     negative = float(np.mean(sweep.impedance.real < 0)) > _MOSTLY
     rising = _part_rising(sweep)
@@ -29,7 +29,7 @@ def polarity_of(sweep: Sweep) -> str | None:
 
 
 def _part_rising(sweep: Sweep) -> float | None:
-    """Return the part of the mostly reactive points at which the reactance rises; None where there are too few."""
+    """Return the share of mostly reactive points at which the reactance rises; None if there are too few points."""
     Z = sweep.impedance
     stride = max(1, Z.size // _STRIDE)
     reactive = np.abs(Z.imag) > np.abs(Z.real)
@@ -39,7 +39,7 @@ def _part_rising(sweep: Sweep) -> float | None:
 
 
 def put_right(sweeps: Mapping[str, tuple[Sweep, ...]]) -> tuple[dict[str, tuple[Sweep, ...]], dict[str, str]]:
-    """Return the sweeps with their polarity put right, and by step what had to be done."""
+    """Return the sweeps with correct polarity, and by step the correction that was needed."""
     turned: dict[str, str] = {}
     right: dict[str, tuple[Sweep, ...]] = {}
     for step, of_step in sweeps.items():

@@ -1,11 +1,12 @@
-"""What any linear, causal, time-invariant device can show: a rational function with stable poles.
+"""Pole fit: approximate a recording by a rational function with stable poles, as any causal linear device allows.
 
-Y(s) is a sum of resonances, each a pair of conjugate poles in the left half plane with a complex residue, over a smooth
-ground of real poles on a logarithmic grid and the terms 1/s, 1, s; all coefficients are real, as Kramers and Kronig
-want it. RC ladders alone (the test of electrochemistry) miss a perfect disk by 21-31 %. Poles are taken in one by one
-where a matched scan finds most, and all are refined by variable projection (Golub and Pereyra, SIAM J. Numer. Anal. 10
-(1973) 413; Jacobian after Kaufman, BIT 15 (1975) 49): coefficients are linear and never seen by the optimiser. No pole
-is narrower than the points can show, so that a single bad point is not fitted as a resonance.
+Y(s) is a sum of resonances, each a pair of conjugate poles in the left half plane with a complex residue, plus a smooth
+background of real poles on a logarithmic grid and the terms 1/s, 1 and s. All coefficients are real, as the
+Kramers-Kronig relations require. RC ladders alone (the usual test in electrochemistry) miss a perfect disk by 21-31 %.
+A matched scan adds poles one by one where they explain most, and variable projection refines all of them (Golub and
+Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Jacobian after Kaufman, BIT 15 (1975) 49), so that the optimiser never
+sees the linear coefficients. No pole is narrower than the point spacing resolves, so that a single bad point is not
+fitted as a resonance.
 """
 
 from dataclasses import dataclass
@@ -18,35 +19,35 @@ from ....models.sweep import Sweep
 
 _GROUND = 12
 _REACH = 5.0
-"""The grid of real poles goes beyond the recording by this factor."""
+"""The grid of real poles extends beyond the recorded band by this factor."""
 _LEAST_WIDTH = 0.5
 """Half width of the narrowest pole, in steps of the frequency grid."""
 MOST_POLES = 14
 _PAYS = 40.0
-"""Fall of chi2, in units of what is left over, that a pole with its four numbers must bring."""
+"""Smallest decrease of chi2, in units of the residual chi2 per degree of freedom, that justifies a pole (4 numbers)."""
 _FREQUENCIES, _WIDTHS = 70, (0.004, 0.02, 0.1)
 _FELT = 1e-6
-"""Least part of a pole's column that the ground must not have: what is left of less are roundings, in any direction."""
+"""Smallest part of a pole's column outside the background; anything less is rounding error of arbitrary direction."""
 _FAR = 30.0
-"""chi2 per degree of freedom above which a refinement need not be good: more poles are to come."""
+"""chi2 per degree of freedom above which a rough refinement is enough, because more poles will follow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A recording as the fit of poles sees it; residuals are relative to Z and in units of noise."""
+    """A recording scaled for the pole fit; residuals are relative to Z and in units of noise."""
 
     s: Complexes
-    """j omega over the geometric middle of the band, shape (N,)."""
+    """j omega over the geometric mean frequency of the band, shape (N,)."""
     inverse: Reals
-    """1 / noise; 0 for points that take no part; shape (N,)."""
+    """1 / noise; 0 for excluded points; shape (N,)."""
     weight: Complexes
-    """`inverse` / Y: what a column is multiplied by, shape (N,)."""
+    """`inverse` / Y, the factor on every column, shape (N,)."""
     ground: Reals
-    """Orthonormal columns of everything that is no resonance, shape (2N, M)."""
+    """Orthonormal columns of the non-resonant background, shape (2N, M)."""
 
     @classmethod
     def of(cls, sweep: Sweep, noise: Reals, good: NDArray[np.bool_]) -> "Frame":
-        """Return the frame of a recording without the points that are not `good`."""
+        """Return the frame of a recording in which only the points marked `good` count."""
         f = sweep.frequency
         s: Complexes = np.multiply(1j / float(np.sqrt(f[0] * f[-1])), f, dtype=np.complex128)
         inverse = np.where(good, 1 / noise, 0.0)
@@ -59,7 +60,7 @@ class Frame:
 
     @property
     def points(self) -> int:
-        """How many points take part."""
+        """Number of points that count."""
         return int(np.count_nonzero(self.inverse))
 
     @property
@@ -75,13 +76,13 @@ class PoleFit:
 
     frame: Frame
     poles: Complexes
-    """Of the upper half, shape (P,), in units of the frame's middle frequency."""
+    """Poles in the upper half plane, shape (P,), in units of the frame's mean frequency."""
     basis: Reals
-    """Orthonormal columns of all that is fitted linearly, shape (2N, M)."""
+    """Orthonormal columns of all linear terms, shape (2N, M)."""
     residues: Complexes
-    """Shape (P,); of columns measured by the poles' half widths."""
+    """Complex residues, shape (P,), of columns scaled by the poles' half widths."""
     residual: Reals
-    """Real parts, then imaginary ones, shape (2N,)."""
+    """Real parts, then imaginary parts, shape (2N,)."""
 
     @property
     def cost(self) -> float:
@@ -90,7 +91,7 @@ class PoleFit:
 
     @property
     def chi2_per_dof(self) -> float:
-        """Misfit over degrees of freedom; 1 where only noise is left."""
+        """Misfit per degree of freedom; 1 where only noise is left."""
         return self.cost / max(1.0, 2.0 * self.frame.points - self.basis.shape[1] - 2 * self.poles.size)
 
     def tangent(self) -> Reals:
@@ -106,7 +107,7 @@ class PoleFit:
 
 
 def fit_poles(frame: Frame, start: Complexes | None = None) -> PoleFit:
-    """Return the fit with as many poles as pay, `start` among them."""
+    """Fit as many poles as the data justify, beginning with those in `start`."""
     best = linear_fit(frame, np.zeros(0, np.complex128) if start is None else start)
     if start is not None:
         best = refined(best)
@@ -120,7 +121,7 @@ def fit_poles(frame: Frame, start: Complexes | None = None) -> PoleFit:
 
 
 def linear_fit(frame: Frame, poles: Complexes) -> PoleFit:
-    """Return the fit with these poles as they are."""
+    """Fit the linear coefficients with the poles held fixed."""
     aim = stacked(np.asarray(frame.inverse, np.complex128))
     basis, residues = frame.ground, np.zeros(0, np.complex128)
     if poles.size:
@@ -137,7 +138,7 @@ def linear_fit(frame: Frame, poles: Complexes) -> PoleFit:
 
 
 def refined(fit: PoleFit) -> PoleFit:
-    """Return the fit after some steps of Levenberg and Marquardt on its poles."""
+    """Refine the poles by a few Levenberg-Marquardt steps."""
     damping = 1e-3
     for _ in range(14 if fit.chi2_per_dof < _FAR else 6):
         J, before = fit.tangent(), fit.cost
@@ -164,7 +165,7 @@ def _moved(fit: PoleFit, normal: Reals, slope: Reals, damping: float) -> PoleFit
 
 
 def _most_promising(fit: PoleFit) -> complex:
-    """Return the pole, of a grid, that would explain most of what is left: a matched scan."""
+    """Return the pole of a grid that would explain most of the residual (a matched scan)."""
     frame = fit.frame
     places: Reals = _spaced(0.7 * frame.s[0].imag, 1.6 * frame.s[-1].imag, _FREQUENCIES)
     place, relative = (grid.ravel() for grid in np.meshgrid(places, _WIDTHS))
@@ -174,7 +175,7 @@ def _most_promising(fit: PoleFit) -> complex:
 
 
 def _gains(A: Reals, B: Reals, basis: Reals, residual: Reals) -> Reals:
-    """Return the fall of chi2 by each pair of columns (A_k, B_k) beside the orthonormal basis, shape (K,)."""
+    """Return the decrease of chi2 from each pair of columns (A_k, B_k) added to the basis, shape (K,)."""
     a, b = basis.T @ A, basis.T @ B
     full = np.maximum(np.sum(A**2, axis=0), np.sum(B**2, axis=0))
     aa, bb = np.sum(A**2, axis=0) - np.sum(a**2, axis=0), np.sum(B**2, axis=0) - np.sum(b**2, axis=0)
@@ -186,12 +187,12 @@ def _gains(A: Reals, B: Reals, basis: Reals, residual: Reals) -> Reals:
 
 
 def stacked(values: Complexes) -> Reals:
-    """Return real parts above imaginary ones."""
+    """Return the real parts followed by the imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 
 def _columns(frame: Frame, poles: Complexes) -> tuple[Reals, Reals]:
-    """Return the two columns of each pole, measured by its half width, shapes (2N, P)."""
+    """Return the two columns of each pole, scaled by its half width, each of shape (2N, P)."""
     up, down = 1 / (frame.s[:, None] - poles), 1 / (frame.s[:, None] - np.conj(poles))
     scale = -poles.real * frame.weight[:, None]
     return stacked((up + down) * scale), stacked(1j * (up - down) * scale)

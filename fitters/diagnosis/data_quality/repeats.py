@@ -1,4 +1,4 @@
-"""Sweeps of one step on one grid, upwards, downwards or again, held against each other: what is not the same twice."""
+"""Repeatability: compare successive sweeps of one step on the same frequency grid, whatever their direction."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,11 +11,11 @@ from .data_issues import DataIssue
 
 _OVER = 15
 _BEYOND = 8.0
-"""Mean chi2 over `_OVER` points of the difference of two sweeps, from which they are not the same."""
+"""Mean chi2 over `_OVER` points of the difference of two sweeps above which they are not repeatable."""
 
 
 def differences(sweeps: Sequence[Sweep]) -> list[tuple[DataIssue, ...]]:
-    """Return, for each sweep, where it differs from the one before on the same points; the first has none before it."""
+    """Return, for each sweep, where it differs from the sweep before it; the first has nothing to compare with."""
     found: list[tuple[DataIssue, ...]] = [()] if sweeps else []
     return [*found, *(_difference(before, after) for before, after in pairwise(sweeps))]
 

@@ -1,4 +1,4 @@
-"""How many points fall within the width of the sharpest resonance."""
+"""Sampling: count the points within the width of the sharpest resonance."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from ....models.base.arrays import Frequencies
 from .pole_fit import PoleFit, linear_fit
 
 _PAYS = 100.0
-"""Fall of chi2 that makes a pole a resonance one can be sure of."""
+"""Smallest decrease of chi2 for which a pole is certainly a resonance."""
 _INSIDE = 2
-"""Points that a resonance has on either side: a pole beside the first point mends what poles beyond the band leave."""
+"""Points that a resonance must have on either side: a pole at the edge of the band may stand for poles beyond it."""
 
 
 def points_per_linewidth(fit: PoleFit, frequency: Frequencies) -> tuple[float, float] | None:
-    """Return the least number of points within f/Q of any resonance in the band, and its Hz; None for no resonance."""
+    """Return the fewest points within f/Q of any resonance in the band, and its frequency (Hz); None without one."""
     s = np.asarray(fit.frame.s.imag, np.float64)
     steps = 2 * fit.frame.least_width
     best: tuple[float, float] | None = None

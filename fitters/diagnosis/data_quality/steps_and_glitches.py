@@ -1,4 +1,4 @@
-"""Steps and glitches of a recording, told from resonances: found one by one, checked once more when all are known."""
+"""Detection of steps and glitches beside resonances: found one by one, then tested again once all are known."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,44 +14,45 @@ from .matched_filters import Glitch, adjusted, standing, strongest
 from .pole_fit import Frame, PoleFit, fit_poles, linear_fit, refined
 
 _SIGNIFICANT = 50.0
-"""Score of a flaw. Two numbers at some 6000 places of white noise reach 45 once in a million recordings."""
+"""Score from which a flaw is accepted. In white noise, two numbers at some 6000 places reach 45 in one of a million
+recordings."""
 _UNCLEAR = 15.0
-"""What is left near a flaw, in noise and for correlated points, from which poles describe too little to judge by."""
+"""Residual chi2 near a flaw, corrected for correlated points, above which the pole fit is too poor to judge by."""
 _MOST = 40
 _ROUNDS = 10
 _OF_SLOPE = 0.3
-"""Least amplitude, in changes of ln Z from point to point near it: less would be the frequency of a resonance that
-wavers by a third of a step."""
+"""Smallest amplitude in units of the change of ln Z from point to point nearby; anything less could be a resonance
+whose frequency fluctuates by a third of a step."""
 _OF_ROUNDING = 1.5
-"""Least amplitude in steps of the digits that were written down."""
+"""Smallest amplitude in units of the last digit recorded."""
 _SLOPE_OVER = 5
 _HALF = 8
 _LOCAL = 120.0
-"""Score of a step within sixteen points, against a cubic through them; left over are 22 numbers."""
+"""Score above which a step within sixteen points stands out against a cubic through them; 22 degrees of freedom."""
 _NARROW = 6.0
-"""Half width in steps of frequency below which a pole may stand for a glitch."""
+"""Half width, in steps of frequency, below which a pole may imitate a glitch."""
 _FAINT = 1e5
-"""Fall of chi2 above which a pole is no glitch: what is larger than that, no pole describes."""
+"""Decrease of chi2 above which a pole is certainly no glitch: poles cannot imitate a larger one."""
 _BESIDE = 8
 _PER_POLE, _PART = 15.0, 0.03
-"""What poles may bring beyond a glitch, for each of them or as a part, and still have stood for it."""
+"""Extra chi2 (absolute per pole, or relative) by which poles may beat a glitch and still count as its imitation."""
 _ADJUSTED = 6
 _GOOD = 10.0
-"""chi2 per degree of freedom of a fit that knows the heights of steps better than their own neighbourhood does."""
+"""chi2 per degree of freedom below which the fit estimates step heights better than the neighbouring points do."""
 
 
 @dataclass(frozen=True, eq=False)
 class Abrupt:
-    """What is abrupt in a recording, and the fit of poles beside it."""
+    """Steps and glitches of a recording, and the pole fit made together with them."""
 
     flaws: tuple[Glitch, ...]
     fit: PoleFit
     good: NDArray[np.bool_]
-    """Points that no glitch has, shape (N,)."""
+    """Points outside all glitches, shape (N,)."""
 
 
 def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
-    """Return the flaws of a recording with this noise of Re and Im of ln Z, shape (N,)."""
+    """Find steps and glitches in a recording; `noise` is that of Re and Im of ln Z, shape (N,)."""
     flaws = _local_steps(sweep, np.log(sweep.impedance * sweep.frequency), noise, [])
     flaws = [replace(flaw, plain=True) for flaw in flaws]
     flaws, fit = _settled(sweep, noise, flaws, None)
@@ -71,7 +72,7 @@ def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
 def _settled(
     sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], poles: Complexes | None
 ) -> tuple[list[Glitch], PoleFit]:
-    """Return the flaws, the heights of the steps adjusted to the fit of poles and that to them."""
+    """Return the flaws and a pole fit after iterating between step heights and poles."""
     fit = fit_poles(_frame(sweep, noise, flaws), poles)
     now = list(flaws)
     stepped = any(flaw.is_step(sweep.frequency.size) for flaw in now)
@@ -87,9 +88,9 @@ def _settled(
 
 
 def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], fit: PoleFit) -> tuple[list[list[Glitch]], PoleFit]:
-    """Return what may be the next flaws, one guess or two, and the fit: without the pole that stood for them.
+    """Return one or two guesses for the next flaws, and the fit without the poles that imitated them.
 
-    On the flank of a resonance a step and a glitch look alike until they are tried, so one of each is returned.
+    On the flank of a resonance a step and a glitch look alike until both are tried, so one of each is returned.
     """
     n = sweep.frequency.size
     local = _local_steps(sweep, np.log(1 - (fit.residual[:n] + 1j * fit.residual[n:]) * noise), noise, flaws)
@@ -117,7 +118,7 @@ def _is_new(flaw: Glitch, known: Sequence[Glitch]) -> bool:
 
 
 def _narrow(fit: PoleFit) -> list[list[int]]:
-    """Return groups of poles in the band that may stand for a glitch: so narrow, so close, and bringing so little."""
+    """Return groups of poles in the band that may imitate a glitch: narrow, close together, and of little effect."""
     s, width = fit.frame.s.imag, -fit.poles.real
     step = np.interp(fit.poles.imag, s, 2 * fit.frame.least_width)
     inside = (fit.poles.imag > s[0]) & (fit.poles.imag < s[-1]) & (width < _NARROW * step)
@@ -132,7 +133,7 @@ def _narrow(fit: PoleFit) -> list[list[int]]:
 
 
 def _possible(sweep: Sweep, flaw: Glitch) -> bool:
-    """Return whether a flaw is larger than what a wavering resonance or rounding would make."""
+    """Return whether a flaw is larger than rounding or a fluctuating resonance frequency could make it."""
     slopes = np.abs(np.diff(np.log(sweep.impedance * sweep.frequency)))
     last = flaw.first if flaw.is_step(sweep.frequency.size) else flaw.stop
     near = slopes[max(0, flaw.first - _SLOPE_OVER) : last + _SLOPE_OVER]
@@ -141,14 +142,14 @@ def _possible(sweep: Sweep, flaw: Glitch) -> bool:
 
 
 def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], flaw: Glitch, fit: PoleFit) -> Glitch | None:
-    """Return the flaw as it stands when all others are known; None where it does not stand."""
+    """Return the flaw re-scored with all others known; None if it is no longer significant."""
     if flaw.is_step(sweep.frequency.size):
         again = standing(fit, flaw)
     else:
         rest = [one for one in flaws if one is not flaw]
         again = standing(linear_fit(_frame(sweep, noise, rest), fit.poles), flaw)
     clear = flaw.plain or again.raw < _UNCLEAR * again.score
-    # Where poles leave more than noise, what is left has bumps of its own, and roundings decide which of them reach 50.
+    # Where poles leave more than noise, the residual has bumps of its own, and rounding decides which of them reach 50.
     least = _SIGNIFICANT * max(1.0, fit.chi2_per_dof)
     return again if clear and again.score > least and _possible(sweep, again) else None
 
@@ -158,7 +159,7 @@ def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch]) -> Frame:
 
 
 def good_points(sweep: Sweep, flaws: Sequence[Glitch]) -> NDArray[np.bool_]:
-    """Return which points no glitch has, shape (N,)."""
+    """Return the mask of points outside all glitches, shape (N,)."""
     good = np.ones(sweep.frequency.size, np.bool_)
     for flaw in flaws:
         if not flaw.is_step(good.size):
@@ -167,11 +168,11 @@ def good_points(sweep: Sweep, flaws: Sequence[Glitch]) -> NDArray[np.bool_]:
 
 
 def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[Glitch]) -> list[Glitch]:
-    """Return steps of ln Z that stand out against a cubic through eight points on either side; the surest first.
+    """Return steps of ln Z that stand out against a cubic through eight points on either side, most significant first.
 
-    `course`, shape (N,), is ln Z less something smooth: at first only what a capacitor does, later a fit of poles.
-
-    Many of them, as from an analyzer that switches its range to and fro, would spoil the first fit of poles.
+    `course`, shape (N,), is ln Z minus a smooth part: that of a capacitor at first, later that of a pole fit. This
+    local
+    test comes first because many steps, as from an analyzer that keeps switching its range, would spoil the pole fit.
     """
     n, size = sweep.frequency.size, 2 * _HALF
     windows: Complexes = sliding_window_view(course, size)
@@ -198,9 +199,9 @@ def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[
 
 
 def repaired(sweep: Sweep, flaws: Sequence[Glitch]) -> Complexes:
-    """Return the impedance without its steps: all stretches as high as the longest one; ohm, shape (N,).
+    """Return the impedance with all steps removed, scaled to its longest stretch; ohm, shape (N,).
 
-    Which stretch is right, nobody knows; a factor over all of it is what area and permittivity absorb.
+    The data do not tell which stretch is right; area and permittivity absorb a constant factor.
     """
     n = sweep.frequency.size
     level = np.ones(n, np.complex128)

@@ -1,1 +1,1 @@
-"""Which further measurement would decide between explanations."""
+"""Choice of the further measurement that would decide between explanations."""

@@ -1,4 +1,4 @@
-"""What an impedance analyzer can do differently: another level, bandwidth, direction, band, or the same once more."""
+"""Candidate sweeps that an analyzer can make: another level, bandwidth, direction or band, or a repetition."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -12,32 +12,32 @@ from ....models.sweep_plan import Segment, SweepPlan
 
 _LEVEL_STEP = 5.0
 _DENSER = 3
-"""A sweep over a wider band has as many times the points: a resonance must not fall between them."""
+"""A sweep over a wider band has this many times the points, so that no resonance falls between them."""
 _OVERTONE = 3.3
-"""The third harmonic and what lies above it, from the stop of a sweep over the fundamental."""
+"""Stop frequency, in stops of a sweep over the fundamental, that includes the third harmonic and some margin."""
 
 
 class InstrumentLimits(Protocol):
-    """What has to be known of an analyzer to plan with it."""
+    """Capabilities of an analyzer that planning needs."""
 
     @property
     def frequency_Hz(self) -> tuple[float, float]:
-        """Lowest and highest."""
+        """Lowest and highest frequency, Hz."""
         ...
 
     @property
     def oscillator_V(self) -> tuple[float, float]:
-        """Lowest and highest, rms."""
+        """Lowest and highest level, V rms."""
         ...
 
     @property
     def bandwidths(self) -> tuple[int, ...]:
-        """Fast to precise."""
+        """Bandwidth settings, from fast to precise."""
         ...
 
     @property
     def points_per_sweep(self) -> int:
-        """In one sweep, at most."""
+        """Largest number of points in one sweep."""
         ...
 
     @property
@@ -46,7 +46,7 @@ class InstrumentLimits(Protocol):
         ...
 
     def seconds(self, plan: SweepPlan) -> float:
-        """Return how long a plan takes."""
+        """Return the duration of a plan, s."""
         ...
 
 
@@ -57,12 +57,12 @@ class Experiment:
     kind: str
     """`lower level`, `higher level`, `bandwidth`, `direction`, `repeat`, `wider band`, `finer band`."""
     says: str
-    """What is done, as a clause: `sweep down instead of up`."""
+    """Instruction as a clause: `sweep down instead of up`."""
     plan: SweepPlan
 
 
 def experiments(sweeps: Sequence[Sweep], can: InstrumentLimits) -> tuple[Experiment, ...]:
-    """Return what `can` be tried of a step that was recorded in `sweeps`; the narrowest of them is varied."""
+    """Return the variations of the narrowest sweep among `sweeps` (all of one step) that the analyzer can make."""
     sweep = min(sweeps, key=lambda one: float(one.frequency[-1] / one.frequency[0]))
     base = plan_of(sweep)
     found = [_other_bandwidth(base, can), _other_direction(base), _wider(base, can), _finer(base, sweep)]
@@ -71,7 +71,7 @@ def experiments(sweeps: Sequence[Sweep], can: InstrumentLimits) -> tuple[Experim
 
 
 def plan_of(sweep: Sweep) -> SweepPlan:
-    """Return the plan that a sweep was measured by, as its settings say; what they do not say is as usual."""
+    """Return the plan of a sweep, taken from its settings; missing settings get their defaults."""
     said = sweep.settings
     f = sweep.frequency
     spacing = "log" if said.get("spacing") == "log" else "linear"
@@ -85,7 +85,7 @@ def plan_of(sweep: Sweep) -> SweepPlan:
 
 
 def settings_of(plan: SweepPlan) -> dict[str, Any]:
-    """Return what the settings of a sweep by this plan would say, as far as they count."""
+    """Return the settings that a sweep by this plan would record, as far as models depend on them."""
     return {
         "direction": plan.direction,
         "oscillator_V": None if plan.oscillator_A else plan.oscillator_V,
@@ -94,7 +94,7 @@ def settings_of(plan: SweepPlan) -> dict[str, Any]:
 
 
 def frequencies(plan: SweepPlan) -> Frequencies:
-    """Return the frequencies of a plan of one segment, Hz, shape (N,)."""
+    """Return the frequencies of a plan with one segment, Hz, shape (N,)."""
     (segment,) = plan.segments
     space = np.geomspace if segment.spacing == "log" else np.linspace
     return np.asarray(space(segment.start_Hz, segment.stop_Hz, segment.points), np.float64)
@@ -139,7 +139,7 @@ def _wider(base: SweepPlan, can: InstrumentLimits) -> Experiment | None:
 
 
 def _finer(base: SweepPlan, sweep: Sweep) -> Experiment | None:
-    """Return as many points around the strongest resonance and its antiresonance."""
+    """Return a sweep with as many points around the strongest resonance and its antiresonance."""
     (one,) = base.segments
     G, R = (1 / sweep.impedance).real / sweep.frequency, sweep.impedance.real * sweep.frequency
     edges = sorted(float(sweep.frequency[int(np.argmax(part))]) for part in (G, R))

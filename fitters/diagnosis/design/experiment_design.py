@@ -1,8 +1,8 @@
-"""Which further measurement would tell explanations apart: each that the instrument can do is tried in thought first.
+"""Experiment design: simulate every sweep that the instrument can make, and choose those that separate explanations.
 
-An explanation that fits the recordings as well as the accepted one predicts, for a measurement that was not made,
-something else; how far off it stays after it has bent as far as the recordings allow says what the measurement is
-worth. A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57 (T-optimal discrimination), linear in the bending.
+A rival explanation fits the recordings as well as the accepted one, but predicts something else for a new measurement.
+The value of that measurement is the chi2 that remains after the rival has been adjusted as far as the recordings allow.
+A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57 (T-optimal discrimination), linearised in the adjustment.
 """
 
 from collections.abc import Sequence
@@ -32,37 +32,37 @@ from ..search.trial_fits import resoftened
 from .candidate_sweeps import Experiment, InstrumentLimits, experiments, frequencies, settings_of
 
 TELLS = 100.0
-"""chi2 by which a measurement must tell two explanations apart to be proposed: ten standard deviations."""
+"""chi2 by which a proposed measurement must separate two explanations: ten standard deviations."""
 _FLOOR = 1e-4
-"""Relative error that no model is free of."""
+"""Relative error floor of every model."""
 _LIKELY = 0.02
-"""Probability from which something else is worth a measurement."""
+"""Probability from which an alternative is worth a measurement."""
 _MOST = 3
-"""Measurements that are proposed at once."""
+"""Largest number of measurements proposed at once."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """Two explanations that the recordings leave open: the accepted one, and this."""
+    """A rival explanation that the recordings cannot exclude beside the accepted one."""
 
     effect: str
     where: str
     kind: Literal["instead", "unseen", "seen once"]
-    """Another name of what was found; something that the constants absorb; or what was found, known by its shape in one
-    recording only, though it should change with level, pace or time."""
+    """`instead`: another effect in place of a finding; `unseen`: an effect that the constants absorb; `seen once`: a
+    finding that should change with level, pace or time, but was identified by its shape in one recording only."""
     size: str = ""
-    """Of something unseen: how large it may be, in words."""
+    """Largest possible size of an unseen effect, in words."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A measurement that would decide."""
+    """A measurement that would decide between explanations."""
 
     experiment: Experiment
     seconds: float
     decides: tuple[Question, ...]
     separation: float
-    """chi2 by which it tells the worst of these apart; 0 where no model predicts it."""
+    """Smallest chi2 by which it separates these questions; 0 where no model predicts it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +71,13 @@ class _Rival:
     objective: Objective
     x: Reals
     frozen: bool = False
-    """Whether it says that nothing depends on how a sweep runs."""
+    """Whether the rival's effects do not depend on how a sweep runs."""
 
 
 def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits) -> tuple[Proposal, ...]:
-    """Return the measurements of the last step that would decide what a diagnosis leaves open, most telling first.
+    """Return the measurements of the last step that would decide the open questions, most decisive first.
 
-    None where nothing is open that this instrument could decide. Raises FitError where the task cannot be fitted.
+    The result is empty if this instrument could decide nothing. Raises FitError if the task cannot be fitted.
     """
     sweeps = gate(task.sweeps).sweeps
     step = list(sweeps)[-1]
@@ -95,13 +95,13 @@ def proposals(task: FitTask, diagnosis: Diagnosis, instrument: InstrumentLimits)
 
 
 def bearable(choice: Sequence[Experiment], build: Build | None) -> tuple[Experiment, ...]:
-    """Return the experiments that apply no more to the sample than its build allows."""
+    """Return the experiments whose level and bias stay within the limits of the build."""
     limits = build.limits if build else None
     return tuple(one for one in choice if limits is None or limits.allows(one.plan))
 
 
 def _unexplained(choice: Sequence[Experiment], instrument: InstrumentLimits) -> tuple[Proposal, ...]:
-    """Return what tells device from sweep, where no model predicts anything."""
+    """Return the measurements that tell an effect of the device from one of the sweep, for which no model is needed."""
     telling = [one for one in choice if one.kind in ("direction", "lower level")]
     open_question = (Question(UNKNOWN, ANY, "instead"),)
     return tuple(Proposal(one, instrument.seconds(one.plan), open_question, 0.0) for one in telling)
@@ -120,7 +120,7 @@ def _accepted(problem: Problem, diagnosis: Diagnosis, found: Sequence[Candidate]
 
 
 def _fitted(problem: Problem, effects: Sequence[Candidate], values: dict[str, float], guess: float | None) -> Refit:
-    """Return a fit whose recordings weigh what their own misfit lets them."""
+    """Return a fit whose recordings are weighted by their own misfit."""
     rough = refit(problem, effects, values, guess)
     return refit(resoftened(problem, rough), effects, rough.values, None, tolerance=1e-6)
 
@@ -128,7 +128,7 @@ def _fitted(problem: Problem, effects: Sequence[Candidate], values: dict[str, fl
 def _renamed(
     problem: Problem, diagnosis: Diagnosis, known: dict[tuple[str, str, str], Candidate], accepted: Refit
 ) -> list[_Rival]:
-    """Return the explanations in which something else stands in the place of a finding."""
+    """Return the explanations in which an alternative takes the place of a finding."""
     made: list[_Rival] = []
     for finding in diagnosis.findings:
         rest = tuple(one for one in accepted.effects if (one.effect.name, one.where) != (finding.effect, finding.where))
@@ -145,7 +145,7 @@ def _renamed(
 def _unseen(
     problem: Problem, diagnosis: Diagnosis, known: dict[tuple[str, str, str], Candidate], accepted: Refit
 ) -> list[_Rival]:
-    """Return the explanations in which something that may be there unseen is as large as it may be."""
+    """Return the explanations in which an undetectable effect has its largest possible size."""
     made: list[_Rival] = []
     for entry in diagnosis.not_decidable:
         candidate = next((c for key, c in known.items() if key[:2] == (entry.effect, entry.where)), None)
@@ -164,9 +164,9 @@ def _unseen(
 
 
 def _seen_once(problem: Problem, step: str, accepted: Refit) -> list[_Rival]:
-    """Return the doubts about effects of the sweep that only one way of sweeping has shown.
+    """Return the doubts about acquisition effects that only one way of sweeping has shown.
 
-    The rival describes the recordings as well, to the last digit; but what it describes does not depend on the sweep.
+    Such a rival describes the recordings exactly as well, but with an effect that does not depend on the sweep.
     """
     ran = [one.model.conditions for one in problem.recordings if one.step == step and isinstance(one.model, Device)]
     alike = len({(one.level_V, one.direction, round(one.pace, 6)) for one in ran}) == 1
@@ -185,7 +185,7 @@ def _holding(recording: Recording, candidate: Candidate, values: dict[str, float
 
 
 def _separation(one: Experiment, step: str, accepted: Refit, rival: _Rival, instrument: InstrumentLimits) -> float:
-    """Return the chi2 by which a measurement would contradict a rival, were the accepted explanation true."""
+    """Return the chi2 by which a measurement would contradict a rival if the accepted explanation were true."""
     f = frequencies(one.plan)
     own = [k for k, recording in enumerate(accepted.objective.recordings) if recording.step == step]
     before = [accepted.objective.recordings[k].sweep for k in own]
@@ -214,7 +214,7 @@ def _under(device: Model, ran: Conditions) -> Model:
 def _chosen(
     tried: Sequence[tuple[Experiment, list[float]]], rivals: Sequence[_Rival], instrument: InstrumentLimits
 ) -> tuple[Proposal, ...]:
-    """Return the fewest measurements that decide all that can be decided, of those that decide as much the shortest."""
+    """Return the fewest measurements that decide all decidable questions; among equally decisive ones the shortest."""
     left = set(range(len(rivals)))
     made: list[Proposal] = []
     while left and tried and len(made) < _MOST:

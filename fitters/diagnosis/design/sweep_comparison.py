@@ -1,4 +1,4 @@
-"""Two recordings of one device, without any model: whether they differ by more than noise, and how resonance moved."""
+"""Model-free comparison of two recordings of one device: significance of their difference, and resonance shift."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,10 @@ _SAME = 1.5
 """Mean squared difference, in units of noise, up to which two recordings agree."""
 _TOO_FEW = 20
 _SPLINE = 8.0
-"""A cubic spline's error falls to a sixteenth where points are twice as dense; half of that is believed."""
+"""Divisor of the estimated spline error: doubling the point density reduces the error 16 times; half of that is used
+to be safe."""
 _AS_FINE = 1.5
-"""How much wider apart the points of the other recording may be for its resonance to be told."""
+"""Largest ratio of point spacings for which the resonance shift is reported."""
 _WORDS = {
     "oscillator_V": "{1:g} V instead of {0:g} V",
     "oscillator_A": "{1:g} A instead of {0:g} A",
@@ -29,23 +30,23 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """What another recording of the same device shows."""
+    """Difference of another recording of the same device."""
 
     changed: str
-    """What was done differently, in words: `0.1 V instead of 0.5 V`, `repeated`."""
+    """Changed settings in words: `0.1 V instead of 0.5 V`, `repeated`."""
     excess: float
-    """Mean squared difference of ln Z where both were recorded, in units of noise: 1 where they agree."""
+    """Mean squared difference of ln Z over the common band, in units of noise: 1 where both agree."""
     shift: float | None
-    """Relative change of the frequency of series resonance; None where the points are too far apart to tell."""
+    """Relative change of the series resonance frequency; None if the points are too far apart."""
 
     @property
     def differs(self) -> bool:
-        """Whether they differ by more than noise."""
+        """Whether the difference exceeds noise."""
         return self.excess > _SAME
 
     @property
     def says(self) -> str:
-        """A sentence for people."""
+        """The result as a sentence."""
         if not self.differs:
             return f"{self.changed}: the same to within noise."
         moved = "" if self.shift is None else f"; resonance moved by {1e6 * self.shift:+.3g} ppm"
@@ -53,7 +54,7 @@ class Comparison:
 
 
 def compared(own: Sequence[Sweep], others: Sequence[Sweep]) -> tuple[Comparison, ...]:
-    """Return how each of `others` differs from the one of `own` that has most of its points in common with it."""
+    """Compare each of `others` with the sweep of `own` that has most points in common with it."""
     made: list[Comparison] = []
     for other in others:
         first = max(own, key=lambda one: _common(one, other).sum())
@@ -84,9 +85,9 @@ def _compared(first: Sweep, other: Sweep) -> Comparison:
 
 
 def _at(sweep: Sweep, f: Frequencies) -> tuple[Complexes, Reals]:
-    """Return ln Z of a sweep at other frequencies, and how far that may be off; shapes (N,).
+    """Return ln Z of a sweep interpolated to other frequencies, and its standard error; shapes (N,).
 
-    By splines; what every other point would have given differs by some sixteen times the error.
+    The error of the spline is estimated from a second spline through every other point.
     """
     values: Complexes = np.log(np.abs(sweep.impedance)) + 1j * np.unwrap(np.angle(sweep.impedance)).astype(
         np.complex128
@@ -100,7 +101,7 @@ def _at(sweep: Sweep, f: Frequencies) -> tuple[Complexes, Reals]:
 
 
 def _resonance(f: Frequencies, Z: Complexes) -> float:
-    """Return the frequency of the top of the conductance, Hz, by a parabola through the points about it."""
+    """Return the frequency of the conductance maximum, Hz, from a parabola through five points."""
     G: Reals = (1 / Z).real
     k = int(np.clip(np.argmax(G), 2, f.size - 3))
     near = slice(k - 2, k + 3)

@@ -1,1 +1,1 @@
-"""What is tried: effects of the catalogue at each place, and artefacts of the instrument."""
+"""The hypotheses: catalogue effects at each possible place, and artefacts of the instrument."""

@@ -1,4 +1,4 @@
-"""Every effect of the catalogue at every place of a build where it could sit."""
+"""Candidates: every catalogue effect at every place of a build where it can occur."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -12,11 +12,12 @@ from .problem import Candidate, Problem
 
 
 def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
-    """Return all candidates, of all effects or of those called `names`.
+    """Return the candidates of all effects, or of those in `names`.
 
-    What sits in a layer, at an interface or on the back is there in every step that has it. What sits at the terminals
-    may be there in all steps, from one on (another clip), or in one; what sits in the sweep in all or in one. The front
-    of a step is inside the next one, so it is its own.
+    An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
+    terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
+    all
+    steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
     """
     wanted = None if names is None else set(names)
     considered = [effect for effect in catalogue() if wanted is None or effect.name in wanted]
@@ -24,7 +25,7 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
 
 
 def flaws(problem: Problem) -> tuple[Candidate, ...]:
-    """Return what may be wrong with the instrument."""
+    """Return the possible artefacts of the instrument as candidates."""
     return tuple(found for flaw in FLAWS for found in _of_effect(problem, flaw))
 
 
@@ -50,7 +51,7 @@ def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
 
 
 def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
-    """Return the sets of steps in which something at a place may be."""
+    """Return the sets of steps in which an effect at this place may be present."""
     single = [(step,) for step in steps]
     if where == FACES[1]:
         return single
@@ -61,7 +62,7 @@ def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
 
 
 def _recorded(problem: Problem, knob: EffectParameter) -> EffectParameter:
-    """Return a parameter as the recordings say it; a frequency within their band: what lies beyond shows no line."""
+    """Return a parameter with its value from the settings; a frequency is limited to the recorded band."""
     if knob.setting:
         said = (recording.sweep.settings.get(knob.setting) for recording in problem.recordings)
         known = next((float(value) for value in said if value is not None), knob.null)

@@ -1,4 +1,4 @@
-"""How the sweeps of a step ran, as far as effects of the sweep depend on it: direction, level, pace, and when."""
+"""Conditions of sweeps, for effects that depend on them: direction, level, speed, and time of start."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,11 +9,11 @@ from ....models.sweep import Sweep
 from ...engine.recording import Recording
 
 _CLOCK_IS_RIGHT = 0.3
-"""A sweep that took less than this part of what the instrument needs was simulated, in a time of its own."""
+"""A sweep faster than this part of what the instrument needs was simulated, and its clock does not count."""
 
 
 def as_devices(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings with devices, which effects can be added to, in place of their stacks."""
+    """Return the recordings with devices in place of stacks, so that effects can be added."""
     ran: dict[int, Conditions] = {}
     for step in dict.fromkeys(recording.step for recording in recordings):
         of_step = [recording.sweep for recording in recordings if recording.step == step]
@@ -25,9 +25,9 @@ def as_devices(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
 
 
 def conditions_of(sweeps: Sequence[Sweep]) -> tuple[Conditions, ...]:
-    """Return how the sweeps of one step ran, from their settings.
+    """Return the conditions of the sweeps of one step, from their settings.
 
-    Where a sweep does not say how long it took, each counts for as long as any other.
+    If any sweep's duration is unknown, all count as equally long.
     """
     seconds = [_seconds(sweep) for sweep in sweeps]
     known = all(seconds)
@@ -46,15 +46,15 @@ def conditions_of(sweeps: Sequence[Sweep]) -> tuple[Conditions, ...]:
 
 
 def _seconds(sweep: Sweep) -> float:
-    """Return how long a sweep took; 0 where nobody knows.
+    """Return the duration of a sweep, s; 0 if it is unknown.
 
-    What the instrument needs for it comes first: a clock says something else where the instrument is a simulated one.
+    The instrument's own estimate has precedence, since the clock of a simulated instrument runs differently.
     """
     return float(sweep.settings.get("estimated_seconds") or sweep.settings.get("sweep_seconds") or 0.0)
 
 
 def _began(sweeps: Sequence[Sweep], seconds: Sequence[float], lengths: Sequence[float]) -> list[float]:
-    """Return when each sweep began, in lengths of the first: by the clock where it can be trusted, else one by one."""
+    """Return the start of each sweep, in durations of the first: by the clock if it is plausible, else back to back."""
     one_by_one = [sum(lengths[:k]) for k in range(len(lengths))]
     by_clock = all(
         (sweep.settings.get("sweep_seconds") or 0.0) > _CLOCK_IS_RIGHT * own

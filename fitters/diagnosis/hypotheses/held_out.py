@@ -1,4 +1,4 @@
-"""What takes no part in the fits that are put to the proof: chosen before any fit, never by single points."""
+"""Choice of held-out data for validation: made before any fit, and never single points."""
 
 from collections.abc import Sequence
 
@@ -16,25 +16,25 @@ BANDS, REPEATS, OVERTONES, STEPS = "bands", "repeats", "overtones", "steps"
 KINDS = BANDS, REPEATS, OVERTONES, STEPS
 _BLOCKS = 11
 _OUT = (3, 7)
-"""Two of eleven contiguous blocks of every sweep; never random points, which their neighbours would give away."""
+"""The two held-out blocks of eleven in every sweep; neighbours of random points would reveal them."""
 _BETWEEN = 2.0
-"""Frequency, in half-wave resonances of the bare disk, from which a recording shows overtones."""
+"""Frequency, in half-wave resonances of the bare disk, above which everything counts as overtones."""
 _NONE = {
     REPEATS: "every step has one recording; give a step twice, disk=first.csv disk=second.csv",
     OVERTONES: "no recording goes above twice the first thickness resonance",
     STEPS: "no step was recorded after another",
 }
-"""What to say where there is none of it."""
+"""Reason if there is nothing to hold out, by kind."""
 
 Masks = tuple[NDArray[np.bool_], ...]
 
 
 def held_out(recordings: Sequence[Recording], what: str) -> Masks:
-    """Return which points of every recording take no part, each of shape (N,).
+    """Return the held-out points of every recording as masks, each of shape (N,).
 
     `what` is `bands` (two contiguous blocks of every sweep), `repeats` (all but the first recording of every step),
-    `overtones` (everything above twice the half-wave resonance) or `steps` (the last step but one, all layers of which
-    the last one has as well). Raises FitError for another word, and where nothing or all of it would be held out.
+    `overtones` (everything above twice the half-wave resonance) or `steps` (the last step but one, whose layers are all
+    part of the last step). Raises FitError for another word, and if nothing or everything would be held out.
     """
     if what not in KINDS:
         raise FitError(f"held out can be {', '.join(KINDS[:-1])} or {KINDS[-1]}, not {what}")
@@ -56,13 +56,13 @@ def held_out(recordings: Sequence[Recording], what: str) -> Masks:
 
 
 def bands_of(recording: Recording, mask: NDArray[np.bool_]) -> Bands:
-    """Return the bands in Hz in which points take no part, from the first to the last point of each."""
+    """Return the held-out bands in Hz, from the first to the last point of each."""
     f, edges = recording.sweep.frequency, np.flatnonzero(np.diff(mask, prepend=False, append=False))
     return tuple((float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2))
 
 
 def blocks(sweep: Sweep) -> NDArray[np.bool_]:
-    """Return which points lie in the two held-out blocks of a sweep, shape (N,)."""
+    """Return the points in the two held-out blocks of a sweep as a mask, shape (N,)."""
     block = (np.arange(sweep.frequency.size) * _BLOCKS) // sweep.frequency.size
     return np.isin(block, _OUT)
 

@@ -1,4 +1,4 @@
-"""Hypotheses: sets of effects, each fitted by its marginal likelihood, and what they weigh."""
+"""Hypotheses: sets of effects, each fitted by its marginal likelihood, and their posterior probabilities."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _EMPTY = ErrorSizes()
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """These effects and no others, with the constants and errors that go best with them."""
+    """A set of effects with the constants and error sizes that maximise the marginal likelihood."""
 
     effects: tuple[Candidate, ...]
     fit: MarginalFit
@@ -36,12 +36,12 @@ class Hypothesis:
 
     @property
     def log_evidence(self) -> float:
-        """Ln of the marginal likelihood."""
+        """Logarithm of the marginal likelihood."""
         return self.fit.log_evidence + self.log_tails
 
     @property
     def log_weight(self) -> float:
-        """Ln of the marginal likelihood times the prior odds."""
+        """Logarithm of (marginal likelihood times prior odds)."""
         return self.log_evidence + self.log_odds
 
     @cached_property
@@ -56,7 +56,7 @@ class Hypothesis:
 
 
 def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
-    """Return the coordinates of a fit with effects, their effect_parameters in coordinates of unit normal prior."""
+    """Return the coordinates of a fit with effects, whose parameters have unit normal priors."""
     base = coordinates_of(problem.build, problem.steps, values, problem.free)
     pairs = [(name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
     blocks = [*base.blocks, *(block_of(name, knob) for name, knob in pairs)]
@@ -74,7 +74,7 @@ def marginal_of(
     values: Mapping[str, float],
     recordings: Sequence[Recording] | None = None,
 ) -> Marginal:
-    """Return the fit of these effects, to start at `values`."""
+    """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
     objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
     return Marginal.of(objective, SizePriors(effects, coordinates.free), slopes_by_size(effects))
@@ -90,7 +90,7 @@ def fitted(
     rounds: int = 3,
     fast: bool = True,
 ) -> Hypothesis:
-    """Return a hypothesis fitted from `values`; `near`: they are a minimum but for little."""
+    """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum."""
     marginal = marginal_of(problem, effects, values)
     x = marginal.objective.coordinates.x
     if not near:
@@ -102,16 +102,18 @@ def fitted(
 
 
 def coarseness(shortfall: float) -> float:
-    """Return how much ln evidence counts as one nat where the best explanation falls short by this much."""
+    """Return how much ln evidence counts as one nat, given how far the best explanation falls short."""
     return 1 + COARSENED * max(0.0, shortfall)
 
 
 def probabilities(found: Sequence[Hypothesis]) -> Reals:
-    """Return the posterior probability of each hypothesis, shape (H,), as coarse as the best of them is wrong.
+    """Return the posterior probability of each hypothesis, shape (H,), coarsened by the misfit of the best one.
 
-    Where even the best falls short of leaving noise alone, the formulas are not exact, and by as much evidence as is
-    missing they may favour a wrong one. So evidence is taken to a power (Miller and Dunson, J. Am. Stat. Assoc. 114
-    (2019) 1113: a posterior given that the model is near the truth), 1 where nothing is missing.
+    Where even the best hypothesis leaves more than noise, its likelihood is not exact and may favour a wrong hypothesis
+    by
+    as much evidence as is missing. Evidence is therefore raised to a power, which is 1 where nothing is missing
+    (coarsened
+    posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
     """
     temper = coarseness(max(found, key=lambda one: one.log_weight).fit.shortfall)
     weight = np.array([one.log_evidence / temper + one.log_odds for one in found])

@@ -1,6 +1,6 @@
-"""Flaws of the instrument that no catalogue has, to be held against its effects: without them the nearest would win.
+"""Instrument artefacts that compete with catalogue effects; without them the most similar effect would be named.
 
-They are never named: a recording that one of these describes best has something `unknown` in it.
+They are never named themselves: a recording that one of them describes best has an `unknown` effect.
 """
 
 from collections.abc import Mapping
@@ -16,24 +16,24 @@ from ....models.stack import Stack
 
 UNKNOWN = "unknown"
 ANY = "any"
-"""Where it is said to sit."""
+"""Place of every artefact."""
 _NEVER = -0.5, 0.5
-"""Limits of ln Z beyond which nobody would take it for a flaw."""
+"""Limits of a change of ln Z that could still be an artefact."""
 
 
 class InstrumentArtefact(Effect):
-    """What is wrong with the instrument or around it: no place of a build, and rarer than what a catalogue has."""
+    """A fault of the instrument or its surroundings: at no place of a build, and rarer than catalogue effects."""
 
     name = UNKNOWN
     odds = 0.1
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return `any`: an instrument is no place of a build."""
+        """Return `any`: the instrument is not part of the build."""
         return (ANY,)
 
 
 class RangeStep(InstrumentArtefact):
-    """Z times a factor from one frequency on: the analyzer has changed its range there."""
+    """Z times a constant factor above some frequency, as when the analyzer changes its range."""
 
     stage = Stage.ACQUISITION
     sizes = 2
@@ -42,7 +42,7 @@ class RangeStep(InstrumentArtefact):
     references = ("Agilent 4294A Operation Manual, measurement accuracy by range",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the change of ln |Z|, of the phase (rad), and where it is (Hz)."""
+        """Return the changes of ln |Z| and of the phase (rad), and the frequency of the step (Hz)."""
         low, high = _NEVER
         f0 = resonance(stack)
         return (
@@ -52,11 +52,12 @@ class RangeStep(InstrumentArtefact):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as such an analyzer shows it."""
+        """Return the device as an analyzer with this step records it."""
         change = complex(values["gain"], values["phase"])
 
         def stepped(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            # a ramp as wide as from one point to the next: one point always feels where it is, so that a fit moves it
+            # a ramp one point wide instead of a jump, so that the frequency has a derivative and the fit can
+            # move it
             beyond = (frequency - values["frequency"]) / float(np.mean(np.diff(frequency)))
             return Z * np.exp(change * np.clip(beyond + 0.5, 0.0, 1.0))
 
@@ -64,7 +65,7 @@ class RangeStep(InstrumentArtefact):
 
 
 class PhaseError(InstrumentArtefact):
-    """Z times exp(j phase (f/f0)^power), whatever Z is: the adapter's phase is not what the analyzer believes."""
+    """Z times exp(j phase (f/f0)^power), whatever Z is: the phase of the adapter differs from the assumed one."""
 
     stage = Stage.ACQUISITION
     says = "The phase is off by an angle that grows with frequency whatever the impedance is, as of a wrong adapter."
@@ -72,7 +73,7 @@ class PhaseError(InstrumentArtefact):
     references = ("Agilent 4294A Operation Manual, adapter phase compensation",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the angle at the resonance (rad), and the power of frequency with which it grows."""
+        """Return the angle at the resonance (rad) and its exponent in frequency."""
         low, high = _NEVER
         return (
             EffectParameter("phase", "rad", typical=1e-3, lower=low, upper=high),
@@ -80,7 +81,7 @@ class PhaseError(InstrumentArtefact):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device as such an analyzer shows it."""
+        """Return the device as an analyzer with this phase error records it."""
         f0 = resonance(assembly.nominal)
 
         def turned(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
@@ -90,9 +91,9 @@ class PhaseError(InstrumentArtefact):
 
 
 class CoupledLoop(InstrumentArtefact):
-    """Z + (w M)^2 over the impedance of a loop beside the lead: a broad resonance in series.
+    """A loop near the lead, coupled inductively, adds (w M)^2 / Z_loop: a broad resonance in series with the device.
 
-    A braid or a metal part beside a lead has a Q of a few; what is narrow resonates in the device.
+    A braid or metal part near a lead has a Q of a few; a sharper resonance belongs to the device.
     """
 
     stage = Stage.TERMINALS
@@ -101,7 +102,7 @@ class CoupledLoop(InstrumentArtefact):
     references = ("Terman, Radio Engineers' Handbook (1943), section 3 (coupled circuits)",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return M^2/L of the loop (H), its frequency (Hz) and its Q."""
+        """Return M^2/L of the loop (H), its resonance frequency (Hz) and its Q."""
         f0 = resonance(stack)
         return (
             EffectParameter("inductance", "H", typical=1e-9),
@@ -110,7 +111,7 @@ class CoupledLoop(InstrumentArtefact):
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device behind such a lead."""
+        """Return the device in series with the coupled loop."""
         M2_L, w, q = values["inductance"], 2 * pi * values["frequency"], values["q"]
 
         def lead(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:

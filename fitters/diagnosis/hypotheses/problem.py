@@ -1,4 +1,4 @@
-"""A fit that effects can be added to: the recordings of a build, their devices, and what is free."""
+"""The fit to which effects can be added: recordings of a build, their devices, and the free parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,29 +17,29 @@ from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
 
 _THIN = 1e-2
-"""Part of a layer's nominal thickness from which a fit can still go either way."""
+"""Smallest layer thickness at which a fit can start, relative to the nominal one."""
 _LEAST = 1e-5
-"""Part of a typical size that a fit can still be at home with."""
+"""Smallest size at which a fit can start, relative to the typical one."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect at a place, in some steps of a build."""
+    """An effect at one place, in some steps of a build."""
 
     effect: Effect
     where: str
     steps: tuple[str, ...]
-    """The steps whose recordings have it, in gluing order."""
+    """Steps whose recordings show it, in gluing order."""
     effect_parameters: tuple[EffectParameter, ...]
 
     @property
     def step(self) -> str:
-        """The step with which it appears."""
+        """The step in which it first appears."""
         return self.steps[0]
 
     @property
     def prefix(self) -> str:
-        """What its parameters' names begin with."""
+        """Common prefix of its parameters' names."""
         return f"{self.effect.name}@{self.where}."
 
     @property
@@ -54,12 +54,12 @@ class Candidate:
 
     @property
     def resonance_parameters(self) -> tuple[str, ...]:
-        """Names of those parameters that say at which frequency something of its own is."""
+        """Names of the parameters that are resonance frequencies of its own."""
         others = zip(self.parameters[1:], self.effect_parameters[1:], strict=True)
         return tuple(name for name, knob in others if knob.unit == "Hz")
 
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
-        """Return the coordinates of its parameters, within what physics allows, for a fit that starts at `values`."""
+        """Return the coordinates of its parameters within their physical limits, for a fit that starts at `values`."""
         return tuple(
             _block(name, knob, values.get(name, knob.null), first=knob is self.effect_parameters[0])
             for name, knob in zip(self.parameters, self.effect_parameters, strict=True)
@@ -68,28 +68,28 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Recordings with devices; `null` is the fit without any effect."""
+    """The recordings of a build with their devices, priors and start values."""
 
     build: Build
     recordings: tuple[Recording, ...]
     """Each with a `Device` as its model."""
     priors: tuple[Prior, ...]
     values: Mapping[str, float]
-    """Where fits start from."""
+    """Start values of the fits."""
     free: tuple[str, ...] | None
     proof: Masks = ()
-    """Which points of every recording take no part in the fits that are put to the proof."""
+    """Held-out points of every recording, as masks."""
 
     @property
     def steps(self) -> tuple[str, ...]:
-        """The steps that were recorded, in gluing order."""
+        """The recorded steps, in gluing order."""
         return tuple(dict.fromkeys(recording.step for recording in self.recordings))
 
     @classmethod
     def of(cls, solution: Solution, free: tuple[str, ...] | None, hold_out: str = BANDS) -> "Problem":
-        """Return the problem that a joint fit has solved, its stacks seen as devices under their sweep's conditions.
+        """Return the problem of a joint fit, with devices under the conditions of their sweeps in place of stacks.
 
-        Raises FitError where what is to be held out, `held_out` says what it may be, is not there.
+        Raises FitError if the recordings contain no data of the kind to be held out (see `held_out`).
         """
         objective = solution.descent.objective
         recordings = as_devices(objective.recordings)
@@ -102,7 +102,9 @@ class Problem:
     def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of a fit with these effects, starting at `values`.
 
-        A layer that a wrong model has made vanish starts again from next to nothing: from 1e-100 m no fit comes back.
+        A layer whose thickness a wrong model has driven to zero restarts at a small part of its nominal thickness: a
+        fit
+        cannot return from 1e-100 m.
         """
         nominal = nominal_parameters(self.build)
         thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}
@@ -114,18 +116,18 @@ class Problem:
         return Coordinates(tuple(blocks), {**null, **values}, (*base.free, *names))
 
     def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
-        """Return the recordings, their devices extended by these effects."""
+        """Return the recordings with their devices extended by these effects."""
         return tuple(_extended(recording, effects) for recording in self.recordings)
 
     def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
-        """Return the objective of a fit with these effects, weighted as the recordings are now."""
+        """Return the objective of a fit with these effects and the present weights."""
         coordinates = self.coordinates(effects, values)
         return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":
-        """Return the problem in which the `held` points, one mask for each recording, take no part.
+        """Return the problem without the `held` points, given as one mask per recording.
 
-        They stay in their sweep, whose course in time they mark, but weigh nothing.
+        They stay in their sweep, because they define its timing, but have no weight.
         """
         parts = [
             replace(recording, noise=np.where(mask, np.inf, recording.noise))
@@ -136,7 +138,7 @@ class Problem:
 
 def _block(name: str, knob: EffectParameter, start: float, first: bool) -> Block:
     if knob.from_nothing:
-        # of the size it starts from, so that small ones are found as well as typical ones
+        # in units of the start value, so that small effects are found as well as typical ones
         return hardly_negative(
             name, float(np.clip(start, _LEAST * knob.typical, knob.typical)) if start > 0 else knob.typical
         )

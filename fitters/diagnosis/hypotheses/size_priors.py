@@ -1,4 +1,4 @@
-"""The sizes that effects have in nature, as coordinates of unit normal prior."""
+"""Priors of effect sizes, as coordinates with unit normal prior."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -10,15 +10,15 @@ from ...engine.parameters.coordinates import Block, between
 from .problem import Candidate
 
 _LOGISTIC = 1.7
-"""Standard deviation of the normal density that is nearest to the logistic one: a coordinate of `between`."""
+"""Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
 _DEEPEST = 6.0
-"""Standard deviations below its median at which a size counts as nothing."""
+"""Standard deviations below the median at which a size counts as zero."""
 _TAIL, _SHARE = 4.0, 0.1
-"""Of the sizes met, one in ten is from a density four times as wide: nobody's list of sizes is complete."""
+"""One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
 
 
 def block_of(name: str, knob: EffectParameter) -> Block:
-    """Return a knob's block: its coordinate has a normal prior of mean zero and the width that `width` gives."""
+    """Return the block of a parameter; its coordinate has a normal prior: mean zero, standard deviation `width`."""
     centre, spread = knob.expected
     if knob.from_nothing:
         return _log_normal(name, centre, spread, knob.upper)
@@ -53,12 +53,12 @@ def _normal(name: str, mean: float, spread: float, limits: tuple[float, float]) 
 
 
 def width(knob: EffectParameter) -> float:
-    """Return the standard deviation of a knob's coordinate before any recording."""
+    """Return the prior standard deviation of a parameter's coordinate."""
     return _LOGISTIC if not knob.from_nothing and np.isfinite(knob.upper) and knob.lower > 0 else 1.0
 
 
 class SizePriors:
-    """What is known of the sizes of some effects beforehand, for the coordinates of a fit."""
+    """Priors of the sizes of some effects, in the coordinates of a fit."""
 
     def __init__(self, effects: Sequence[Candidate], free: Sequence[str]) -> None:
         pairs = [
@@ -75,18 +75,18 @@ class SizePriors:
         return x[self._at] / self._width, J
 
     def log_volume(self) -> float:
-        """Return ln of the densities' height, apart from powers of 2 pi that Laplace's integral gives back."""
+        """Return ln of the peak prior density, without the powers of 2 pi that cancel in Laplace's integral."""
         return -float(np.sum(np.log(self._width)))
 
     def log_tails(self, x: Reals) -> float:
-        """Return what the wide tails add to ln of the normal densities at `x`."""
+        """Return the change of ln prior density at `x` due to the wide tails."""
         z2 = (x[self._at] / self._width) ** 2
         mixed = (1 - _SHARE) * np.exp(-z2 / 2) + _SHARE / _TAIL * np.exp(-z2 / 2 / _TAIL**2)
         return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z2 / 2))
 
 
 def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:
-    """Return, by effect, its sizes among the coordinates and d coordinate / d ln size at a value of the coordinate."""
+    """Return, by effect, the names of its size coordinates and the function d coordinate / d ln size."""
     return {one.prefix: tuple((name, _per_log(knob)) for name, knob in one.sizes) for one in effects}
 
 
@@ -96,7 +96,7 @@ def _per_log(knob: EffectParameter) -> Callable[[float], float]:
 
 
 def shown(values: Mapping[str, float], one: Candidate) -> dict[str, float]:
-    """Return the effect_parameters of an effect among the parameters of a fit, within their limits."""
+    """Return the parameters of an effect from the parameters of a fit, clipped to their limits."""
     return {
         knob.name: min(max(values[one.prefix + knob.name], knob.lower), knob.upper) for knob in one.effect_parameters
     }

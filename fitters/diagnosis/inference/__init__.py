@@ -1,1 +1,1 @@
-"""How probable each explanation is, and what could stay hidden."""
+"""Inference: the probability of each explanation, and the effects that could stay undetected."""

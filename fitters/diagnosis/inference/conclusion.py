@@ -1,4 +1,4 @@
-"""From all hypotheses to a verdict: what is named, with which probability, what looks alike, what is left."""
+"""From all fitted hypotheses to a verdict: named effects, their probabilities, look-alikes, and the residual."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ Kind = Literal["finding", "remark"]
 
 @dataclass(frozen=True, eq=False)
 class NamedEffect:
-    """An effect that is named."""
+    """An effect that is named in the verdict."""
 
     candidate: Candidate
     probability: float
@@ -37,21 +37,21 @@ class NamedEffect:
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
-    """What follows from a search."""
+    """Conclusion from all hypotheses of a search."""
 
     null: Hypothesis
     final: Hypothesis
     named: tuple[NamedEffect, ...]
-    """By what they move, the most first."""
+    """Largest rms change of ln Z first."""
     remaining: Remaining
     something_left: bool
-    """Whether more than the instrument's error is left that no effect explains."""
+    """Whether no effect explains a residual larger than the instrument's error."""
     nearest: tuple[Candidate, float] | None
-    """The effect that alone comes nearest, and the part of the misfit that it takes; None where none takes half."""
+    """The single effect that explains most, and its part of the misfit; None if no effect explains half of it."""
 
     @property
     def findings(self) -> tuple[NamedEffect, ...]:
-        """Those that matter."""
+        """Named effects that matter for the constants or the residual."""
         return tuple(one for one in self.named if one.kind == "finding")
 
     @property
@@ -65,7 +65,7 @@ class Conclusion:
 
 
 def conclude(search: GreedySearch) -> Conclusion:
-    """Return what follows from the hypotheses that were fitted."""
+    """Conclude from the fitted hypotheses: drop effects that are too improbable, and name the others."""
     null, best = search.found[frozenset()], search.best
     sure = _certainty(search, best)
     while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
@@ -103,7 +103,7 @@ def conclude(search: GreedySearch) -> Conclusion:
 
 @dataclass(frozen=True)
 class _Certainty:
-    """How probable an effect is, and that it or one of its look-alikes is there."""
+    """Posterior probability of an effect, and of it or any of its look-alikes."""
 
     of_effect: float
     of_class: float
@@ -111,11 +111,13 @@ class _Certainty:
 
 
 def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certainty]:
-    """Return how probable each effect of a hypothesis is.
+    """Return the probability of each effect of a hypothesis.
 
-    That is its inclusion in all hypotheses, times the chance that it is the effect, and not something that no name
-    explains, that moves ln Z so: of two causes of random shape the larger one is the likelier, as their squares, each
-    point counting as much as the effect is felt there.
+    This is its posterior inclusion probability, times the probability that the change of ln Z is due to the effect and
+    not
+    to an unnamed cause. Between two causes of random shape the odds are the ratio of their squared sizes, where each
+    point
+    is weighted by the effect's squared size there.
     """
     other = _unexplained_at(one)
     found: dict[Candidate, _Certainty] = {}
@@ -139,14 +141,15 @@ def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] 
 
 
 def _unexplained(one: Hypothesis) -> float:
-    """Return the root mean square of what no effect explains and the instrument does not."""
+    """Return the rms of ln Z that neither effects nor the instrument explain."""
     return float(np.sqrt(max(0.0, float(np.mean(_unexplained_at(one))))))
 
 
 def _unexplained_at(one: Hypothesis) -> Reals:
-    """Return |ln Z|^2 of what the model's own error makes at each point, less what constants could do; shape (N,).
+    """Return the squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,).
 
-    What is rough has the noise in it, which is taken off: the sum over many points tells, a single one may be negative.
+    The rough part contains the noise, whose variance is subtracted: sums over many points are meaningful, single values
+    may be negative.
     """
     taken = taken_up(one.fit)
     both = projected(one, [list(taken.model), list(taken.left)])
@@ -156,7 +159,7 @@ def _unexplained_at(one: Hypothesis) -> Reals:
 
 
 def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:
-    """Return whether something at the terminals is no larger than what compensation leaves of any fixture."""
+    """Return whether an effect at the terminals is no larger than the usual residual of a compensated fixture."""
     limits = {
         "inductance": FIXTURE["inductance"],
         "resistance": FIXTURE["resistance"],
@@ -177,7 +180,7 @@ def _size(parts: Sequence[np.ndarray]) -> float:
 
 
 def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tuple[Hypothesis, Candidate]]:
-    """Return the best hypotheses that have another effect in place of one, and that other effect."""
+    """Return the best hypotheses with one effect replaced, and the replacement."""
     rest = one.key - {effect}
     instead = [h for h in search.ranked if rest < h.key and len(h.key) == len(one.key) and effect not in h.key]
     pairs = [(h, next(iter(h.key - rest))) for h in instead[:RIVALS]]
@@ -188,7 +191,7 @@ def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tu
 
 
 def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
-    """Return what does to ln Z nearly what an effect does, or what the recordings do not tell from it."""
+    """Return the effects whose change of ln Z is nearly the same, and which the recordings do not rule out instead."""
     own = change_by(search.problem, one, effect)
     within = CLASS_NATS * coarseness(one.fit.shortfall)
     alike: set[Candidate] = set()
@@ -205,7 +208,7 @@ def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> se
 def _alternatives(
     search: GreedySearch, final: Hypothesis, one: Candidate, alike: Collection[Candidate]
 ) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
-    """Return what the recordings do not tell from an effect, and all that was tried in its place."""
+    """Return the alternatives that the recordings cannot distinguish from an effect, and all that were tried."""
     said = [
         (other in alike, Alternative(other.effect.name, other.where, search.inclusion({other.effect.name})))
         for _, other in _rivals(search, final, one)

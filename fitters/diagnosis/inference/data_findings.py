@@ -1,4 +1,4 @@
-"""What the gates found, as findings: recordings that were turned, and recordings that were disturbed."""
+"""Findings of the data checks: recordings with wrong polarity, and disturbed recordings."""
 
 from ..data_quality.data_gates import Gated
 from ..data_quality.data_issues import DataCheck
@@ -8,15 +8,15 @@ from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 
 _SURE = 0.99
-"""Probability that what the gates call disturbed is so."""
+"""Probability of a disturbance that the data checks report."""
 _BESIDE = 2.0
-"""How far beside a disturbance, in its widths, a line is taken for a part of it."""
+"""Distance, in widths of a disturbance, within which a fitted line counts as part of it."""
 _SPELLED = 3
-"""How many disturbances are told in words."""
+"""Largest number of disturbances described in words."""
 
 
 def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
-    """Return the findings about the data alone; `chi2` and `held_out` are those of the fit to what was put right."""
+    """Return the findings about the data; `chi2` and `held_out` are those of the fit to the corrected data."""
     turned = [
         _finding(
             *("polarity", "terminals", step, 0.995, ()),
@@ -39,7 +39,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
 
 
 def where_disturbed(gated: Gated, effect: Candidate, found: Refit) -> bool:
-    """Return whether an effect is a line where a recording was disturbed: what the points left out leave there."""
+    """Return whether an effect is a line at a disturbance, and thus only a remnant of the excluded points."""
     bands = [one.band_Hz for check in gated.bad if check.step in effect.steps for one in check.abrupt]
     return any(
         a - _BESIDE * (b - a) < found.values[line] < b + _BESIDE * (b - a)
@@ -49,7 +49,7 @@ def where_disturbed(gated: Gated, effect: Candidate, found: Refit) -> bool:
 
 
 def verdict_with(gated: Gated, verdict: Verdict) -> Verdict:
-    """Return the verdict that such data deserve: turned ones are explained, disturbed ones never wholly."""
+    """Return the verdict adjusted for the data: wrong polarity counts as explained, a disturbance never entirely."""
     if gated.bad:
         disturbed: dict[Verdict, Verdict] = {"no-mismatch": "unexplained", "explained": "partly-explained"}
         return disturbed.get(verdict, verdict)

@@ -1,4 +1,4 @@
-"""How much an effect moves: the recordings, less what constants could do instead, and the constants themselves."""
+"""Size of an effect: the change of the recordings beyond what constants could do, and the change of the constants."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ from ..hypotheses.problem import Candidate, Problem
 
 
 def change_by(problem: Problem, one: Hypothesis, effect: Candidate) -> list[Complexes]:
-    """Return ln(Z with / Z without the effect), everything else the same, of each recording, shape (N,)."""
+    """Return ln(Z with / Z without the effect), everything else unchanged, for each recording; shape (N,)."""
     without = [other for other in one.effects if other is not effect]
     curves = one.objective.curves(one.fit.x)
     made: list[Complexes] = []
@@ -29,7 +29,7 @@ def change_by(problem: Problem, one: Hypothesis, effect: Candidate) -> list[Comp
 
 
 def projected(one: Hypothesis, changes: list[list[Complexes]]) -> Reals:
-    """Return changes of ln Z less what the constants alone could do, as columns, shape (2N, K)."""
+    """Return changes of ln Z after projecting out the constants, as columns of shape (2N, K)."""
     free = one.objective.coordinates.free
     effect_parameters = {name for effect in one.effects for name in effect.parameters}
     own = [k for k, name in enumerate(free) if name not in effect_parameters]
@@ -43,7 +43,7 @@ def projected(one: Hypothesis, changes: list[list[Complexes]]) -> Reals:
 
 
 def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
-    """Return, by effect, |change of ln Z|^2 that it makes at each point and no constant could, shape (N,)."""
+    """Return, by effect, |change of ln Z|^2 at each point beyond what constants could do, shape (N,)."""
     if not one.effects:
         return {}
     changes = projected(one, [change_by(problem, one, effect) for effect in one.effects])
@@ -52,12 +52,12 @@ def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
 
 
 def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
-    """Return, by effect, the root mean square of what it does to ln Z that no constant could do."""
+    """Return, by effect, the rms change of ln Z beyond what constants could do."""
     return {effect: float(np.sqrt(np.mean(power))) for effect, power in powers_of(problem, one).items()}
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
-    """Return the largest |change of ln Z| that an effect makes at any point and no constant could."""
+    """Return the largest |change of ln Z| at any point beyond what constants could do."""
     change = projected(one, [change_by(problem, one, effect)])[:, 0]
     return float(np.max(np.abs(change)))
 
@@ -77,7 +77,7 @@ def constants_of(problem: Problem, one: Hypothesis) -> dict[str, Constant]:
 
 
 def moves_a_constant(before: Mapping[str, Constant], after: Mapping[str, Constant]) -> bool:
-    """Return whether any constant lies elsewhere by more than its standard uncertainty."""
+    """Return whether any constant changes by more than its standard uncertainty."""
     for name, own in after.items():
         other = before.get(name)
         if other is None or not own.free:

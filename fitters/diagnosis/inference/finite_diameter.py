@@ -1,7 +1,7 @@
-"""Is it the finite diameter? The disk in two dimensions against the recordings that a plate without rim leaves.
+"""Test for a finite diameter: compare the two-dimensional disk model with the best one-dimensional explanation.
 
-Radial overtones and the edge mode are no small addition to the thickness mode: no extension of the one-dimensional
-model is right to the noise. So the whole disk is fitted anew, all ten constants, by the fitter `disk2d`.
+Radial overtones and the edge mode are no small addition to the thickness mode, and no extension of the one-dimensional
+model describes them to the noise. The whole disk is therefore fitted anew, with all ten constants, by `disk2d`.
 """
 
 from collections.abc import Callable
@@ -24,40 +24,41 @@ from ..validation.bands import guilty_bands
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
-"""Root mean square of ln(Z_model/Z) of the one-dimensional fit from which it is worth asking: lateral modes are not
-faint. The best plate leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
+"""Rms of ln(Z_model/Z) of the one-dimensional fit above which the test is run, since lateral modes are strong: the best
+plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _DESCRIBED = 6e-3
-"""Root mean square of ln(Z_model/Z) up to which the disk is described: its reduced model is hardly better."""
-_SECONDS = 12.0
+"""Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
+_ROUNDS = 4
+"""Budget: descents in two dimensions, of at most twelve steps each."""
 _MORE = 14
-"""Parameters that the disk has and a plate has not: seven complex constants."""
+"""Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
 
 @dataclass(frozen=True, eq=False)
 class FiniteDisk:
-    """The bare disk's recordings as a disk of finite diameter describes them."""
+    """Fit of the bare disk's recordings by a disk of finite diameter."""
 
     result: FitResult
     probability: float
 
     @property
     def described(self) -> bool:
-        """Whether what is left is what the two-dimensional model itself is worth."""
+        """Whether the residual is within the accuracy of the two-dimensional model."""
         return self.result.rms_log_error < _DESCRIBED
 
 
 def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
-    """Return the disk in two dimensions where it is more probable than the `best` explanation in one, else None.
+    """Fit the two-dimensional disk; return it if it is more probable than the `best` one-dimensional explanation.
 
-    None too where there is no recording of a round bare disk, or one so wide that its rim does not matter, and where
-    the best explanation leaves so little that no lateral modes can be in it.
+    Return None otherwise: also if there is no recording of a round bare disk, if the disk is too wide for its rim to
+    matter, or if the best explanation leaves too little for lateral modes.
     """
     left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
     if left < _SHOWS:
         return None
     progress("fitting the disk in two dimensions")
     try:
-        result = finite_disk(task, _SECONDS, enough=_DESCRIBED)
+        result = finite_disk(task, _ROUNDS, enough=_DESCRIBED)
     except FitError:
         return None
     probability = _probability(task, result, null, best)
@@ -65,11 +66,13 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
 
 
 def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> float:
-    """Return how probable a finite diameter is, all that either explanation leaves counted as noise of its size.
+    """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
 
-    Ten free constants imitate much that is none of theirs: so they must be those of a ceramic. As for any effect, what
-    is left may have a cause that imitates it, and evidence is as coarse as the better explanation is wrong. Beforehand
-    the odds are even: every disk has a rim, and the only question is whether it is what one sees.
+    Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
+    effect,
+    evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a rim, and
+    the
+    only question is whether the recordings show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)
@@ -85,7 +88,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:
-    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise alone, where the result has points."""
+    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise, at the points that the result covers."""
     reached = {(curve.step, f) for curve in result.curves for f in curve.frequency.tolist()}
     squares = [
         np.abs(ratio[kept]) ** 2 / 2
@@ -96,7 +99,7 @@ def _chi2_of(one: Refit, result: FitResult) -> float:
 
 
 def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
-    """Return the finding; bands where the one-dimensional fit is off."""
+    """Return the finding, with the bands in which the one-dimensional fit fails."""
     layer = next(iter(finite.result.constants)).partition(".")[0]
     where = f"layer:{layer}"
     step = finite.result.curves[0].step
@@ -124,7 +127,7 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
 
 
 def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
-    """Return the curves after, one for each before: beyond the reach of the two dimensions they stay as they were."""
+    """Return one final curve per initial curve; outside the range of the two-dimensional fit it is unchanged."""
     left = list(finite.result.curves)
     made: list[Curve] = []
     for curve in of_null:
@@ -140,6 +143,6 @@ def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
 
 
 def _sizes(result: FitResult, layer: str) -> dict[str, Size]:
-    """Return the lateral constants that the thickness mode does not have."""
+    """Return the lateral constants, which the thickness mode does not determine."""
     found = {name: result.constants.get(f"{layer}.{name}") for name in ("c11E", "c12E", "c13E")}
     return {name: Size(one.re, one.u_re or 0.0, one.unit) for name, one in found.items() if one is not None}

@@ -1,4 +1,4 @@
-"""Uncertainties that count what may be there unseen."""
+"""Standard uncertainties that include effects which may be present undetected."""
 
 from dataclasses import replace
 from math import hypot, sqrt
@@ -7,14 +7,15 @@ from ...interface import Constant
 from ..findings import Diagnosis, NotDecidable
 
 _UNIFORM = 1 / sqrt(3)
-"""Standard deviation about zero of what lies anywhere between zero and a limit, in limits (JCGM 100:2008, 4.3.7)."""
+"""Standard deviation of a uniform distribution from zero to a limit, in limits (JCGM 100:2008, 4.3.7)."""
 
 
 def widened(diagnosis: Diagnosis) -> Diagnosis:
-    """Return the diagnosis with the standard uncertainties of its final constants widened, and a sentence that says so.
+    """Return the diagnosis with inflated standard uncertainties of the final constants, and a sentence about it.
 
-    Each effect that cannot be decided may have any size up to its upper limit; what it would have shifted a constant
-    by, its real and its imaginary part, is taken as a further uncertainty of that constant.
+    Each undetectable effect may have any size up to its upper limit; the shift of the real and imaginary part of a
+    constant
+    that it could cause is added in quadrature as a further uncertainty.
     """
     constants = {name: _wider(name, own, diagnosis) for name, own in diagnosis.final.constants.items()}
     final = replace(diagnosis.final, constants=constants)

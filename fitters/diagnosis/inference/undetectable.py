@@ -1,7 +1,7 @@
-"""Effects that may be there unseen: the free constants absorb them, and a perfect fit proves nothing.
+"""Effects that may be present undetected: the free constants absorb them, so a perfect fit does not exclude them.
 
-For each effect the upper limit is what the recording still allows (95 %), capped by what is plausible; it is listed
-where an effect of that size would have shifted a constant by more than its stated uncertainty.
+The upper limit of each is what the recording allows (95 %), but no more than is plausible. An effect is listed if it
+could shift a constant by more than the stated uncertainty.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,16 +15,16 @@ from ..search.refit import Refit, shift_of
 from ..search.score_test import Score
 
 _PLAUSIBLE = 4.0
-"""Largest size, in typical sizes, that a careful lab would not have noticed otherwise."""
+"""Largest plausible size, in typical sizes; a careful lab would have noticed a larger effect."""
 _ONE_SIDED_95 = 1.645
 _ABSORBED = 0.1
-"""Part of the effect that survives the free constants, below which it counts as absorbed."""
+"""Part of an effect outside the span of the free constants, below which it counts as absorbed."""
 
 
 def not_decidable(
     found: Refit, scores: Sequence[Score], constants: dict[str, Constant], taken: set[str]
 ) -> tuple[NotDecidable, ...]:
-    """Return the effects that this recording can neither show nor exclude, those that shift most first."""
+    """Return the effects that this recording can neither show nor exclude, largest shift of a constant first."""
     listed: dict[str, tuple[float, NotDecidable]] = {}
     for score in scores:
         name = score.candidate.effect.name
@@ -57,7 +57,7 @@ def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[
 
 
 def _parts(constants: dict[str, Constant]) -> Iterator[tuple[str, str, float, float]]:
-    """Yield name, model parameter, value and uncertainty of every real and imaginary part that is free."""
+    """Yield name, model parameter, value and uncertainty of every free real and imaginary part."""
     for name, constant in constants.items():
         piezo = name.split(".")[1] in PIEZO_CONSTANTS
         if constant.free and constant.u_re:

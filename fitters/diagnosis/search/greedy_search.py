@@ -1,4 +1,4 @@
-"""The search: nothing, each effect, pairs and greedy further ones, look-alikes instead; all by one log evidence."""
+"""Greedy search by log evidence: single effects first, then further ones beside the best, then substitutes."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,10 +23,13 @@ from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilitie
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
 
+_APART = 0.03
+"""Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
+
 
 @dataclass(eq=False)
 class GreedySearch:
-    """All hypotheses that were fitted."""
+    """A search over sets of effects, with all hypotheses fitted so far."""
 
     problem: Problem
     candidates: tuple[Candidate, ...]
@@ -39,22 +42,22 @@ class GreedySearch:
 
     @property
     def ranked(self) -> list[Hypothesis]:
-        """The hypotheses, the most probable first."""
+        """The hypotheses, most probable first."""
         return sorted(self.found.values(), key=lambda one: -one.log_weight)
 
     @property
     def best(self) -> Hypothesis:
-        """The most probable."""
+        """The most probable hypothesis."""
         return self.ranked[0]
 
     def begin(self) -> Hypothesis:
-        """Fit without effects."""
+        """Fit the hypothesis without effects."""
         null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
         self.found[null.key] = null
         return null
 
     def run(self) -> Hypothesis:
-        """Look for what explains the recordings."""
+        """Run the complete search; return the best hypothesis."""
         null = self.begin()
         self.grow(null, FITTED_FIRST)
         self.polish()
@@ -71,7 +74,7 @@ class GreedySearch:
         return self.best
 
     def substitute(self, one: Hypothesis) -> None:
-        """Fit the best with another effect in place of each: what looks alike, and what was never tried beside it."""
+        """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
         if len(one.effects) < 2:
             return
         for effect in one.effects:
@@ -82,7 +85,7 @@ class GreedySearch:
             self.substitute(self.best)
 
     def relocate(self, one: Hypothesis) -> None:
-        """Fit the best with each of its effects at the other places where that could be."""
+        """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
         for effect in one.effects:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
@@ -96,9 +99,9 @@ class GreedySearch:
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
-        """Return what is to be grown: the best, and the best with the effect that a good bench would show.
+        """Return the hypotheses to extend: the best one, and the best one with the likeliest single effect.
 
-        Where even the best leaves more than the usual errors, also others that may yet come out ahead.
+        While even the best leaves more than the usual errors, further hypotheses that may yet win are included.
         """
         short = self.best.fit.shortfall
         within = NEAR * coarseness(short)
@@ -112,7 +115,7 @@ class GreedySearch:
         ]
 
     def grow(self, parent: Hypothesis, most: int) -> None:
-        """Fit what promises most beside a hypothesis."""
+        """Fit the most promising candidates beside a hypothesis."""
         self._grown.add(parent.key)
         taken = {(one.effect.name, one.where) for one in parent.effects}
         left = [
@@ -139,8 +142,8 @@ class GreedySearch:
 
     def _try(self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate]) -> None:
         effects = (*parent.effects, one)
-        starts = (ErrorSizes(colour=parent.fit.sizes.colour),)
-        for promise in promises[:1]:
+        starts = (ErrorSizes(colour=parent.fit.sizes.colour), parent.fit.sizes)
+        for promise in _apart(promises):
             self._fit(effects, {**parent.values, **promise.start}, starts, rounds=2)
 
     def _fit(
@@ -156,8 +159,13 @@ class GreedySearch:
 
         What cannot be computed there, physics or covariance, is none.
         """
+        null = self.found[frozenset()]
         try:
-            self._take(fitted(self.problem, effects, values, starts, near=near, rounds=rounds, fast=self._fast))
+            self._take(
+                fitted(
+                    self.problem, effects, values, (*starts, null.fit.sizes), near=near, rounds=rounds, fast=self._fast
+                )
+            )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return
 
@@ -169,12 +177,12 @@ class GreedySearch:
 
     @property
     def _fast(self) -> bool:
-        """Whether the instrument's error may be fast: where it need not be with nothing explained, it never must."""
+        """Whether fits include fast instrument errors; they do not if the fit without effects needs none."""
         null = self.found.get(frozenset())
         return null is None or null.fit.sizes.fast > 0
 
     def polish(self) -> None:
-        """Fit those again that are near the best, to the end."""
+        """Continue the fits of the best hypotheses to convergence."""
         for _ in range(POLISHED):
             likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
             unfinished = [one for one in self.ranked[:UNFINISHED] if not one.fit.converged]
@@ -191,14 +199,14 @@ class GreedySearch:
         return self.of([other for other in one.effects if other is not effect], one)
 
     def of(self, effects: Sequence[Candidate], near: Hypothesis) -> Hypothesis:
-        """Return the hypothesis of these effects, fitted from another one where it has not been yet."""
+        """Return the hypothesis with these effects; fit it, starting from another one, if that was not done before."""
         key = frozenset(effects)
         if key not in self.found:
             self._take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
         return self.found[key]
 
     def thin(self, one: Hypothesis) -> None:
-        """Fit the best without each of its effects, as long as one less is better."""
+        """Remove effects from the best hypothesis one by one while that improves it."""
         for effect in one.effects:
             rest = tuple(other for other in one.effects if other is not effect)
             self._fit(rest, one.values, (one.fit.sizes,), near=True)
@@ -207,10 +215,21 @@ class GreedySearch:
             self.thin(self.best)
 
     def inclusion(self, names: Collection[str]) -> float:
-        """Return the posterior probability that any of these effects is there, wherever it is."""
+        """Return the posterior probability that any of these effects is present, at whatever place."""
         parts = probabilities(self.ranked).tolist()
         return sum(
             part
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """Return the first start and, if the effect resonates, those at other frequencies: each is a valley of its own."""
+    kept: list[ScreenedCandidate] = []
+    for promise in promises:
+        at = [promise.start[name] for name in promise.candidate.resonance_parameters]
+        before = [[one.start[name] for name in one.candidate.resonance_parameters] for one in kept]
+        if not kept or all(any(abs(f / g - 1) > _APART for f, g in zip(at, other, strict=True)) for other in before):
+            kept.append(promise)
+    return kept

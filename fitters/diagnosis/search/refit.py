@@ -1,4 +1,4 @@
-"""Refits with effects: everything free again, from several sizes of the effect."""
+"""Refits with effects: all parameters free again, starting from several sizes of the effect."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,25 +14,25 @@ from ..hypotheses.problem import Candidate, Problem
 
 ROUGH = 1e-3
 AGAIN = 60
-"""Evaluations of a fit that begins near its minimum."""
+"""Evaluation budget of a fit that starts near its minimum."""
 _ROUGHLY = 25
-"""Evaluations that a candidate gets to show what it can do."""
+"""Evaluation budget of the first, rough fit of a candidate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """A fit with some effects, everything else free as before."""
+    """A least-squares fit with some effects, and everything else free as before."""
 
     effects: tuple[Candidate, ...]
     descent: Descent
     chi2: tuple[float, ...]
     """By recording: mean |ln(Z_model/Z)|^2 over its expectation from noise alone."""
     against: float
-    """How far what was known beforehand had to be stretched: the sum of squares of the priors' residuals."""
+    """Sum of squares of the priors' residuals."""
 
     @property
     def objective(self) -> Objective:
-        """The objective at whose minimum it is."""
+        """The objective that was minimised."""
         return self.descent.objective
 
     @property
@@ -42,7 +42,7 @@ class Refit:
 
     @property
     def chi2_per_dof(self) -> float:
-        """Misfit over all recordings and its degrees of freedom."""
+        """Misfit per degree of freedom over all recordings."""
         sizes = np.array([recording.sweep.frequency.size for recording in self.objective.recordings])
         total = float(np.sum(2 * sizes * np.array(self.chi2)))
         return total / max(1.0, 2.0 * float(sizes.sum()) - self.descent.x.size)
@@ -55,7 +55,7 @@ class Refit:
 
 
 def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
-    """Return a descent as a refit."""
+    """Return a finished descent as a refit."""
     ratios = descent.objective.log_ratios(descent.x)
     chi2 = tuple(
         chi2_per_point(recording, ratio) for recording, ratio in zip(descent.objective.recordings, ratios, strict=True)
@@ -65,7 +65,7 @@ def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
 
 
 def as_refit(problem: Problem, found: Hypothesis) -> Refit:
-    """Return a hypothesis as a fit by noise alone, which pictures, held-out bands and what is left are told by."""
+    """Return a hypothesis as a fit weighted by noise alone, for figures, held-out misfit and residual summary."""
     objective = problem.objective(found.effects, found.values)
     x = objective.coordinates.x
     return finished(found.effects, Descent(objective, x, x, 0.0, converged=True, evaluations=0))
@@ -78,9 +78,9 @@ def refit(
     guess: float | None,
     tolerance: float = ROUGH,
 ) -> Refit:
-    """Fit with `effects`, the last of them new: from `values`, and from several sizes of the new one's first parameter.
+    """Fit with `effects`, the last of them new: start from `values`, and from several sizes of its first parameter.
 
-    `guess` is a first size of it (from the score test); None means that all parameters are in `values` already.
+    `guess` is a first size (from the score test); None means that `values` contains all parameters.
     """
     new = effects[-1] if effects else None
     if guess is None or new is None:
@@ -95,13 +95,13 @@ def refit(
 
 
 def _sizes(guess: float, knob: EffectParameter) -> list[float]:
-    """Return first guesses of a size: that of the score test, and one that is plausible whatever the score says."""
+    """Return start sizes: the score test's estimate, and a typical one whatever the score test says."""
     plausible = knob.typical if guess >= 0 else -knob.typical
     sizes = [guess, plausible] if guess != knob.null else [plausible]
     return [float(np.clip(size, knob.lower, knob.upper)) for size in sizes]
 
 
 def shift_of(objective: Objective, x: Reals, change: Reals) -> dict[str, float]:
-    """Return the change of every model parameter that a change of the moving coordinates makes."""
+    """Return the change of every model parameter for a given change of the free coordinates."""
     _, chain = objective.coordinates.forward(x)
     return dict(zip(objective.coordinates.parameters, (chain @ change).tolist(), strict=True))

@@ -1,7 +1,8 @@
-"""Score (Lagrange multiplier) tests: how much of the residual an effect would explain, without fitting it.
+"""Score (Lagrange multiplier) tests: the part of the residual that an effect would explain, without fitting it.
 
-C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. Derivatives of the residuals by an effect's parameters, less what free
-constants can imitate of it, is held against the residuals; only the physical sign counts.
+C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. The derivatives of the residuals by an effect's parameters, with the
+free
+constants projected out, are compared with the residuals; only steps of the physical sign count.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,33 +20,33 @@ from ...engine.recording import Recording
 from ..hypotheses.problem import Candidate, Problem
 
 _SCANNED = 240
-"""Frequencies at which a further resonance is looked for: closer than the width of a line of Q = 60."""
+"""Number of trial frequencies of a further resonance: denser than the width of a line of Q = 60."""
 _STEP = 1e-3
 _FELT = 1e-6
-"""Relative to the most sensitive parameter: anything less is rounding of a parameter without influence yet."""
+"""Smallest relative sensitivity that is not rounding, compared with the most sensitive parameter."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What a candidate promises at the null fit."""
+    """Score test of a candidate at the null fit."""
 
     candidate: Candidate
     gain: float
-    """How much chi2 would fall."""
+    """Expected decrease of chi2."""
     survives: float
-    """Part of the effect that the free constants cannot imitate, 0 to 1 (of its root mean square)."""
+    """Part of the effect, 0 to 1 of its rms, that the free constants cannot imitate."""
     size: float
-    """Root mean square of d residual / d typical size of the first parameter: how visible it is at all."""
+    """Rms of d residual / d (first parameter in typical sizes)."""
     value: float
     """First-order estimate of the first parameter."""
     start: dict[str, float]
-    """Values of the other parameters at which the score was taken, by parameter."""
+    """Values of the other parameters at which the score was computed, by name."""
     columns: Reals
-    """d residual / d parameter of the sensitive parameters, orthogonal to the free constants; each of norm 1."""
+    """d residual / d parameter of the sensitive parameters, orthogonal to the free constants, normalised to 1."""
     felt: tuple[tuple[str, EffectParameter, float], ...]
-    """Parameter, parameter, and its change per unit of its column."""
+    """Name, parameter, and its change per unit of its column, of the sensitive parameters."""
     shifts: Reals
-    """What the free coordinates do, per unit of the first parameter, where the effect is there and ignored."""
+    """Shift of the free coordinates, per unit of the first parameter, if the effect is present but ignored."""
 
 
 def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals) -> list[Score]:
@@ -101,19 +102,19 @@ def _score(
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """Matched scans at one fit, none made twice: a line looks the same whichever layer it is said to sit in."""
+    """Matched scans at one fit, with a cache: a line has the same shape whichever layer contains it."""
 
     problem: Problem
     values: dict[str, float]
     r: Reals
     Q: Reals
     made: list[tuple[str, Reals, list[float]]] = field(default_factory=list[tuple[str, Reals, list[float]]])
-    """Name of an effect, a first column, and the values found."""
+    """Name of an effect, its first column, and the values found."""
 
     def tuned(self, candidate: Candidate) -> list[float]:
         """Return the values of the other parameters at which the first one explains most.
 
-        For parameters in which an effect is far from linear: frequency and quality of a resonance, delay of an echo.
+        Needed for strongly nonlinear parameters: frequency and quality of a resonance, delay of an echo.
         """
         grids = [_grid(self.problem, knob) for knob in candidate.effect_parameters[1:]]
         if all(len(grid) == 1 for grid in grids):
@@ -134,7 +135,7 @@ class _Scan:
 
 
 def _grid(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
-    """Return the values of a parameter to scan: those it names, of a frequency a grid, else where it rests."""
+    """Return the scan values of a parameter: its own list, a grid for a frequency, else its rest value."""
     if knob.scan:
         return knob.scan
     if knob.unit == "Hz":
@@ -149,8 +150,9 @@ def _first_columns(
 ) -> Callable[[Sequence[float]], Reals]:
     """Return a function of the other parameters: d residual / d first parameter in typical sizes, shape (rows,).
 
-    By one small step from where the effect is absent, which is the same for all of them. What the sweep itself did is
-    small, and left out unless it is what is looked for.
+    The derivative is a difference quotient from the state without the effect, which all of them share. Effects of the
+    sweep
+    are small, and are left out unless the candidate is one of them.
     """
     knob, name = candidate.effect_parameters[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0
@@ -185,7 +187,7 @@ def _moved(model: Model, values: dict[str, float]) -> Model:
 
 
 def together(columns: Reals, r: Reals, effect_parameters: Sequence[EffectParameter]) -> tuple[Reals, float]:
-    """Return the steps along `columns`, those of sizes not negative, by which chi2 falls most, and how far it falls."""
+    """Return the steps along `columns` that minimise chi2, with signs constrained, and the decrease of chi2."""
     if not columns.shape[1]:
         return np.zeros(0), 0.0
     Q, R = np.linalg.qr(columns)

@@ -1,4 +1,4 @@
-"""Which effects promise something: each at a few plausible sizes against what is left of a fit, without fitting it."""
+"""Screening of candidates: compute the gain of each effect at a few plausible sizes without fitting it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,34 +17,35 @@ from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
-"""Sizes tried, in standard deviations of their logarithm."""
+"""Trial sizes, in standard deviations of ln size."""
 _SIGNED = (-0.5, -0.1, -0.02, 0.02, 0.1, 0.5)
 _STRETCH = 0.4, 2.5
-"""How far a change may be stretched in a straight line."""
+"""Range of the factor by which a change may be scaled linearly."""
 _LINES = 100
-"""Frequencies at which a further resonance is looked for."""
+"""Number of trial frequencies of a further resonance."""
 _SCANS = 160
 _SAME = 0.999999
 
 
 @dataclass(frozen=True)
 class ScreenedCandidate:
-    """What an effect would bring."""
+    """Expected benefit of an effect."""
 
     candidate: Candidate
     gain: float
-    """Fall of minus ln of the likelihood."""
+    """Expected increase of the ln likelihood."""
     start: dict[str, float]
     twins: tuple[Candidate, ...] = ()
-    """The same elsewhere: by symmetry it does the same."""
+    """The same effect at places where symmetry makes it do exactly the same."""
 
 
 def screened(
     problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[list[ScreenedCandidate], ...]:
-    """Return three lists of what candidates promise beside a hypothesis, best first.
+    """Return three lists of candidates beside a hypothesis, largest gain first.
 
-    They count all that it leaves as noise, or errors of a good device and instrument, or the hypothesis's own errors.
+    The lists differ in how they treat the residual: as noise, as errors of a good device and instrument, or as the
+    hypothesis's own errors.
     """
     trials = [(one, values, change) for one in candidates for values, change in _changes(problem, parent, one)]
     if not trials:
@@ -58,7 +59,7 @@ def screened(
 
 
 def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple[dict[str, float], list[Complexes]]]:
-    """Return the effect_parameters tried and what each makes of ln Z in every recording."""
+    """Return the trial parameters and the change of ln Z that they cause in every recording."""
     made: list[tuple[dict[str, float], list[Complexes]]] = []
     curves = parent.objective.curves(parent.fit.x)
     with_one = problem.with_effects([*parent.effects, one])
@@ -109,9 +110,9 @@ def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
 
 
 def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> tuple[Reals, Reals]:
-    """Return by how much minus ln likelihood falls along each change, and how far it is stretched then; shape (T,).
+    """Return the increase of ln likelihood along each change, and the best scale factor of the change; shape (T,).
 
-    `sizes` of the errors; None: what is left counts as noise.
+    `sizes` are those of the errors; None treats the residual as noise.
     """
     made = parent.fit.gram
     columns = made.columns
@@ -164,7 +165,7 @@ def _ranked(
 
 
 def _stretched(one: Candidate, values: dict[str, float], stretch: float) -> dict[str, float]:
-    """Return the sizes tried, as large as they would fit best."""
+    """Return the trial values with sizes scaled to the best fit."""
     sizes = {name: knob for name, knob in one.sizes if name in values}
     return {
         name: float(np.clip(knob.null + stretch * (value - knob.null), knob.lower, knob.upper))
@@ -177,7 +178,7 @@ def _stretched(one: Candidate, values: dict[str, float], stretch: float) -> dict
 def _twins(
     trials: Sequence[tuple[Candidate, dict[str, float], list[Complexes]]], changes: Sequence[Complexes]
 ) -> dict[Candidate, Candidate]:
-    """Return the candidates that do what another of the same effect does, by it."""
+    """Return the candidates that do exactly the same as another one of the same effect, with that other one."""
     whole = np.concatenate(changes)
     norm = np.linalg.norm(whole, axis=0)
     first: dict[Candidate, list[int]] = {}

@@ -1,4 +1,4 @@
-"""Fits by noise alone, softened by what they leave: what is told of held-out bands and of other samples."""
+"""Fits weighted by noise and model discrepancy, for held-out bands and other samples."""
 
 from dataclasses import replace
 
@@ -7,20 +7,20 @@ from ..hypotheses.problem import Problem
 from .refit import ROUGH, Refit, finished, refit
 
 SIGNIFICANT = 30.0
-"""Gain in chi2 of an effect that a fair judge may ask for: chance gives 16 once in a thousand recordings for forty
-candidates, and the noise itself is known to some per cent only."""
+"""Gain in chi2 that an effect needs to be significant: chance reaches 16 once in a thousand recordings with forty
+candidates, and the noise is known to a few per cent only."""
 _POLISH = 1e-5
-"""Relative tolerance of the fits that are held against each other: a tenth of chi2, where thirty decide."""
+"""Relative tolerance of fits that are compared: a tenth of chi2, where thirty are decisive."""
 
 
 def null_refit(problem: Problem) -> Refit:
-    """Return the fit without effects."""
+    """Fit without effects."""
     objective = problem.objective((), problem.values)
     return finished((), descend(objective, objective.coordinates.x, ROUGH))
 
 
 def resoftened(problem: Problem, current: Refit) -> Problem:
-    """Return the problem with its recordings softened by what a refit leaves."""
+    """Return the problem with recordings reweighted by the residual of a refit."""
     ratios = current.objective.log_ratios(current.descent.x)
     soft = tuple(
         with_model_discrepancy(recording, ratio) for recording, ratio in zip(problem.recordings, ratios, strict=True)
@@ -29,7 +29,7 @@ def resoftened(problem: Problem, current: Refit) -> Problem:
 
 
 def polish(problem: Problem, rough: Refit, tolerance: float = _POLISH) -> Refit:
-    """Return a refit with weights that fit what it leaves over."""
+    """Refit with weights that match the residual, until they no longer change."""
     best = rough
     for _ in range(3):
         again = refit(resoftened(problem, best), best.effects, best.values, None, tolerance)

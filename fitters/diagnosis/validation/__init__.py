@@ -1,1 +1,1 @@
-"""Held-out data, whiteness of residuals, other samples."""
+"""Validation: held-out data, whiteness of residuals, other samples."""

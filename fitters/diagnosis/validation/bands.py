@@ -1,4 +1,4 @@
-"""Contiguous stretches of frequency in which a mismatch sits."""
+"""Contiguous frequency bands of a misfit."""
 
 from collections.abc import Sequence
 
@@ -9,12 +9,12 @@ from ....models.base.arrays import Complexes, Frequencies, Reals
 _SMOOTH = 15
 _GUILTY = 4.0
 _OF_WORST = 0.01
-"""A stretch counts as guilty where its mean squared residual over `_SMOOTH` points is above four times the noise, and
-above a hundredth of the worst: a large mismatch reaches far, and people need to know where it sits."""
+"""A stretch belongs to a band if its mean squared residual over `_SMOOTH` points exceeds four times the noise and a
+hundredth of the worst; a large misfit extends far, and the user needs its centre."""
 
 
 def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, float], ...]:
-    """Return the bands where `excess`, 1 on average where all is well, stands out; the worst first, five at most."""
+    """Return the bands where `excess` (1 on average without misfit) stands out: worst first, five at most."""
     kernel = np.ones(_SMOOTH) / _SMOOTH
     smooth = np.convolve(excess, kernel, mode="same")
     guilty = smooth > max(_GUILTY, _OF_WORST * float(np.max(smooth, initial=0.0)))
@@ -32,5 +32,5 @@ def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, fl
 
 
 def excess_of(before: Sequence[Complexes], after: Sequence[Complexes]) -> tuple[Reals, ...]:
-    """Return how much the squared residuals fell at each point, in units of noise, by recording."""
+    """Return the decrease of the squared residuals at each point, in units of noise, by recording."""
     return tuple((np.abs(b) ** 2 - np.abs(a) ** 2) / 2 for b, a in zip(before, after, strict=True))

@@ -1,4 +1,4 @@
-"""The proof on another sample: what was found in one, carried over to the next, whose constants alone are free."""
+"""Validation on another sample: test the effects found in one sample on the next, with only its constants free."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -23,12 +23,12 @@ _FINE = 1e-8
 def carried_over(
     problem: Problem, final: Refit, sample: str, task: FitTask, progress: Callable[[str], None]
 ) -> OtherSample:
-    """Return how the effects of a final fit do in another sample, whose own constants alone are free.
+    """Return how well the effects of a final fit describe another sample, whose own constants are free.
 
-    Their sizes are known there as the first sample's fit tells them, with all correlations (Chow's test of a forecast,
-    Econometrica 28 (1960) 591). Raises FitError where the other sample cannot be fitted.
+    The prior of their sizes is the posterior of the first sample's fit, with all correlations (Chow's forecast test,
+    Econometrica 28 (1960) 591). Raises FitError if the other sample cannot be fitted.
     """
-    progress(f"carrying over to {sample}")
+    progress(f"testing the findings on {sample}")
     try:
         other = Problem.of(solve(replace(task, sweeps=gate(task.sweeps).sweeps), progress), task.free)
     except FitError as error:
@@ -52,7 +52,7 @@ def carried_over(
 
 
 def _twins(other: Problem, found: Candidate) -> list[Candidate]:
-    """Return the same effect at the same place in the other sample, in as many of the same steps; at most one."""
+    """Return the same effect at the same place in the other sample, in as many common steps as possible, or nothing."""
     same = [
         one
         for one in candidates(other, (found.effect.name,))
@@ -63,7 +63,7 @@ def _twins(other: Problem, found: Candidate) -> list[Candidate]:
 
 
 def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Posterior:
-    """Return what a fit tells of the sizes of some of its effects, everything else free."""
+    """Return the posterior of the sizes of some effects, marginalised over everything else."""
     objective = resoftened(problem, final).objective(final.effects, final.values)
     x, free = objective.coordinates.x, objective.coordinates.free
     names = tuple(name for one in effects for name in one.parameters)
@@ -75,6 +75,6 @@ def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Poste
 
 
 def _per_dof(problem: Problem, found: Refit) -> float:
-    """Return the misfit in units of noise, with what was told beforehand stretched, for each degree of freedom."""
+    """Return the misfit per degree of freedom in units of noise, including the deviation from the priors."""
     sizes = [one.sweep.frequency.size for one in problem.recordings]
     return float(np.dot(sizes, found.chi2)) / sum(sizes) + found.against / (2.0 * sum(sizes))

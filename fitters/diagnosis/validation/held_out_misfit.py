@@ -1,4 +1,4 @@
-"""The proof: misfit on what took no part in the fit, before and after."""
+"""Validation: misfit on the held-out points, before and after."""
 
 from collections.abc import Sequence
 
@@ -12,13 +12,14 @@ from ..search.trial_fits import resoftened
 
 
 def held_out_chi2(problem: Problem, found: Refit) -> float:
-    """Return the misfit per degree of freedom on what is held out, of a fit to everything else.
+    """Return the misfit per degree of freedom on the held-out points, predicted by a fit to all others.
 
-    Measured against noise and against what the fit to the rest does not know itself: a resonance that was held out is
-    foretold less well, and that is no fault of the model. So it is what the held-out points add to the least chi2 of
-    the rest, Chow's test of a forecast (Econometrica 28 (1960) 591): 1 where the model is right, whatever the rest
-    determines; but never less than what the fit to everything leaves there, as it may be where a fit far from the noise
-    weighs its points otherwise.
+    The prediction has an uncertainty of its own (a held-out resonance is predicted less well), which is no fault of the
+    model. The result is therefore the increase of the minimal chi2 when the held-out points are added (Chow's forecast
+    test, Econometrica 28 (1960) 591): 1 if the model is right, whatever the other points determine. It is never less
+    than
+    the residual of the fit to everything, which can be larger where a fit far from the noise weights its points
+    differently.
     """
     rest = resoftened(problem, found).without(problem.proof)
     objective = rest.objective(found.effects, found.values)
@@ -31,14 +32,14 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
 
 
 def _chi2(problem: Problem, found: Refit, points: Sequence[NDArray[np.bool_]]) -> float:
-    """Return the misfit of a fit on some points in units of noise."""
+    """Return the chi2 of a fit over some points, in units of noise."""
     ratios = found.objective.log_ratios(found.descent.x)
     parts = zip(problem.recordings, ratios, points, strict=True)
     return sum(float(np.sum(np.abs(ratio / one.noise)[own] ** 2)) for one, ratio, own in parts)
 
 
 def unforeseen(problem: Problem, found: Refit) -> tuple[Candidate, ...]:
-    """Return the effects that nothing tells but what was held out: in another step, or with lines in other bands."""
+    """Return the effects constrained by held-out data only: those in another step, or with lines in other bands."""
     return tuple(one for one in found.effects if _lies_in(problem, one, found))
 
 

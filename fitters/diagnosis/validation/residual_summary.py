@@ -1,8 +1,8 @@
-"""What is left when all that was found is taken away: in which bands, which resonances would describe it, how it runs.
+"""Summary of the residual after all findings: its bands, resonances that would describe it, and its texture.
 
-Three descriptions, none of which names physics: a scan for stretches with more in them than noise; a matched scan for
-pole pairs, after what the free parameters can imitate was taken off them; and, as for any course of unknown origin, a
-Gaussian process (Matern 5/2; Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425) by its size and correlation length.
+Three descriptions, none of which names physics: a scan for bands with more than noise; a matched scan for pole pairs,
+orthogonal to the free parameters; and a Gaussian process (Matern 5/2; Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001)
+425) with its standard deviation and correlation length.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ _MOST_BANDS, _MOST_POLES = 5, 3
 _PLACES, _QUALITIES = 60, (10.0, 30.0, 100.0, 300.0)
 _POLE_PAYS = 30.0
 _POLE_TAKES = 0.2
-"""Part of what is left beyond noise that a pole must take away to be worth telling."""
+"""Smallest part of the excess over noise that a reported pole must explain."""
 _TEXTURE = 0.1
-"""Excess of chi2 per point from which there is a course to describe."""
+"""Excess of chi2 per point above which the texture is described."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """One recording's residuals in units of its noise, and what the free parameters can still do to them."""
+    """Residuals of one recording in units of its noise, and the tangent space of the free parameters."""
 
     recording: Recording
     residual: Complexes
@@ -37,7 +37,7 @@ class _Rest:
 
 
 def remainder(found: Refit) -> Leftover:
-    """Return what a fit leaves, described; a few milliseconds for a recording."""
+    """Return a description of the residual of a fit; takes a few milliseconds per recording."""
     rests = _rests(found)
     bands = sorted((band for rest in rests for band in _bands(rest)), key=lambda one: -one[0])
     worst = max(rests, key=lambda rest: _excess(rest.residual))
@@ -73,18 +73,18 @@ def _orthonormal(columns: Reals) -> Reals:
 
 
 def _excess(residual: Complexes) -> float:
-    """Return the sum of squares beyond that of noise."""
+    """Return the sum of squares beyond its expectation from noise."""
     return float(np.sum(np.abs(residual) ** 2)) - 2 * residual.size
 
 
 def _bands(rest: _Rest) -> list[tuple[float, tuple[float, float]]]:
-    """Return the stretches that hold more than noise, with the logarithm of their likelihood ratio; none overlap."""
+    """Return disjoint stretches with more than noise, each with the logarithm of its likelihood ratio."""
     f = rest.recording.sweep.frequency
     return [(ratio, (float(f[a]), float(f[b - 1]))) for ratio, a, b in uneven(rest.residual, _MOST_BANDS)]
 
 
 def _poles(rest: _Rest) -> list[Pole]:
-    """Return up to three resonances that take away much of what is left, the one that takes most first."""
+    """Return up to three resonances that explain much of the residual, largest decrease first."""
     residual, tangent, found = rest.residual, rest.tangent, list[Pole]()
     before = _excess(residual)
     for _ in range(_MOST_POLES):
@@ -112,11 +112,11 @@ def _best_pole(rest: _Rest, residual: Complexes, tangent: Reals) -> tuple[Pole, 
 
 
 def _takes(rest: _Rest, residual: Complexes, tangent: Reals, f_k: float, q: float) -> tuple[float, Reals, complex]:
-    """Return by how much a pole lowers the squares, its orthonormal columns, and its complex capacitance in F."""
+    """Return the decrease of chi2 by a pole, its orthonormal columns, and its complex capacitance in F."""
     sweep = rest.recording.sweep
     x = sweep.frequency / f_k
     branch = 2j * np.pi * sweep.frequency / (1 - x**2 + 1j * x / q)
-    # a branch beside the device lowers ln Z by Z Y; what the model lacks, ln(Z_model / Z) has with the other sign
+    # a parallel branch changes ln Z by -Z Y, so ln(Z_model / Z) of a model without it contains +Z Y
     shape = sweep.impedance * branch / rest.recording.noise
     columns = np.stack([np.concatenate([c.real, c.imag]) for c in (shape, 1j * shape)], axis=1)
     outside = columns - tangent @ (tangent.T @ columns)
@@ -129,9 +129,9 @@ def _takes(rest: _Rest, residual: Complexes, tangent: Reals, f_k: float, q: floa
 
 
 def _texture(rest: _Rest) -> Texture | None:
-    """Return size and correlation length of what is left as a Gaussian process, from its own covariance.
+    """Fit standard deviation and correlation length of a Gaussian process to the autocovariance of the residual.
 
-    The lag of zero, which holds the noise, is left out; lengths are tried on a grid.
+    Lag zero, which contains the noise, is left out; the correlation length is searched on a grid.
     """
     ratio = rest.residual * rest.recording.noise
     if _excess(rest.residual) < _TEXTURE * 2 * ratio.size:
@@ -158,7 +158,7 @@ def _matern(d: Reals) -> Reals:
 
 
 def in_words(left: Leftover) -> str:
-    """Return a sentence on what is left, for people."""
+    """Return a sentence that describes the residual."""
     said: list[str] = []
     if left.bands_Hz:
         low, high = left.bands_Hz[0]
@@ -168,5 +168,5 @@ def in_words(left: Leftover) -> str:
         said.append(f"it amounts to {size:.2g} % and changes over {length:.3g} kHz")
     if left.poles:
         pole = left.poles[0]
-        said.append(f"a resonance at {pole.frequency_Hz / 1e6:.4g} MHz with Q {pole.q:.2g} would take away much of it")
-    return f"What is left of {left.step}: {'; '.join(said)}." if said else ""
+        said.append(f"a resonance at {pole.frequency_Hz / 1e6:.4g} MHz with Q {pole.q:.2g} would explain much of it")
+    return f"Residual of {left.step}: {'; '.join(said)}." if said else ""

@@ -1,7 +1,7 @@
-"""Is a residual noise? Stretches with more in it than noise, and courses that come back with a period.
+"""Whiteness tests of a residual: stretches with more than noise, and periodic ripple.
 
-Neither asks for physics. Both find what chi2 does not show: a few points out of place among 800, or a ripple that an
-estimate of the noise from the recording itself takes for noise.
+Neither needs a physical model. Both find what chi2 does not show: a few outliers among 800 points, or a ripple that a
+noise estimate from the recording itself mistakes for noise.
 """
 
 from collections.abc import Iterable
@@ -11,23 +11,24 @@ import numpy as np
 from ....models.base.arrays import Complexes
 
 _LENGTHS = 1.5
-"""Ratio of one window's length to the next shorter one's."""
+"""Ratio of successive window lengths."""
 _SURE = 15.0
-"""Logarithm of the likelihood ratio of a stretch: of recordings of 801 points of noise, one in 1000 reaches it."""
+"""ln likelihood ratio of a significant stretch: one in 1000 recordings of 801 points of pure noise reaches it."""
 _PERIODIC = 24.0
-"""Power of a line, in half of what noise has on average: one of a million recordings of 801 points of noise has it."""
+"""Power of a line, in halves of the mean noise power: one in a million recordings of 801 points of noise reaches it."""
 
 
 def structured(residuals: Iterable[Complexes]) -> bool:
-    """Return whether what is left of a recording is no noise, small as it may be."""
+    """Return whether any residual differs significantly from white noise, however small it is."""
     return any(uneven(residual, 1) or period(residual) for residual in residuals)
 
 
 def uneven(residual: Complexes, most: int) -> list[tuple[float, int, int]]:
-    """Return up to `most` stretches (ln of the likelihood ratio, first point, one past the last) of `residual`.
+    """Return up to `most` stretches of `residual` as (ln likelihood ratio, first point, one past the last).
 
-    `residual` is in units of noise of Re and Im each, shape (N,). A window whose variance is s times that of noise,
-    over L points, has ln ratio L (s - 1 - ln s). None overlap; the surest first.
+    `residual` is in units of the noise of Re and Im each, shape (N,). A window of L points whose variance is s times
+    that
+    of noise has the ln ratio L (s - 1 - ln s). Stretches do not overlap; the most significant comes first.
     """
     squares = np.abs(residual) ** 2 / 2
     running = np.concatenate([[0.0], np.cumsum(squares)])
@@ -50,14 +51,15 @@ def uneven(residual: Complexes, most: int) -> list[tuple[float, int, int]]:
 
 
 def period(residual: Complexes) -> float | None:
-    """Return the period in points of what comes back in `residual`, shape (N,), or None where nothing does.
+    """Return the period in points of a ripple in `residual`, shape (N,), or None if there is none.
 
-    R. A. Fisher's test for the largest line of a periodogram (Proc. R. Soc. A 125 (1929) 54); the mean power of the
-    other lines is the noise, so that a noise that is not quite known does no harm.
+    R. A. Fisher's test for the largest line of a periodogram (Proc. R. Soc. A 125 (1929) 54); the noise is the mean
+    power
+    of the other lines, so that it need not be known exactly.
     """
     n = residual.size
     spectrum = np.abs(np.fft.fft(residual - np.mean(residual))) ** 2
-    # a ripple of ln Z has a line at both signs of its frequency
+    # a ripple of ln Z has lines at both signs of its frequency
     power = spectrum[1 : (n - 1) // 2 + 1] + spectrum[: -((n - 1) // 2) - 1 : -1]
     at = int(np.argmax(power))
     floor = float(np.sum(power) - power[at]) / max(power.size - 1, 1)

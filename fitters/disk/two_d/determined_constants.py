@@ -1,4 +1,4 @@
-"""What a recording of a disk tells of its constants, and which combinations of them it does not determine."""
+"""Constants and combinations of constants that a recording of a disk does not determine."""
 
 import numpy as np
 from scipy.linalg import eigh, qr
@@ -10,16 +10,16 @@ from ...engine.covariance import Curvature, curvature
 from ...engine.descent import Descent
 
 _TOLD = 0.5
-# A combination counts as determined where the recording halves the uncertainty there was before it.
+# A combination counts as determined if the recording halves its prior uncertainty.
 _PART = 0.25
-# Constants that move by less than this part of what was known of them before are not named.
+# Constants that change by less than this part of their prior uncertainty are not named.
 
 
 def undetermined(descent: Descent, layer: str) -> tuple[str, ...]:
     """Return sentences on constants, losses, and combinations of constants that the recording does not determine.
 
-    The combinations are the eigenvectors of the covariance after the recording by that before it, of ln|Re| of the
-    ten constants: eigenvalues are what part of the variance is left.
+    The combinations are the generalised eigenvectors of posterior and prior covariance of ln|Re| of the ten constants;
+    the eigenvalues are the remaining parts of the variance.
     """
     bends = curvature(descent.objective, descent.x)
     values, chain = descent.objective.coordinates.forward(descent.x)
@@ -33,23 +33,22 @@ def undetermined(descent: Descent, layer: str) -> tuple[str, ...]:
     says: list[str] = []
     if held:
         says.append(
-            f"This recording does not determine {', '.join(held)} alone: what stands there is what PZT in general lets "
-            "expect, with that uncertainty."
+            f"This recording alone does not determine {', '.join(held)}: their values and uncertainties are those of "
+            "PZT in general."
         )
     together = _together(after, before, layer)
     if together:
         says.append(
-            f"It determines {len(CONSTANTS) - len(together)} combinations of the ten real parts. What is left is "
-            "hardly better known than before it, and what moves in one of these is known only together: "
-            f"{'; '.join(together)}."
+            f"It determines {len(CONSTANTS) - len(together)} combinations of the ten real parts. The others rest on "
+            f"the library; the constants of each change only together: {'; '.join(together)}."
         )
     if losses:
-        says.append(f"Nor does it determine the losses of {', '.join(losses)}.")
+        says.append(f"Losses not determined for: {', '.join(losses)}.")
     return tuple(says)
 
 
 def _covariances(bends: Curvature, chain: Reals) -> tuple[Reals, Reals]:
-    """Return the covariance of what `chain` makes of the coordinates, shape (10, 10), with and without recordings."""
+    """Return posterior and prior covariance of what `chain` derives from the coordinates, shape (10, 10)."""
     prior = bends.rows[bends.data :]
     scale = 1 / np.maximum(np.linalg.norm(prior, axis=0), np.finfo(float).tiny)
     known = np.asarray(np.linalg.inv((prior * scale).T @ (prior * scale)), np.float64)
@@ -62,10 +61,11 @@ def _each(after: Reals, before: Reals) -> list[tuple[str, float, float]]:
 
 
 def _together(after: Reals, before: Reals, layer: str) -> list[str]:
-    """Return the directions that are left open: a constant by its standard uncertainty, and which go with it.
+    """Return the undetermined directions: a constant changed by its standard uncertainty, and the others accordingly.
 
-    The eigenvectors that are left open span them; of that space each sentence takes the direction in which one
-    constant moves and the leading ones of the others stay, so that it is said with as few constants as can be.
+    The undetermined eigenvectors span a space; each sentence describes the direction in it in which one leading
+    constant
+    changes and the other leading ones do not, so that as few constants as possible are named.
     """
     own = np.sqrt(np.diag(before))
     scaled = before / np.outer(own, own)
@@ -75,20 +75,20 @@ def _together(after: Reals, before: Reals, layer: str) -> list[str]:
         return []
     leading = np.sort(_pivots(space.T)[: space.shape[1]])
     each = space @ np.linalg.inv(space[leading])
-    made: list[str] = []
+    sentences: list[str] = []
     for k, direction in zip(leading.tolist(), each.T, strict=True):
         moved = own * direction * float(np.sqrt(after[k, k])) / own[k]
         with_it = [i for i in np.argsort(-np.abs(direction)).tolist() if i != k and abs(direction[i]) > _PART]
         others = ", ".join(f"{layer}.{CONSTANTS[i]} {100 * moved[i]:+.2g} %" for i in with_it)
-        made.append(f"{layer}.{CONSTANTS[k]} {100 * moved[k]:+.2g} %" + (f" with {others}" if others else ""))
-    return made
+        sentences.append(f"{layer}.{CONSTANTS[k]} {100 * moved[k]:+.2g} %" + (f" with {others}" if others else ""))
+    return sentences
 
 
 def _eigh(a: Reals, b: Reals) -> tuple[Reals, Reals]:
-    made: tuple[Reals, Reals] = eigh(a, b)
-    return made
+    solution: tuple[Reals, Reals] = eigh(a, b)
+    return solution
 
 
 def _pivots(rows: Reals) -> Numbers:
-    made: tuple[Numbers, Numbers, Numbers] = qr(rows, pivoting=True)
-    return made[2]
+    factors: tuple[Numbers, Numbers, Numbers] = qr(rows, pivoting=True)
+    return factors[2]

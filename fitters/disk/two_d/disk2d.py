@@ -1,7 +1,7 @@
 """Fitter `disk2d`: all ten complex constants of a round disk from its own recording, in two dimensions.
 
-Radial overtones and the edge mode that run through the thickness resonance of a real disk are part of the model
-(`models/disk2d`), so the constants need not stand in for them. Losses are causal, constants passive by construction.
+Radial overtones and the edge mode, which overlap the thickness resonance of a real disk, are part of the model
+(`models/disk2d`), so the constants need not compensate for them. Losses are causal, constants passive by construction.
 """
 
 import math
@@ -39,13 +39,13 @@ from .valley_search import searched
 Known: TypeAlias = Prior | Posterior
 _TOLERANCE = 1e-5
 _ROUNDS, _STILL, _MOST = 12, 0.01, 12
-# At the end the misfit that is left is taken as noise and the descent repeated, until it falls by less than 1 %.
+# Finally the remaining misfit is counted as noise and the descent repeated, until it falls by less than 1 %.
 _CHECKED = 12
-# Frequencies at which the reduced model is checked against its full equations.
+# Number of frequencies at which the reduced model is checked against the full equations.
 _SHORTEST = 0.5
-# Radius of electrodes over that of the disk.
+# Smallest radius of the electrodes over that of the disk.
 _PREDICTED = 0.87
-# Part of the model's highest frequency up to which modes are told: 1.3 times the thickness resonance.
+# Part of the model's highest frequency up to which modes are predicted: 1.3 times the thickness resonance.
 
 
 class Disk2DFitter:
@@ -58,27 +58,26 @@ class Disk2DFitter:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the ten constants to all recordings of the bare disk.
 
-        Raises FitError where none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5
-        times its thickness resonance.
+        Raises FitError if none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5 times
+        its
+        thickness resonance.
         """
         return finite_disk(task, progress=progress)
 
 
 def finite_disk(
     task: FitTask,
-    budget_seconds: float = math.inf,
+    rounds: int = _ROUNDS,
     progress: Callable[[str], None] = lambda _: None,
     enough: float = 0.0,
 ) -> FitResult:
-    """Say how well the disk of finite diameter describes the recordings of the bare disk, and with which constants.
+    """Fit the disk of finite diameter to the recordings of the bare disk, to see how well it describes them.
 
-    `chi2_per_dof` refers to the same noise of every point as that of the one-dimensional fitters, but only to points
-    up to 1.5 times the thickness resonance: `curves` has them, with the model's impedance on each. Nothing needs to be
-    known of the ceramic but that it is one. `budget_seconds`: when it is over, descents stop where they are and the
-    answer says `converged=False`; what must be done before (reduced model where it is not in the cache, 1 s at
-    diameter/thickness 5 to some 15 s at 40, and the search) is done in any case. `enough`: what may be left of ln Z,
-    root mean square, for a valley to be taken without a look at others.
-    Raises FitError as the fitter does.
+    `chi2_per_dof` refers to the same noise of every point as in the one-dimensional fitters, but only to points up to
+    1.5 times the thickness resonance; `curves` contains them, with the model's impedance. The material need not be
+    known more closely than as a piezoceramic. `rounds`: number of descents of at most twelve steps after the search; if
+    the last one has not converged, the result has `converged=False`. `enough`: rms of ln Z below which a valley is
+    accepted without searching for others. Raises the same FitError as the fitter.
     """
     began = time.perf_counter()
     disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
@@ -86,20 +85,20 @@ def finite_disk(
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
-    descent, error = _descend(disk, full, model, task.free, began + budget_seconds, enough)
+    descent, error = _descend(disk, full, model, task.free, rounds, enough)
     layer = disk.layer.name
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
         return _named(layer, _tensor_of(values, layer))
 
-    found = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
+    tensor = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
     says = (
         *([f"Electrodes end at {electrode:.4g} of the disk's radius."] if electrode < 1 else []),
-        f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is right to "
+        f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is accurate to "
         f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
-        f"Passive: the least loss is {passivity_margin(found.law):.2g} of a loss tangent (Holland).",
+        f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
         *undetermined(descent, layer),
-        *unusual(disk, found),
+        *unusual(disk, tensor),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
     answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
@@ -107,16 +106,16 @@ def finite_disk(
 
 
 def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Descent) -> FitResult:
-    """Return the answer with what the disk does outside the recorded bands."""
+    """Return the result with predictions outside the recorded bands."""
     coordinates = descent.objective.coordinates
     values, _ = coordinates.forward(descent.x)
-    found = model.replace({name: values[name] for name in model.parameters()})
+    fitted = model.replace({name: values[name] for name in model.parameters()})
     high = _PREDICTED * HIGHEST / disk.sizes["thickness"].re
     covariance = estimate(descent).covariance
-    made = predictions(found, coordinates.parameters, covariance, disk.expected_radial_mode / 2, high)
+    predicted = predictions(fitted, coordinates.parameters, covariance, disk.expected_radial_mode / 2, high)
     bands = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
-    told = sentence(made, disk.layer.name, bands)
-    return replace(answer, derived={**answer.derived, **made}, says=(*answer.says, told))
+    text = sentence(predicted, disk.layer.name, bands)
+    return replace(answer, derived={**answer.derived, **predicted}, says=(*answer.says, text))
 
 
 def _ratio(disk: BareDisk) -> float:
@@ -124,14 +123,14 @@ def _ratio(disk: BareDisk) -> float:
 
 
 def _electrode(disk: BareDisk) -> float:
-    """Return the radius of the electrodes over that of the disk: 1 where the build says nothing. Raises FitError."""
+    """Return the radius of the electrodes over that of the disk, 1 by default. Raises FitError."""
     given = disk.layer.values.get("electrode_diameter")
     if given is None:
         return 1.0
     part = given.re / (2 * disk.radius)
     if not _SHORTEST <= part <= 1:
         raise FitError(
-            f"electrode_diameter_mm of {disk.layer.name!r} is {1e3 * given.re:.4g}; `disk2d` serves for "
+            f"electrode_diameter_mm of {disk.layer.name!r} is {1e3 * given.re:.4g}; `disk2d` covers "
             f"{2e3 * _SHORTEST * disk.radius:.4g} to {2e3 * disk.radius:.4g}, the disk's diameter"
         )
     if given.u > 0:
@@ -146,7 +145,7 @@ def _within_reach(disk: BareDisk) -> BareDisk:
     """Return the recordings up to the model's highest frequency. Raises FitError."""
     ratio = _ratio(disk)
     if not SMALLEST <= ratio <= LARGEST:
-        raise FitError(f"`disk2d` serves for diameter/thickness {SMALLEST:g} to {LARGEST:g}; this disk has {ratio:.3g}")
+        raise FitError(f"`disk2d` covers diameter/thickness {SMALLEST:g} to {LARGEST:g}; this disk has {ratio:.3g}")
     highest = HIGHEST / disk.sizes["thickness"].re
     kept = disk.between(0.0, highest)
     if not kept.sweeps:
@@ -157,7 +156,7 @@ def _within_reach(disk: BareDisk) -> BareDisk:
 
 
 def _reference(disk: BareDisk) -> float:
-    """Return the frequency in Hz at which the constants stand: the middle of the band of all recordings."""
+    """Return the reference frequency of the constants in Hz: the geometric mean of the band of all recordings."""
     low = min(float(sweep.frequency[0]) for sweep in disk.sweeps)
     return math.sqrt(low * max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
 
@@ -167,11 +166,11 @@ def _tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
 
 
 def _named(layer: str, tensor: Tensor6mm) -> dict[str, complex]:
-    """Return the ten constants and all that follows of them by full name, SI."""
+    """Return the ten constants and all derived ones by full name, SI."""
     plate = tensor.thickness
-    own = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
-    own |= {"c33D": plate.c33D, "h33": plate.h33, "kt": plate.kt}
-    return {f"{layer}.{name}": value for name, value in own.items()} | radial_named(layer, tensor.radial)
+    named = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
+    named |= {"c33D": plate.c33D, "h33": plate.h33, "kt": plate.kt}
+    return {f"{layer}.{name}": value for name, value in named.items()} | radial_named(layer, tensor.radial)
 
 
 def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Coordinates, list[Recording]]:
@@ -196,14 +195,14 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
 
 
 def _descend(
-    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, until: float, enough: float
+    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, rounds: int, enough: float
 ) -> tuple[Descent, float]:
-    """Return the deepest minimum found until then, and the estimated error of the reduced model there."""
+    """Return the deepest minimum, and the estimated error of the reduced model there."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
     x, evaluations = searched(disk, model, recordings, coordinates, priors, enough)
     error, before, settled = math.inf, math.inf, False
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
         recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
         last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
@@ -211,7 +210,7 @@ def _descend(
         left = _left(recordings, coordinates, x)
         settled = last.converged or (recordings[0].misfit > 0 and left > (1 - _STILL) * before)
         before = left
-        if settled or time.perf_counter() > until:
+        if settled:
             break
     judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
     objective = Objective(judged, coordinates, priors)
@@ -220,23 +219,22 @@ def _descend(
 
 
 def _left(recordings: Sequence[Recording], coordinates: Coordinates, x: Reals) -> float:
-    """Return the root mean square of what noise and misfit at their last level leave unexplained."""
+    """Return the norm of the residual ln(Z_model/Z) over all recordings."""
     ratios = Objective(recordings, coordinates, ()).log_ratios(x)
     return math.sqrt(sum(float(np.sum(np.abs(ratio) ** 2)) for ratio in ratios))
 
 
 def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recording:
-    """Return the recording with its own misfit as noise, points counted as if independent.
+    """Return the recording with its misfit counted as noise of independent points.
 
-    The minimum is where the model comes closest to the recording; how much of that the correlated misfit leaves
-    uncertain is for the covariance (`softened`).
+    This determines the minimum; the effect of correlated misfit on the uncertainty is left to the covariance.
     """
     (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
     return replace(with_model_discrepancy(recording, ratio), correlation=1.0)
 
 
 def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:
-    """Return the model on a reduced disk that serves for its constants, and that one's estimated error."""
+    """Return the model on a reduced disk that is accurate for its constants, and the estimated error of that."""
     ends = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
     f: Frequencies = np.concatenate([np.linspace(low, high, _CHECKED) for low, high in ends])
     reduced, error = ensured(full, model.reduced, model.shape, model.over(f), f)

@@ -1,4 +1,4 @@
-"""Reduced disks kept on disk: made once per geometry, in seconds to half a minute, then read in milliseconds."""
+"""Cache of reduced disks: computed once per geometry, in seconds to half a minute, then read in milliseconds."""
 
 import os
 import zipfile
@@ -16,13 +16,13 @@ from ...data_folder import chosen_folder
 
 _VERSION = 4
 _GRID = 0.01
-# D/t is rounded to 1 %; the basis is trained for ratios +-2 % around, and the disk's own sizes are used with it.
+# D/t is rounded to 1 %; the basis is trained for ratios within +-2 %, and used with the disk's own sizes.
 _EDGES = 10_000
 # The electrodes' radius is rounded to this part of the disk's.
 
 
 def cache_folder() -> Path:
-    """Return the folder of what can be made again: `PZCTL_HOME`/cache, or the user's cache folder."""
+    """Return the folder of reproducible files: `PZCTL_HOME`/cache, or the user's cache folder."""
     chosen = chosen_folder()
     return chosen / "cache" if chosen is not None else platformdirs.user_cache_path("pzctl", appauthor=False)
 
@@ -30,7 +30,7 @@ def cache_folder() -> Path:
 def reduced_disk(
     diameter_to_thickness: float, progress: Callable[[str], None], electrode: float = 1.0
 ) -> tuple[FullDisk, ReducedDisk]:
-    """Return the mesh and the reduced disk for this D/t, from the cache where it is there. Raises DiskError.
+    """Return the mesh and the reduced disk for this D/t, from the cache if possible. Raises DiskError.
 
     `electrode`: radius of both electrodes over that of the disk, up to 1.
     """
@@ -45,23 +45,23 @@ def reduced_disk(
     def say(done: int, of: int) -> None:
         progress(f"reduced model for D/t {ratio:.3g}: {done} of {of} samples")
 
-    made = trained(ratio, say, electrode)
-    _write(file, made)
-    return full, made
+    reduced = trained(ratio, say, electrode)
+    _write(file, reduced)
+    return full, reduced
 
 
 def _read(file: Path, unknowns: int) -> ReducedDisk | None:
-    """Return the reduced disk of a file, None where there is none that can be read."""
+    """Return the reduced disk of a file; None if there is no readable file."""
     try:
         with file.open("rb") as stream, np.load(stream) as arrays:
-            found = ReducedDisk.from_arrays(arrays)
+            reduced = ReducedDisk.from_arrays(arrays)
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
         return None
-    return found if found.u.shape[0] == unknowns else None
+    return reduced if reduced.u.shape[0] == unknowns else None
 
 
 def _write(file: Path, reduced: ReducedDisk) -> None:
-    """Write a file that is whole or not there; where nothing can be written, it is made again next time."""
+    """Write the file atomically; if that fails, the model is computed again next time."""
     part = file.with_suffix(f".{os.getpid()}.part")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

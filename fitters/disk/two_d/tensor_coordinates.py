@@ -1,8 +1,8 @@
-"""Coordinates of all ten complex constants of a ceramic: stable and passive wherever an optimiser goes.
+"""Coordinates of all ten complex constants of a ceramic, stable and passive everywhere.
 
 Holland's matrix has three blocks for a poled ceramic (`models/constants/passivity.py`): s11E - s12E alone, shear
-(s44E, d15, eps11T), and axial (s11E + s12E, s13E, s33E, d31, d33, eps33T). Each is K (1 - j A A^T) K^T; an optimiser
-moves the logarithms of the diagonals of K and A and the rest as it is.
+(s44E, d15, eps11T), and axial (s11E + s12E, s13E, s33E, d31, d33, eps33T). Each is K (1 - j A A^T) K^T; the coordinates
+are the logarithms of the diagonals of K and A, and their other elements as they are.
 """
 
 import math
@@ -23,11 +23,11 @@ COORDINATES = tuple(
     for block, part in zip(("minus", "shear", "axial"), _PARTS, strict=True)
     for k in range(part.count)
 )
-"""Names of the coordinates, to be preceded by the layer's."""
+"""Names of the coordinates, to be prefixed with the layer's."""
 LOSSES = ("tensor.minus1", *(f"tensor.shear{k}" for k in (3, 4)), *(f"tensor.axial{k}" for k in (6, 7, 8)))
-"""Those that are logarithms of the diagonal of A: half the logarithm of a loss tangent."""
+"""Coordinates that are logarithms of the diagonal of A: half the logarithm of a loss tangent."""
 TURNS = ("tensor.shear5", *(f"tensor.axial{k}" for k in (9, 10, 11)))
-"""Those that are A off its diagonal: how losses of different constants go together."""
+"""Coordinates that are off-diagonal elements of A: correlations of the losses of different constants."""
 
 
 def tensor_block(layer: str) -> Block:
@@ -47,16 +47,16 @@ def _eliminated(M: Complexes, dM: Complexes, stresses: int) -> tuple[Complexes, 
     dc = -c @ dM[:, :k, :k] @ c
     d, dd = M[k:, :k], dM[:, k:, :k]
     e, de = d @ c, dd @ c + d @ dc
-    made, slopes = np.zeros_like(M), np.zeros_like(dM)
-    made[:k, :k], made[k:, :k], made[:k, k:] = c, e, e.T
-    made[k:, k:] = M[k:, k:] - e @ d.T
+    eliminated, slopes = np.zeros_like(M), np.zeros_like(dM)
+    eliminated[:k, :k], eliminated[k:, :k], eliminated[:k, k:] = c, e, e.T
+    eliminated[k:, k:] = M[k:, k:] - e @ d.T
     slopes[:, :k, :k], slopes[:, k:, :k], slopes[:, :k, k:] = dc, de, np.swapaxes(de, 1, 2)
     slopes[:, k:, k:] = dM[:, k:, k:] - de @ d.T - e @ np.swapaxes(dd, 1, 2)
-    return made, slopes
+    return eliminated, slopes
 
 
 def _of_blocks(minus: Complexes, shear: Complexes, axial: Complexes) -> Complexes:
-    """Return the constants, shape (10, ...), of blocks in the form that `_eliminated` gives, shapes (..., n, n)."""
+    """Return the constants, shape (10, ...), from blocks in the form of `_eliminated`, shapes (..., n, n)."""
     low, high = minus[..., 0, 0], axial[..., 0, 0]
     return np.array(
         [
@@ -82,8 +82,8 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
         M, own = part.forward(x[at : at + part.count])
         dM = np.zeros((_COUNT, part.size, part.size), np.complex128)
         dM[at : at + part.count] = own
-        made, by = _eliminated(M, dM, stresses)
-        blocks.append(made)
+        block, by = _eliminated(M, dM, stresses)
+        blocks.append(block)
         slopes.append(by)
         at += part.count
     values, by_x = _of_blocks(*blocks), _of_blocks(*slopes)

@@ -1,4 +1,4 @@
-"""Where the fitter of the whole disk begins, and what it takes for granted of a piezoceramic."""
+"""Start values of the two-dimensional fit, and the priors of a piezoceramic."""
 
 import math
 from collections.abc import Mapping
@@ -30,48 +30,48 @@ _WIDTHS: Mapping[str, float] = {
     "eps11S": 0.25,
     "eps33S": 0.20,
 }
-# Relative standard uncertainty of what is not known: how far the complete sets of the library lie from each other.
-# PIC255 and PIC184, both of one laboratory, differ by 19 % in c11E and 34 % in e31.
+# Prior relative standard uncertainties: the scatter among the complete sets of the library. Two published sets of the
+# same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
 _AXIAL = dict.fromkeys(("c11E", "c12E", "c13E", "c44E"), "c33E") | {
     "e31": "e33",
     "e15": "e33",
     "eps11S": "eps33S",
 }
 _PLANE = 0.12
-# Half the relative uncertainty of s11E - s12E and of s11E + s12E. They are known far better than those of c11E and c12E
-# lead to expect: the sets of the library that differ by 20 % in each differ by as much in the difference.
+# Half the prior relative uncertainty of s11E - s12E and of s11E + s12E. They are known far better than c11E and c12E
+# suggest: the sets of the library that differ by 20 % in each differ by as much in the difference.
 _LOSS, _LOSS_FACTOR = 0.01, 2.7
-# Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest, as a logarithm with this standard deviation.
+# Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest; the logarithm has this standard deviation.
 _ANGLE = 0.03
-# How far the piezoelectric losses may lie from none, measured as the elements of A off its diagonal.
+# Prior standard deviation of the piezoelectric losses, as off-diagonal elements of A.
 _UNUSUAL = 1.5
-# Standard uncertainties from what is expected of a constant, from which on that is said.
+# Deviation of a constant from its expected value, in standard uncertainties, from which it is reported.
 _SCAN = 500
-# Points of each sweep that starts are compared on.
+# Points of each sweep for the comparison of starts.
 _FACES: Reals = np.linspace(-0.16, 0.16, 65)
 _SPEED, _LEVEL = 0.08, 0.25
-# Logarithms of the factors by which a tensor's frequencies may be wrong, their spread, that of its permittivities.
+# Prior standard deviations of the logarithms of the scale factors: of a tensor's frequencies and of its permittivities.
 _SOFTER = (0.0, -0.03, 0.03, -0.06, 0.06)
 # Half the relative change of s11E and s12E.
 _BLUR = 0.2
-# Misfit of ln C from which a point counts as missed altogether.
+# Misfit of ln C above which a point counts as an outlier.
 
 
 def _tensor(values: Mapping[str, Quantity]) -> Tensor6mm | None:
-    """Return the tensor among the values of a layer or material; None where it is not complete."""
+    """Return the tensor of a layer or material; None if it is not complete."""
     if any(name not in values for name in CONSTANTS):
         return None
     return Tensor6mm(*(values[name].value for name in CONSTANTS))
 
 
 def library() -> dict[str, Tensor6mm]:
-    """Return the complete and passive tensors of the material library by material."""
-    made: dict[str, Tensor6mm] = {}
+    """Return the complete and passive tensors of the material library, by material."""
+    tensors: dict[str, Tensor6mm] = {}
     for material in MATERIALS:
         tensor = _tensor(material.values)
         if tensor is not None and _has_coordinates(tensor):
-            made[material.name] = tensor
-    return made
+            tensors[material.name] = tensor
+    return tensors
 
 
 def _has_coordinates(tensor: Tensor6mm) -> bool:
@@ -83,21 +83,21 @@ def _has_coordinates(tensor: Tensor6mm) -> bool:
 
 
 def expected(disk: BareDisk) -> dict[str, float]:
-    """Return the real parts of the ten constants that the layer's material has, else the library's mean; SI units."""
-    own = _tensor(disk.layer.values)
-    sets = [own] if own is not None else list(library().values())
+    """Return the real parts of the ten constants of the layer's material, else the library's mean; SI units."""
+    tensor = _tensor(disk.layer.values)
+    sets = [tensor] if tensor is not None else list(library().values())
     return {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
 
 
 def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
-    """Return a sentence on the constants that lie far from what ceramics of this kind let expect, if there are any."""
+    """Return a sentence on the constants that deviate unusually far from those of this kind of ceramic, if any."""
     off = {name: getattr(found, name).real / value - 1 for name, value in expected(disk).items()}
-    told = [f"{disk.layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
-    if not told:
+    deviating = [f"{disk.layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
+    if not deviating:
         return ()
     return (
-        f"Further from what the build's material lets expect than ceramics of one class lie apart: {', '.join(told)}. "
-        "Where the recording is not described to its noise, such a constant stands in for what is not in the model.",
+        f"Unusually far from the material of the build: {', '.join(deviating)}. "
+        "If the recording is not described to its noise, such a constant compensates for physics that the model lacks.",
     )
 
 
@@ -106,10 +106,10 @@ def _far(constant: str, part: float) -> bool:
 
 
 def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
-    """Return how much less probable ten constants are than those of the usual ceramic, as -ln of the ratio, at least 0.
+    """Return -ln of the probability of ten constants relative to those of the usual ceramic, at least 0.
 
-    By the same scatter from which fits begin: chi2 of each constant over its kind's along the axis (softer and stiffer
-    ceramics keep these ratios), and of losses above the usual; over its mean.
+    Uses the prior scatter of the fits: chi2 of the ratios of constants to the axial one of their kind (which softer and
+    stiffer ceramics have in common) and of losses above the usual, in excess of its mean.
     """
     usual = expected(disk)
     part = {
@@ -122,17 +122,17 @@ def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
 
 
 def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:
-    """Return what is known of the ten constants before any recording, and of sizes and density."""
+    """Return the priors of the ten constants, and of sizes and density."""
     at = disk.layer.name
-    made: list[Prior] = []
+    priors: list[Prior] = []
     for name, value in expected(disk).items():
-        made.append(Prior(f"{at}.{name}.re", value, _WIDTHS[name] * abs(value)))
+        priors.append(Prior(f"{at}.{name}.re", value, _WIDTHS[name] * abs(value)))
     sizes = (Prior(disk.size_name(name), q.re, q.u) for name, q in disk.sizes.items() if q.u > 0)
-    return (*made, *sizes, _plane_prior(at, expected(disk)), _loss_prior(at))
+    return (*priors, *sizes, _plane_prior(at, expected(disk)), _loss_prior(at))
 
 
 def _plane_prior(layer: str, c: Mapping[str, float]) -> Posterior:
-    """Return what is known of s11E - s12E and s11E + s12E, on the coordinates that are half their logarithms."""
+    """Return the prior of s11E - s12E and s11E + s12E, on the coordinates that are half their logarithms."""
     minus = 1 / (c["c11E"] - c["c12E"])
     plus = 1 / (c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"])
     names = (f"{layer}.tensor.minus0", f"{layer}.tensor.axial0")
@@ -140,7 +140,7 @@ def _plane_prior(layer: str, c: Mapping[str, float]) -> Posterior:
 
 
 def _loss_prior(layer: str) -> Posterior:
-    """Return what is known of losses, on the coordinates that make them: no recording tells all of them."""
+    """Return the prior of the losses, on their coordinates: no recording determines all of them."""
     names = tuple(f"{layer}.{name}" for name in (*LOSSES, *TURNS))
     mean = np.array([math.log(_LOSS) / 2] * len(LOSSES) + [0.0] * len(TURNS))
     width = np.array([math.log(_LOSS_FACTOR) / 2] * len(LOSSES) + [_ANGLE] * len(TURNS))
@@ -148,7 +148,7 @@ def _loss_prior(layer: str) -> Posterior:
 
 
 def starts(disk: BareDisk) -> list[dict[str, float]]:
-    """Return model parameters to begin from: the layer's own tensor, then each of the library's."""
+    """Return start values of the model parameters: the layer's own tensor, then each of the library's."""
     own = _tensor(disk.layer.values)
     tensors = [own] if own is not None and _has_coordinates(own) else []
     tensors += [tensor for tensor in library().values() if tensor != own]
@@ -157,14 +157,13 @@ def starts(disk: BareDisk) -> list[dict[str, float]]:
 
 
 def matched(disk: BareDisk, model: Disk2D, coordinates: Coordinates) -> list[dict[str, float]]:
-    """Return the same with the plane softer or stiffer, and all of it as the recordings want it.
+    """Return the same with the plane softer or stiffer, and the whole tensor scaled to match the recordings.
 
-    The nearest of each tensor first, then the others, the nearest first.
+    The best match of each tensor comes first, then the others, each group best first.
 
-    Order and frequency of an overtone tell the stiffness of the plane only together, and neighbouring orders look
-    alike: from each of five stiffnesses one order is the nearest. Then, with stiffnesses s times, permittivities q
-    times and piezoelectric constants sqrt(s q) times as large, the capacitance is q C(f/sqrt(s)): one curve holds all
-    s and q.
+    Order and frequency of an overtone determine the stiffness of the plane only together, and neighbouring orders look
+    alike: five stiffnesses of the plane are tried. With stiffnesses s times, permittivities q times and piezoelectric
+    constants sqrt(s q) times as large, the capacitance is q C(f/sqrt(s)), so one curve serves for all s and q.
     """
     at = [coordinates.free.index(f"{disk.layer.name}.tensor.{name}") for name in ("minus0", "axial0")]
     first: list[tuple[float, dict[str, float]]] = []
@@ -176,10 +175,10 @@ def matched(disk: BareDisk, model: Disk2D, coordinates: Coordinates) -> list[dic
             moved = x.copy()
             moved[at] += softer
             family.append(_matched(disk, model.replace(start | _own(coordinates.forward(moved)[0], model))))
-        family.sort(key=lambda one: one[0])
+        family.sort(key=lambda entry: entry[0])
         first.append(family[0])
         rest += family[1:]
-    return [start for part in (first, rest) for _, start in sorted(part, key=lambda one: one[0])]
+    return [start for part in (first, rest) for _, start in sorted(part, key=lambda entry: entry[0])]
 
 
 def _own(values: Mapping[str, float], model: Disk2D) -> dict[str, float]:
@@ -187,7 +186,7 @@ def _own(values: Mapping[str, float], model: Disk2D) -> dict[str, float]:
 
 
 def _matched(disk: BareDisk, model: Disk2D) -> tuple[float, dict[str, float]]:
-    """Return how badly the nearest of a family of tensors describes the recordings, and its parameters."""
+    """Return the misfit of the best scaled tensor, and its parameters."""
     ratios: list[Complexes] = []
     for sweep in disk.sweeps:
         low, high = math.log(float(sweep.frequency[0])), math.log(float(sweep.frequency[-1]))
@@ -218,7 +217,7 @@ def _log_C(frequency: Frequencies, impedance: Impedances) -> Complexes:
 
 
 def _between(x: Reals, known: Reals, values: Complexes) -> Complexes:
-    """Return complex values between the points where they are known, linearly."""
+    """Return complex values interpolated linearly."""
     return np.interp(x, known, values.real) + 1j * np.interp(x, known, values.imag)
 
 

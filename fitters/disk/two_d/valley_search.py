@@ -1,4 +1,4 @@
-"""The search for the right valley: from every ceramic of the library to where a descent may begin."""
+"""Search for the right valley: from every ceramic of the library to a start for the final descent."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,12 +17,12 @@ from .tensor_start import matched
 
 Known: TypeAlias = Prior | Posterior
 _COARSE = 400
-# Points of each sweep that the search uses.
+# Points of each sweep for the search.
 _SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
 _HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _SEARCH)
-# Misfits that the search takes for granted one after the other, from how many places, and how many steps from each.
+# Successive misfits that the search counts as noise, the number of places that it follows, and the steps from each.
 _FAR, _SAME = 4.0, 0.02
-# Places that cost this many times as much as the best one are not followed further, nor those as near to a better one.
+# Places that cost this many times as much as the best, or are this close to a better one, are dropped.
 _ROUGH = 3e-3
 
 
@@ -34,10 +34,10 @@ def searched(
     priors: Sequence[Known],
     enough: float = 0.0,
 ) -> tuple[Reals, int]:
-    """Return the bottom of the deepest valley found, and after how many evaluations.
+    """Return the bottom of the deepest valley, and the number of evaluations.
 
-    Misfit is taken as noise, less and less of it: the larger, the wider the valleys. Where the most promising places
-    alone lead to less than `enough` of ln Z, root mean square, no others are followed.
+    Misfit is counted as noise, less and less of it: the more, the wider the valleys. If the most promising places alone
+    lead below `enough`, rms of ln Z, no others are followed.
     """
     model = replace(model, rough=True)
     places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
@@ -75,7 +75,7 @@ def _followed(
 
 
 def _thinned(recording: Recording) -> Recording:
-    """Return the recording with some of its points."""
+    """Return the recording with every n-th point only."""
     every = max(1, recording.sweep.frequency.size // _COARSE)
     sweep = recording.sweep
     few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])

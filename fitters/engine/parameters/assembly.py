@@ -1,4 +1,4 @@
-"""From a build to what a fit needs: stacks of its steps, coordinates, priors, nominal values."""
+"""From a build to the ingredients of a fit: stacks of its steps, coordinates, priors, nominal values."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -30,18 +30,18 @@ UNITS = {
 
 
 def ground_name(layer: str, step: str) -> str:
-    """Return the name of the thickness that a layer has since it was ground before a step."""
+    """Return the name of a layer's thickness after it was ground before a step."""
     return f"{layer}.thickness@{step}"
 
 
 def _ground(build: Build, steps: Iterable[str]) -> dict[str, Quantity]:
-    """Return the thickness of every layer that was ground by the time of any of these steps, by its name in a fit."""
-    found = (item for step in steps for item in build.reground(step).items())
-    return {ground_name(layer, since): thickness for layer, (since, thickness) in found}
+    """Return the thickness of every layer ground by the time of any of these steps, by its name in the fit."""
+    thicknesses = (item for step in steps for item in build.reground(step).items())
+    return {ground_name(layer, since): thickness for layer, (since, thickness) in thicknesses}
 
 
 def renamed(build: Build, step: str) -> dict[str, str]:
-    """Return what a fit calls the parameters of a step's stack, where that is not their own name."""
+    """Return the fit's names of those parameters of a step's stack that differ from the stack's own names."""
     return {f"{layer}.thickness": ground_name(layer, since) for layer, (since, _) in build.reground(step).items()}
 
 
@@ -85,13 +85,13 @@ def stack_of(build: Build, step: Step) -> Stack:
 
 
 def layers_of(build: Build, steps: Iterable[str]) -> tuple[LayerSpec, ...]:
-    """Return the layers that are there in any of these steps, back to front."""
+    """Return the layers present in any of these steps, back to front."""
     there = {name for step in steps for name in build.step(step).layers}
     return tuple(layer for layer in build.layers if layer.name in there)
 
 
 def nominal_parameters(build: Build) -> dict[str, float]:
-    """Return every model parameter of every layer at its nominal value, `area` and loads."""
+    """Return every model parameter of every layer at its nominal value, with `area` and loads."""
     values = {"area": build.area.re} | {name: quantity.re for name, quantity in _loads(build).items()}
     values |= {name: quantity.re for name, quantity in _ground(build, (step.name for step in build.steps)).items()}
     for layer in build.layers:
@@ -105,11 +105,13 @@ def nominal_parameters(build: Build) -> dict[str, float]:
 
 
 def _loads(build: Build) -> dict[str, Quantity]:
-    """Return the loads that are there, by parameter name, with what is known of them.
+    """Return the existing loads and their uncertainty, by parameter name.
 
-    A face in air radiates 413 Rayl only where nothing is near. Between face and jig the air stands, and what the face
-    then feels lies anywhere between nothing and more than that; so air is uncertain by its own size. It matters: it
-    is 0.15 % of the loss of a Pz27 disk, ten times the uncertainty that the noise alone would give.
+    A face in air radiates into 413 Rayl only if nothing is near. The air between face and fixture forms a standing
+    wave,
+    and its load on the face lies anywhere between zero and more than that; the load of air therefore has its own size
+    as
+    uncertainty. It matters: it is 0.15 % of the loss of a Pz27 disk, ten times the uncertainty from noise alone.
     """
     loads = {"back.z": build.back, "front.z": build.front}
     return {
@@ -142,7 +144,7 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
 
 
 def between_bounds(block: Block, bounds: Mapping[str, tuple[float, float]]) -> Block:
-    """Return the block within bounds (SI); all constants move as logarithms but h33, which may have either sign."""
+    """Return the block within bounds (SI); all constants move as logarithms except h33, which may have any sign."""
     if not bounds:
         return block
     moving = {name: (to_h33(low), to_h33(high)) for name, (low, high) in bounds.items() if name.endswith(".h33")}
@@ -153,7 +155,7 @@ def between_bounds(block: Block, bounds: Mapping[str, tuple[float, float]]) -> B
 
 
 def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[str]]) -> tuple[Block, ...]:
-    """Return the blocks, each leader in one with those that are tied to it; the leader's layer may come later."""
+    """Return the blocks, each leader in one block with the constants tied to it; the leader's layer may come later."""
     kept = [block for block in blocks if block.coordinates[0] not in followers]
     for leader, names in followers.items():
         quantity = known_as(build, leader)
@@ -163,15 +165,16 @@ def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[s
 
 
 def known_as(build: Build, name: str) -> Quantity:
-    """Return what a build knows of a constant by its full name (`glue1.z`). Raises KeyError."""
+    """Return the value and uncertainty of a constant in a build by its full name (`glue1.z`). Raises KeyError."""
     layer, _, constant = name.partition(".")
     return build.layer(layer).values[constant]
 
 
 def is_held(quantity: Quantity, piezo_constant: bool) -> bool:
-    """Say whether a quantity is held: a bare number of the build file, or a library value said to be exact.
+    """Return whether a quantity is held: a bare number of the build file, or an exact library value.
 
-    The thickness-mode constants of a library ceramic always move: no data sheet gives them well enough to hold them.
+    The thickness-mode constants of a library ceramic are always free: no data sheet states them well enough to hold
+    them.
     """
     return quantity.u == 0 and (quantity.source == "build.toml" or not piezo_constant)
 
@@ -208,7 +211,7 @@ def coordinates_of(
 ) -> Coordinates:
     """Return the coordinates of a fit over these steps.
 
-    `free` names constants (`disk.c33D`, `glue1.thickness`); None frees all that carry an uncertainty. Raises FitError
+    `free` names constants (`disk.c33D`, `glue1.thickness`); None frees all that have an uncertainty. Raises TaskError
     for a name the build does not have.
     """
     steps = tuple(steps)
@@ -218,7 +221,7 @@ def coordinates_of(
 
 
 def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
-    """Return what build file and material library say of the constants beforehand."""
+    """Return the priors from build file and material library."""
     steps = tuple(steps)
     known = _loads(build) | {"area": build.area} | _ground(build, steps)
     for layer in layers_of(build, steps):

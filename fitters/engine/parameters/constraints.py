@@ -1,4 +1,4 @@
-"""Constants that are not free as physics leaves them: kept between bounds, or one and the same in several layers."""
+"""Constrained constants: kept between bounds, or shared by several layers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,11 +9,11 @@ from ....models.base.arrays import Reals
 from .coordinates import Block, positive
 
 _EDGE = 0.999
-# How near a bound a fit may start, in sin y: at the bound itself nothing would move it any more.
+# Largest |sin y| at the start: at the bound itself the derivative vanishes and the fit would not move.
 
 
 def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
-    """Return the block with these of its coordinates, by name, kept between limits.
+    """Return the block with some of its coordinates, by name, kept between limits.
 
     x = middle + reach sin y, the transformation of MINUIT (F. James, M. Roos, Comput. Phys. Commun. 10 (1975) 343).
     """
@@ -38,11 +38,11 @@ def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
 
 
 def shared(leader: str, followers: tuple[str, ...]) -> Block:
-    """Return a positive constant that several layers have in common: one coordinate, as many equal parameters."""
-    one, count = positive(leader), 1 + len(followers)
+    """Return a positive constant shared by several layers: one coordinate for several equal parameters."""
+    leader_block, count = positive(leader), 1 + len(followers)
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
-        p, J = one.forward(x)
+        p, J = leader_block.forward(x)
         return np.repeat(p, count), np.repeat(J, count, axis=0)
 
-    return Block((leader,), (leader, *followers), forward, lambda p: one.inverse(p[:1]))
+    return Block((leader,), (leader, *followers), forward, lambda p: leader_block.inverse(p[:1]))

@@ -1,8 +1,8 @@
-"""From the coordinates that an optimiser moves to the constants of a model, and back.
+"""Coordinates of an optimiser, and their transformation to the constants of a model and back.
 
-An optimiser should be free to go anywhere without leaving physics. So positive constants move as logarithms, lossy
-constants as modulus of the real part and loss, and the piezoelectric loss as the sine of an angle times the largest
-value that passivity allows (Holland, IEEE Trans. Sonics Ultrason. 14 (1967) 18: the imaginary part of
+Every point of the coordinates must be physical. Positive constants are therefore fitted as logarithms, lossy constants
+as modulus of the real part and loss, and the piezoelectric loss as the sine of an angle times the largest value that
+passivity allows (Holland, IEEE Trans. Sonics Ultrason. 14 (1967) 18: the imaginary part of
 [[c33D, -h33], [-h33, 1/eps33S]] is positive semidefinite).
 """
 
@@ -17,22 +17,22 @@ from ....models.base.arrays import Reals
 _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
 _H_UNIT = 1e8
-# V/m. h33 moves as a logarithm above it, as what it goes with does: along c33D/(h33^2 eps33S), which thickness and
-# density leave open to a per cent while everything else is known to 1e-5, a fit then goes straight. Its sign is free.
+# V/m. Above it the coordinate of h33 is logarithmic, like those of the constants that it is correlated with: the valley
+# along c33D/(h33^2 eps33S), which thickness and density leave open to a per cent, is then straight. h33 has any sign.
 
 
 @dataclass(frozen=True)
 class Block:
-    """A few coordinates that make a few model parameters."""
+    """A few coordinates that determine a few model parameters."""
 
     coordinates: tuple[str, ...]
     """Names of the coordinates: the constant's name, with `.loss` for its loss."""
     parameters: tuple[str, ...]
-    """Names of the model parameters that are made."""
+    """Names of the resulting model parameters."""
     forward: Callable[[Reals], tuple[Reals, Reals]]
-    """Coordinates, shape (C,), to parameters, shape (P,), and d parameter / d coordinate, shape (P, C)."""
+    """Map coordinates, shape (C,), to parameters, shape (P,), and d parameter / d coordinate, shape (P, C)."""
     inverse: Callable[[Reals], Reals]
-    """Parameters, shape (P,), to coordinates, shape (C,)."""
+    """Map parameters, shape (P,), to coordinates, shape (C,)."""
     log_losses: tuple[str, ...] = ()
     """Names of the coordinates that are the logarithm of a loss tangent."""
 
@@ -43,17 +43,17 @@ def _exp(x: Reals) -> tuple[Reals, Reals]:
 
 
 def positive(name: str) -> Block:
-    """Return a constant that is positive: x = ln p."""
+    """Return the block of a positive constant: x = ln p."""
     return Block((name,), (name,), _exp, np.log)
 
 
 def linear(name: str, unit: float) -> Block:
-    """Return a constant of either sign: p = unit x."""
+    """Return the block of a constant of either sign: p = unit x."""
     return Block((name,), (name,), lambda x: (unit * x, np.array([[unit]])), lambda p: p / unit)
 
 
 def between(name: str, lower: float, upper: float) -> Block:
-    """Return a constant between two limits: p = lower + (upper - lower)/(1 + exp(-x)); in ln p where lower > 0."""
+    """Return a constant between two limits: p = lower + (upper - lower)/(1 + exp(-x)); in ln p if lower > 0."""
     log = lower > 0
     low, high = (np.log(lower), np.log(upper)) if log else (lower, upper)
 
@@ -71,7 +71,7 @@ def between(name: str, lower: float, upper: float) -> Block:
 
 
 def hardly_negative(name: str, unit: float) -> Block:
-    """Return a constant that may well be next to nothing: p = unit (x + sqrt(x^2 + s^2))/2, s = 0.1.
+    """Return a constant that may be practically zero: p = unit (x + sqrt(x^2 + s^2))/2, s = 0.1.
 
     Linear where p is of the size of `unit`, never negative, and never so flat that an optimiser would get lost.
     """
@@ -89,7 +89,7 @@ def hardly_negative(name: str, unit: float) -> Block:
 
 
 def thickness_constants(layer: str) -> Block:
-    """Return c33D, h33 and eps33S of a piezo layer, passive whatever the coordinates are.
+    """Return c33D, h33 and eps33S of a piezo layer, passive for all values of the coordinates.
 
     x = ln c', ln(c''/c'), asinh(h'/1e8), angle, ln eps', ln tan d; h'' = -sin(angle) sqrt(c'' beta''), beta = 1/eps33S.
     """
@@ -138,7 +138,7 @@ def _thickness_inverse(values: Reals) -> Reals:
 
 
 def resonant_branch(name: str) -> Block:
-    """Return R, L and C of a resonant branch; x = ln(2 pi fs), ln Q, ln C, which hardly depend on each other."""
+    """Return R, L and C of a resonant branch; x = ln(2 pi fs), ln Q, ln C, which are nearly uncorrelated."""
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
         w, Q, C = np.exp(x)
@@ -154,10 +154,10 @@ def resonant_branch(name: str) -> Block:
 
 
 class Coordinates:
-    """All coordinates of a fit: which of them move, and what model parameters they make."""
+    """All coordinates of a fit: which of them are free, and the model parameters that they determine."""
 
     def __init__(self, blocks: tuple[Block, ...], start: Mapping[str, float], free: tuple[str, ...]) -> None:
-        """`start`: values of the model parameters; `free`: names of the coordinates that move."""
+        """`start`: values of the model parameters; `free`: names of the free coordinates."""
         self.blocks = blocks
         self.start = dict(start)
         self.names = tuple(name for block in blocks for name in block.coordinates)
@@ -168,11 +168,11 @@ class Coordinates:
         self.free = tuple(self.names[k] for k in moving)
         logs = {name for block in blocks for name in block.log_losses}
         self.log_losses = [k for k, name in enumerate(self.free) if name in logs]
-        """Which of the moving coordinates are the logarithm of a loss tangent."""
+        """Indices of the free coordinates that are the logarithm of a loss tangent."""
 
     @property
     def x(self) -> Reals:
-        """Start of the moving coordinates, shape (M,)."""
+        """Start of the free coordinates, shape (M,)."""
         return self.all[self.moving]
 
     def without(self, *names: str) -> "Coordinates":
@@ -180,14 +180,14 @@ class Coordinates:
         return Coordinates(self.blocks, self.start, tuple(name for name in self.free if name not in names))
 
     def held_at(self, values: Mapping[str, float]) -> "Coordinates":
-        """Return the same coordinates with all that do not move where these model parameters have them."""
+        """Return the same coordinates with the held ones at the values of these model parameters."""
         full = self._all_of(values)
         full[self.moving] = self.x
         whole = Coordinates(self.blocks, self.start, self.names)
         return Coordinates(self.blocks, whole.forward(full)[0], self.free)
 
     def forward(self, x: Reals) -> tuple[dict[str, float], Reals]:
-        """Return the model parameters and d parameter / d moving coordinate, shape (P, M)."""
+        """Return the model parameters and d parameter / d free coordinate, shape (P, M)."""
         full = self.all.copy()
         full[self.moving] = x
         values: list[float] = []
@@ -195,14 +195,14 @@ class Coordinates:
         row = column = 0
         for block in self.blocks:
             wide = len(block.coordinates)
-            made, partial = block.forward(full[column : column + wide])
-            J[row : row + made.size, column : column + wide] = partial
-            values.extend(made.tolist())
-            row, column = row + made.size, column + wide
+            part, partial = block.forward(full[column : column + wide])
+            J[row : row + part.size, column : column + wide] = partial
+            values.extend(part.tolist())
+            row, column = row + part.size, column + wide
         return dict(zip(self.parameters, values, strict=True)), J[:, self.moving]
 
     def inverse(self, values: Mapping[str, float]) -> Reals:
-        """Return the moving coordinates, shape (M,), of model parameters."""
+        """Return the free coordinates, shape (M,), of model parameters."""
         return self._all_of(values)[self.moving]
 
     def _all_of(self, values: Mapping[str, float]) -> Reals:

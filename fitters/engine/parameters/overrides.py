@@ -1,4 +1,4 @@
-"""A build as a user wants it fitted this once: constants held, tied, bounded, or better known than the file says."""
+"""A user's changes of a build for one fit: constants held, tied, bounded, or given a prior."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ _TIED = (*ELASTIC_CONSTANTS, "thickness")
 
 @dataclass(frozen=True)
 class Amendments:
-    """What is to be different from the build file; names as in the answer (`ml1.z`, `area`, `disk.c33D.loss`), SI."""
+    """Changes of the build file; names as in the answer (`ml1.z`, `area`, `disk.c33D.loss`), SI."""
 
     hold: tuple[str, ...] = ()
     tie: tuple[tuple[str, str], ...] = ()
-    """Pairs of a constant and the one it is to be the same as."""
+    """Pairs of a constant and the one that it should equal."""
     prior: tuple[tuple[str, float, float], ...] = ()
     """Name, value, standard uncertainty."""
     bound: tuple[tuple[str, float, float], ...] = ()
@@ -28,7 +28,7 @@ class Amendments:
 
 
 def amended(build: Build, wanted: Amendments) -> Build:
-    """Return the build with these changes. Raises TaskError for a name it does not have, or a value that cannot be."""
+    """Return the build with these changes. Raises TaskError for an unknown name or an impossible value."""
     for name, value, u in wanted.prior:
         build = _with_prior(build, name, value, u)
     for name, low, high in wanted.bound:
@@ -41,15 +41,15 @@ def amended(build: Build, wanted: Amendments) -> Build:
 
 
 def known(build: Build) -> dict[str, Quantity]:
-    """Return what the build knows of every constant that a fit can move, by full name."""
-    found = {"area": build.area, "back.z": build.back.z, "front.z": build.front.z}
+    """Return the build's value and uncertainty of every constant that a fit can free, by full name."""
+    quantities = {"area": build.area, "back.z": build.back.z, "front.z": build.front.z}
     for layer in build.layers:
         names = (*PIEZO_CONSTANTS, "density") if layer.kind == "piezo" else ELASTIC_CONSTANTS
         names += tuple(name for name in _RADIAL if name in layer.values)
-        found |= {f"{layer.name}.{name}": layer.values[name] for name in (*names, "thickness")}
+        quantities |= {f"{layer.name}.{name}": layer.values[name] for name in (*names, "thickness")}
     for step in build.steps:
-        found |= {ground_name(layer, step.name): thickness for layer, thickness in step.reground.items()}
-    return found
+        quantities |= {ground_name(layer, step.name): thickness for layer, thickness in step.reground.items()}
+    return quantities
 
 
 def _held(quantity: Quantity) -> Quantity:
@@ -58,9 +58,7 @@ def _held(quantity: Quantity) -> Quantity:
 
 def _bounded(quantity: Quantity, name: str, low: float, high: float) -> Quantity:
     if not low < quantity.re < high:
-        raise TaskError(
-            f"cannot bound {name!r}: {quantity.re:g}, which it begins with, is not between {low:g} and {high:g}"
-        )
+        raise TaskError(f"cannot bound {name!r}: its start value {quantity.re:g} is not between {low:g} and {high:g}")
     if low <= 0 and not name.endswith(_EITHER_SIGN):
         raise TaskError(f"cannot bound {name!r} by {low:g}: its lowest value is positive")
     return replace(quantity, bounds=(low, high))
@@ -89,18 +87,18 @@ def _with_prior(build: Build, name: str, value: float, u: float) -> Build:
 
 
 def _tied(build: Build, name: str, leader: str) -> Build:
-    """Return the build with `name` the same as `leader`."""
+    """Return the build with `name` tied to `leader`."""
     there, what = known(build), f"tie {name!r} to {leader!r}"
-    for one in (name, leader):
-        if one not in there:
+    for constant in (name, leader):
+        if constant not in there:
             raise TaskError(f"cannot {what}: {_these(build)}")
     kinds = name.rpartition(".")[2], leader.rpartition(".")[2]
     if kinds[0] != kinds[1] or kinds[0] not in _TIED or name == leader or "area" in kinds:
         raise TaskError(f"cannot {what}: two of one kind are needed, of {', '.join(_TIED)}, in different layers")
-    if any(one.startswith(("back.", "front.")) for one in (name, leader)):
-        raise TaskError(f"cannot {what}: loads are tied to nothing")
+    if any(constant.startswith(("back.", "front.")) for constant in (name, leader)):
+        raise TaskError(f"cannot {what}: loads cannot be tied")
     if there[leader].same_as is not None or any(quantity.same_as == name for quantity in there.values()):
-        raise TaskError(f"cannot {what}: one of them is tied already; tie all to one that stands alone")
+        raise TaskError(f"cannot {what}: one of them is tied already; tie all to one that is not tied")
     return _edited(build, name, what, lambda _: replace(there[leader], same_as=leader))
 
 
@@ -109,7 +107,7 @@ def _these(build: Build) -> str:
 
 
 def _edited(build: Build, name: str, what: str, edit: Callable[[Quantity], Quantity]) -> Build:
-    """Return the build with one of its constants edited, and all that are tied to it. Raises TaskError."""
+    """Return the build with one of its constants edited, together with all that are tied to it. Raises TaskError."""
     there = known(build)
     if name not in there:
         raise TaskError(f"cannot {what}: {_these(build)}")
@@ -121,7 +119,7 @@ def _edited(build: Build, name: str, what: str, edit: Callable[[Quantity], Quant
 
 
 def _with(build: Build, changed: Mapping[str, Quantity]) -> Build:
-    """Return the build with these constants. A load that was edited is not called air any more: it is what was said."""
+    """Return the build with these constants. An edited load is no longer called air, since its value was given."""
 
     def layer(spec: LayerSpec) -> LayerSpec:
         return replace(spec, values={k: changed.get(f"{spec.name}.{k}", q) for k, q in spec.values.items()})

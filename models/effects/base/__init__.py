@@ -1,1 +1,1 @@
-"""What effects are made of: the device they change, laws and loads they modify."""
+"""Base of the effects: the device that they change, and the laws and loads that they modify."""

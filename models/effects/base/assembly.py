@@ -1,8 +1,8 @@
-"""A device as effects change it: stacks side by side, further resonances, the path to the analyzer, the sweep itself.
+"""A device as changed by effects: parallel stacks, additional resonances, the path to the analyzer, the sweep itself.
 
-What an effect does falls into four stages, in the order in which the world has them. An effect of the layers changes
-the stacks (a layer more, part of the face elsewhere); a further resonance adds admittance; an effect of the terminals
-maps Z to what the analyzer sees; an effect of the sweep maps it to what was recorded while time went by.
+Effects act in four stages, from the inside outwards. An effect of the layers changes the stacks (an additional layer,
+different parts of the face); an additional resonance adds admittance; an effect of the terminals maps Z to what the
+analyzer sees; an effect of the sweep maps that to what is recorded over time.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,23 +17,23 @@ from ...stack import Stack, parallel_admittance
 
 @dataclass(frozen=True)
 class Conditions:
-    """How a sweep ran, as far as effects of the sweep depend on it."""
+    """Conditions of a sweep, for effects that depend on them."""
 
     direction: str = "up"
     """`up` or `down`."""
     level_V: float = 0.5
     """Oscillator level."""
     began: float = 0.0
-    """When it began after the first sweep of this step, in lengths of that one."""
+    """Start time after the first sweep of this step, in durations of that sweep."""
     length: float = 1.0
-    """How long it took, in lengths of the step's first sweep."""
+    """Duration, in durations of the step's first sweep."""
     pace: float = 1.0
-    """Hertz per second, in those of the step's first sweep."""
+    """Hertz per second, relative to the step's first sweep."""
 
     def elapsed(self, points: int) -> Reals:
-        """Return the time of each point since the first sweep of the step began, in lengths of that one, shape (N,).
+        """Return the time of each point since the step's first sweep began, in durations of that sweep, shape (N,).
 
-        In rising frequency: from beginning to end for a sweep upwards, the other way round for one downwards.
+        In order of frequency: from beginning to end for an upward sweep, the other way round for a downward one.
         """
         part = np.linspace(0.0, 1.0, points)
         return self.began + self.length * (part if self.direction == "up" else part[::-1])
@@ -41,18 +41,18 @@ class Conditions:
 
 @dataclass(frozen=True)
 class ParallelSection:
-    """A share of the face and the stack that stands there."""
+    """A part of the face, with the stack on it."""
 
     fraction: float
     stack: Stack
-    """Over the whole area; `fraction` says how much of it counts."""
+    """Stack over the whole area; `fraction` is its weight."""
     scale: Mapping[str, float] = field(default_factory=dict[str, float])
-    """d (parameter of this stack) / d (parameter of the device) where it is not 1."""
+    """d (parameter of this stack) / d (parameter of the device), if it is not 1."""
     linked_parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """Parameters of this stack that move with one of the device: a layer that an effect has cut in two."""
+    """Parameters of this stack that change with one of the device, for a layer that an effect has cut in two."""
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
-        """Return (position in `names`, parameter of this stack, its derivative) for all that the names move here."""
+        """Return (position in `names`, parameter of this stack, its derivative) for all that `names` change."""
         own = self.stack.parameters()
         return [
             (k, moved, self.scale.get(moved, 1.0))
@@ -63,10 +63,10 @@ class ParallelSection:
 
 
 Terminal = Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]
-"""(jw, Z) to what is seen from further out, and its derivative by Z; shapes (N,)."""
+"""Maps (jw, Z) to the impedance seen from further out, and its derivative by Z; shapes (N,)."""
 
 Shunt = Callable[[Complexes], Complexes]
-"""jw to an admittance that stands beside the device, siemens, shape (N,)."""
+"""Maps jw to an admittance in parallel with the device, siemens, shape (N,)."""
 
 
 @dataclass(frozen=True)
@@ -75,21 +75,21 @@ class Assembly:
 
     parts: tuple[ParallelSection, ...]
     nominal: Stack
-    """The stack to which the first effect was added: it gives effects their scales, which no fit moves."""
+    """The stack to which the first effect was added; it defines the scales of effects, which no fit changes."""
     shunts: tuple[Shunt, ...] = ()
     terminals: tuple[Terminal, ...] = ()
     records: tuple["Record", ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
     conjugated: bool = False
-    """Whether Z is written down with the sign of its reactance turned."""
+    """Whether the recorded Z has the sign of its reactance inverted."""
     _known: list[tuple[object, object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
     )
-    """The last admittance, and of which parts and shunts and where: what changes only further out has the same."""
+    """One-entry admittance cache, keyed by (parts, shunts, frequency); reused when only outer stages change."""
     _known_beside: list[tuple[object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
     )
-    """The last admittance of all shunts, and of which and where: a drifting device has the same."""
+    """One-entry cache of the admittance of all shunts, keyed by (shunts, frequency); reused for a drifting device."""
 
     @property
     def stack(self) -> Stack:
@@ -101,11 +101,11 @@ class Assembly:
         return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
 
     def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
-        """Return the assembly with every part of the face split into several."""
-        return replace(self, parts=tuple(made for part in self.parts for made in change(part)))
+        """Return the assembly with every part of the face divided into several."""
+        return replace(self, parts=tuple(section for part in self.parts for section in change(part)))
 
     def beside(self, shunt: Shunt) -> Self:
-        """Return the assembly with an admittance beside the device."""
+        """Return the assembly with an admittance in parallel with the device."""
         return replace(self, shunts=(*self.shunts, shunt))
 
     def behind(self, terminal: Terminal) -> Self:
@@ -117,18 +117,18 @@ class Assembly:
         return replace(self, records=(*self.records, record))
 
     def impedance(self, frequency: Frequencies) -> Impedances:
-        """Return what is recorded, ohm, shape (N,)."""
+        """Return the recorded impedance, ohm, shape (N,)."""
         return self.while_recorded(frequency, self.steady(frequency))
 
     def while_recorded(self, frequency: Frequencies, steady: Impedances) -> Impedances:
-        """Return what is recorded of a device whose steady impedance is known."""
+        """Return the recorded impedance of a device whose steady impedance is known."""
         seen = steady
         for record in self.records:
             seen = record(self, frequency, seen)
         return np.conj(seen) if self.conjugated else seen
 
     def steady(self, frequency: Frequencies) -> Impedances:
-        """Return what a sweep without end would record: all stages but the last, ohm, shape (N,)."""
+        """Return the impedance in an infinitely slow sweep: all stages but the last, ohm, shape (N,)."""
         jw = j_omega(frequency)
         seen: Impedances = 1 / self._admittance(frequency, jw)
         for terminal in self.terminals:
@@ -158,7 +158,7 @@ class Assembly:
         return beside
 
     def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
-        """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name no stack has."""
+        """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name that no stack has."""
         jw = j_omega(frequency)
         admittance = self._beside(frequency, jw).copy()
         slope = np.zeros((len(names), frequency.size), np.complex128)
@@ -177,4 +177,4 @@ class Assembly:
 
 
 Record = Callable[[Assembly, Frequencies, Impedances], Impedances]
-"""(device, Hz, steady Z) to what is recorded while the sweep runs; shapes (N,)."""
+"""Maps (device, Hz, steady Z) to the impedance recorded during a sweep; shapes (N,)."""

@@ -1,4 +1,4 @@
-"""What an effect is: one piece of physics that a model can leave out."""
+"""Definition of an effect: one piece of physics that a model may lack."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -15,26 +15,27 @@ SWEEP = "sweep"
 
 
 class Stage(IntEnum):
-    """Where in the world an effect acts, from within outwards.
+    """Stage at which an effect acts, from the inside outwards.
 
-    A device applies its effects in this order (of one stage: by name), so that it is the same device in whatever
-    order they were found.
+    A device applies its effects in this order (within a stage: by name), so that the result does not depend on the
+    order
+    in which they were found.
     """
 
     CONSTANTS = 0
     """The material of a layer."""
     LAYERS = 1
-    """A layer, a mass or a load more."""
+    """An additional layer, mass or load."""
     SHARES = 2
     """Parts of the face that differ."""
     VOIDS = 3
-    """Parts of the face that lose what lies beyond an interface, with all that was added there."""
+    """Parts of the face that lose everything beyond an interface, including what other effects added there."""
     TERMINALS = 4
-    """Beside the device and in its leads."""
+    """In parallel with the device and in its leads."""
     CABLE = 5
     """Between the leads and the analyzer."""
     ACQUISITION = 6
-    """While the sweep runs, and when it is written down."""
+    """During the sweep, and when it is recorded."""
 
 
 @dataclass(frozen=True)
@@ -44,66 +45,66 @@ class EffectParameter:
     name: str
     unit: str
     typical: float
-    """A size that would matter on such a device: scale of steps and of what counts as small."""
+    """A size that would matter in such a device; sets the scale of steps and of negligible sizes."""
     lower: float = 0.0
     upper: float = float("inf")
     """Physical limits; a mass or an inductance is not negative."""
     null: float = 0.0
     """The value at which the effect is absent; for a parameter other than the first, its value while absent."""
     scan: tuple[float, ...] = ()
-    """Values to start from where the effect is too far from linear in this knob to find them (a delay, a share)."""
+    """Start values for a strongly nonlinear parameter (a delay, a fraction)."""
     prior: tuple[float, float] | None = None
-    """How large it is in nature, before any recording: median and standard deviation of its logarithm, where it grows
-    from nothing; else mean and standard deviation. None: three typical sizes within a factor of five (or around null).
+    """Prior size in nature: median and standard deviation of its logarithm if it starts from nothing, else mean and
+    standard deviation. None: three typical sizes within a factor of five (or around null).
     """
     setting: str = ""
-    """The setting of a recording that says its null, where there is one."""
+    """The setting of a recording that gives its null value, if there is one."""
 
     @property
     def from_nothing(self) -> bool:
-        """Whether it grows from nothing: it is never negative, and zero where there is none."""
+        """Whether it starts from nothing: it is never negative, and zero if the effect is absent."""
         return self.lower == self.null == 0
 
     @property
     def expected(self) -> tuple[float, float]:
-        """Median and standard deviation of the logarithm; of a knob that does not grow from nothing, mean and width."""
+        """Median and standard deviation of the logarithm; for a parameter of either sign, mean and deviation."""
         if self.prior is not None:
             return self.prior
         return (3 * self.typical, 1.6) if self.from_nothing else (self.null, 3 * self.typical)
 
 
 class Effect(ABC):
-    """One piece of physics, as a nested extension: with all parameters at null the model is the one without it."""
+    """One piece of physics, as a nested model: with all parameters at null the effect is absent."""
 
     name: ClassVar[str]
-    """As people and `pzctl diagnose` call it."""
+    """Name for people and for `pzctl diagnose`."""
     says: ClassVar[str]
-    """A sentence for the technician who finds it; `{where}` stands for the place."""
+    """A sentence for the technician; `{where}` is replaced by the place."""
     separates: ClassVar[str]
-    """What extra measurement separates it from its look-alikes."""
+    """Additional measurement that distinguishes it from its look-alikes."""
     references: ClassVar[tuple[str, ...]]
     stage: ClassVar[Stage] = Stage.LAYERS
     sizes: ClassVar[int] = 1
-    """How many of the first parameters are sizes: the effect is absent where all of them are null."""
+    """Number of leading parameters that are sizes: the effect is absent if all of them are null."""
 
     odds: ClassVar[float] = 1.0
-    """How often it is met against a look-alike that a recording cannot tell from it: a judgement, and a mild one."""
+    """Frequency of occurrence relative to an indistinguishable look-alike: a judgement, and a mild one."""
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return where in this stack it may sit: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
+        """Return its possible places in this stack: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
 
     @abstractmethod
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return its parameters at this place; the first is its size (the first `sizes` are).
 
-        None for an effect that is there or not (`polarity`): no size, no derivative.
+        Empty for an effect that is either present or not (`polarity`): it has no size and no derivative.
         """
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return value and unit of each quantity shown to people, computed from the parameters `values`.
 
-        For effects whose size enters squared: the parameter is the square, so that the derivative at null is not zero.
+        For effects whose size enters squared: the parameter is the square, so that its derivative at null is not zero.
         """
         return {}
 

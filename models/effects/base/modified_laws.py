@@ -1,4 +1,4 @@
-"""Loss laws that bend another law: the same constant at the reference, and nothing bent at null."""
+"""Loss laws that modify another law: unchanged at the reference frequency, and everywhere at null."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ _TINY = 1e-9
 
 @dataclass(frozen=True)
 class ModifiedLaw(LossLaw):
-    """A law with its parameters, made of another one."""
+    """A law with its parameters, derived from another one."""
 
     base: LossLaw
     reference: float
-    """Hz, where the bent law gives what the base gives."""
+    """Frequency at which the modified law equals the base, Hz."""
 
     def parameters(self) -> Mapping[str, float]:
-        """Return those of the base: what bends it are an effect's parameters."""
+        """Return the parameters of the base; those of the modification belong to an effect."""
         return self.base.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -35,11 +35,12 @@ class ModifiedLaw(LossLaw):
 
 @dataclass(frozen=True)
 class LossExponent(ModifiedLaw):
-    """M(f) = base + M'' [j (x^n - 1) + a x-dependent stiffening that causality asks for], x = f/reference.
+    """M(f) = base + M'' [j (x^n - 1) + the stiffening that causality requires], x = f/reference.
 
     The loss M'' grows as x^n. Its Kramers-Kronig companion cot(n pi/2) (x^n - 1) (Szabo, J. Acoust. Soc. Am. 96 (1994)
-    491; for n -> 0: (2/pi) ln x) comes with the weight `companion`: 1 is the causal law, 0 keeps the real part still as
-    most papers do. Where the base is causal already its own companion, (2/pi) ln x, is taken away first.
+    491; for n -> 0: (2/pi) ln x) has the weight `companion`: 1 is the causal law, 0 keeps the real part constant as
+    most
+    papers do. If the base is causal already, its own companion, (2/pi) ln x, is subtracted first.
     """
 
     exponent: float = 0.0
@@ -65,7 +66,7 @@ class LossExponent(ModifiedLaw):
 
 @dataclass(frozen=True)
 class Slope(ModifiedLaw):
-    """eps(f) = x^(-slope) [eps' - j eps'' x^loss], x = f/reference: falls by a power, and so may its loss tangent."""
+    """eps(f) = x^(-slope) [eps' - j eps'' x^loss], x = f/reference: permittivity and loss tangent as power laws."""
 
     slope: float = 0.0
     loss: float = 0.0
@@ -80,7 +81,7 @@ class Slope(ModifiedLaw):
         return {key: self._bent(size, frequency) for key, size in slopes.items()}
 
     def _bent(self, size: ComplexLike, frequency: Frequencies) -> Complexes:
-        """Return the base's constant, or a real derivative of it, bent: linear in its real and imaginary part."""
+        """Return the base's constant, or a real derivative of it, modified: linear in its real and imaginary part."""
         log_x = self._log_x(frequency)
         bent = np.real(size) + 1j * np.imag(size) * np.exp(self.loss * log_x)
         return np.multiply(np.exp(-self.slope * log_x), bent, dtype=np.complex128)
@@ -88,11 +89,11 @@ class Slope(ModifiedLaw):
 
 @dataclass(frozen=True)
 class Relaxation(ModifiedLaw):
-    """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: Debye's relaxation, of a strength."""
+    """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: a Debye relaxation of strength s."""
 
     strength: float = 0.0
     at: float = 1.0
-    """x_r, where its loss is largest."""
+    """x_r, where the loss is largest."""
 
     def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
         """Return the constant at frequencies in Hz, shape (N,)."""
@@ -110,14 +111,14 @@ class Relaxation(ModifiedLaw):
 
 @dataclass(frozen=True)
 class Factor(LossLaw):
-    """A law times a number for each frequency, as a strain that depends on frequency makes it."""
+    """A law times a factor for each frequency, for a strain that depends on frequency."""
 
     base: LossLaw
     factor: Complexes
-    """Shape (N,), at the frequencies at which alone the law is asked."""
+    """Shape (N,), at the only frequencies at which the law can be evaluated."""
 
     def parameters(self) -> Mapping[str, float]:
-        """Return those of the base."""
+        """Return the parameters of the base."""
         return self.base.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:

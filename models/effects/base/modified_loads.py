@@ -1,4 +1,4 @@
-"""Loads made of another load: it keeps its parameters, and something is added to what it answers."""
+"""Loads derived from another load: they keep its parameters and modify its impedance."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -15,12 +15,12 @@ from ...stack.loads import Load
 
 @dataclass(frozen=True)
 class ModifiedLoad(Load):
-    """A load whose answer is a function of another one's, linear in it."""
+    """A load whose impedance is a linear function of another one's."""
 
     inner: Load
 
     def parameters(self) -> dict[str, float]:
-        """Return those of the inner load."""
+        """Return the parameters of the inner load."""
         return self.inner.parameters()
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -39,7 +39,7 @@ class ModifiedLoad(Load):
 
 @dataclass(frozen=True)
 class SupportedLoad(ModifiedLoad):
-    """A face that moves something else as well: the impedances add."""
+    """A face that also moves something else: the impedances add."""
 
     support: Load
 
@@ -54,21 +54,21 @@ class SupportedLoad(ModifiedLoad):
 
 @dataclass(frozen=True)
 class FiniteBackingLoad(ModifiedLoad):
-    """A medium with a free rear: z sqrt(1 + j loss) (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) its echo.
+    """A medium with a free rear face: z sqrt(1 + j loss) (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) its echo.
 
-    The amplitude is strength exp(decay (1 - f/reference)), as a medium of constant Q makes it, and stays below 1.
+    The amplitude is strength exp(decay (1 - f/reference)), as in a medium of constant Q, and stays below 1.
     """
 
     strength: float
-    """At the reference; of a rear that is free and a medium with no loss it is 1."""
+    """Amplitude at the reference frequency; 1 for a free rear face and a lossless medium."""
     delay: float
-    """There and back, s."""
+    """Round-trip delay, s."""
     decay: float
-    """Attenuation there and back, that falls off linearly towards low frequency, Np at the reference."""
+    """Round-trip attenuation at the reference, Np; it decreases linearly towards low frequency."""
     reference: float
     """Hz."""
     loss: float
-    """1/Q of the medium's stiffness, which turns its characteristic impedance."""
+    """1/Q of the medium's stiffness, which rotates its characteristic impedance."""
 
     def impedance(self, frequency: Frequencies) -> ComplexLike:
         """Return the specific impedance in Rayl, shape (N,)."""
@@ -82,13 +82,13 @@ class FiniteBackingLoad(ModifiedLoad):
 
 
 _MOST = 0.999
-"""Amplitude of an echo at most: at 1 the rear would come through at some frequencies as a wall without end."""
+"""Largest amplitude of an echo; at 1 the impedance would be infinite at some frequencies."""
 
 
 def is_backing(load: Load) -> bool:
-    """Say whether a load is a solid or liquid taken as infinite."""
+    """Return whether a load is a solid or liquid treated as infinite."""
     return isinstance(load, HalfSpace) and load.z > _GAS
 
 
 _GAS = 1e4
-"""Rayl; above it no gas at ordinary pressure."""
+"""Rayl; no gas at ordinary pressure has more."""

@@ -1,4 +1,4 @@
-"""The sizes of a stack that say what is much and what is little of an effect, and how its active layer is called."""
+"""Characteristic sizes of a stack, which set the scales of effects, and its active layer."""
 
 import math
 
@@ -6,12 +6,12 @@ from ...stack import Piezo, Stack
 
 
 def active(stack: Stack) -> Piezo:
-    """Return the piezoelectric layer that rules the stack: the thickest."""
+    """Return the dominant piezoelectric layer of the stack: the thickest."""
     return max((layer for layer in stack.layers if isinstance(layer, Piezo)), key=lambda layer: layer.thickness)
 
 
 def resonance(stack: Stack) -> float:
-    """Return the frequency at which the active layer is half a wave thick, Hz."""
+    """Return the frequency at which the active layer is half a wavelength thick, Hz."""
     disk = active(stack)
     return math.sqrt(disk.c33D.real / disk.density) / (2 * disk.thickness)
 

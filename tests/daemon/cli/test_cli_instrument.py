@@ -133,7 +133,7 @@ def test_a_standard_that_is_none_is_refused(sim: Simulator, tmp_path: Path, star
     [
         (("--standard", "thru"), "--standard thru: there are open, short, load"),
         (("--adapter", "7mm"), "--adapter 7mm: there are OFF, M1, M2, APC7, PROBE"),
-        (("--apply", "--standard", "open"), "--apply: standards, adapter and fixture are those of the file"),
+        (("--apply", "--standard", "open"), "--apply: the file gives standards, adapter and fixture"),
         (("--apply",), "x.json: the compensation cannot be read: No such file"),
     ],
 )
@@ -150,7 +150,7 @@ def test_screen_and_sweep_are_fetched_as_files(sim: Simulator, tmp_path: Path, s
     seen = told(start(tmp_path, "screenshot", "t.tif", "--resource", sim.resource, "--json"))
     assert seen == {"file": "t.tif", "kind": "screen", "bytes": (tmp_path / "t.tif").stat().st_size}
     (tmp_path / "folder.tif").mkdir()
-    assert "folder.tif: it cannot be written" in end(
+    assert "folder.tif: cannot be written" in end(
         start(tmp_path, "screenshot", "folder.tif", "--resource", sim.resource), 2
     )
     refused = end(start(tmp_path, "screenshot", "s.png", "--resource", sim.resource), 2)

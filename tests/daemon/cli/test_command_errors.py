@@ -29,7 +29,7 @@ from pzctl.daemon.samples.sample_selection import journal_samples
 from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.publishing.spool import Spool
 from pzctl.daemon.server.simulated_analyzer import simulated_instrument
-from pzctl.daemon.server.sockets import _bind, gate_for
+from pzctl.daemon.server.sockets import _bind, access_control_for
 from pzctl.daemon.wire.curve_keys import read_client_key, write_secret
 from pzctl.daemon.wire.events import BeatEvent, ReceivedEvent, decode
 from pzctl.daemon.wire.result_messages import curves_of
@@ -58,11 +58,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ["journal", "prune", "--before", "new year", "--backup", "old"],
             "--before new year: a day is needed, such as 2026-01-01",
         ),
-        (["keys", "client", "ana", "--out", "disk.csv"], "--out disk.csv: this file is there already"),
+        (["keys", "client", "ana", "--out", "disk.csv"], "--out disk.csv: this file exists already"),
         (["measure", "--step", "ml9"], "--step ml9: build 'thesis' has the steps disk, ml1, ml2"),
         (
             ["fit", "--fitter", "bvd", "--hold", "disk.c33D", "d=disk.csv"],
-            "--hold, --tie, --prior and --bound are about constants of a build; give --build as well",
+            "--hold, --tie, --prior and --bound name constants of a build; give --build as well",
         ),
         (["fit", "--fitter", "bvd", "d=disk.csv@memory"], "disk.csv carries no memory trace"),
         (
@@ -71,15 +71,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "x.bmp"],
-            "x.bmp: no picture has a name that ends so; allowed are .png, .svg, .pdf",
+            "x.bmp: the name ends with '.bmp'; allowed are .png, .svg, .pdf",
         ),
         (
             ["fit", "--fitter", "bvd", "d=disk.csv", "--picture", "proof"],
-            "proof: this is a folder; the name of a file is needed, as proof/fit.png",
+            "proof: this is a folder; a file name is needed, such as proof/fit.png",
         ),
         (
             ["diagnose", "--build", "no.toml", "disk=disk.csv", "--effects", "cable,"],
-            "--effects is 'cable,'; names with commas between are needed, for example cable,bond-layer",
+            "--effects is 'cable,'; give names with commas between them, for example cable,bond-layer",
         ),
         (
             ["diagnose", "--build", str(BUILD), "disk=disk.csv", "--other-sample", "proof"],
@@ -93,14 +93,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ["screenshot", "s.tif", "--resource", "recording:disk.csv"],
             "recording:disk.csv: a recording has no fixture and no screen; name an instrument",
         ),
-        (["new", "disk.csv"], "disk.csv: this file is there already; name another one"),
+        (["new", "disk.csv"], "disk.csv: this file exists already; name another one"),
         (["new", "x.toml"], "x.toml: not written: the answers ended before the questions did"),
         (
             ["measure", "--fitter", "masson"],
             "no fitter 'masson' is installed; there are bvd, disk, disk2d, mason, mason-nelder-mead, nlopt-global, "
             "radial, sherrit-radial, sherrit-thickness; did you mean 'mason'?",
         ),
-        (["prove", "--out", "proof"], "proof: there is a proof already; --out names another folder"),
+        (["prove", "--out", "proof"], "proof: this folder holds a proof already; give --out another folder"),
         (["page", "--build", "no.toml"], "no.toml: cannot be read: No such file or directory"),
     ],
     ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else None,
@@ -207,16 +207,16 @@ def simulator_that_does_not_start() -> object:
 @pytest.mark.parametrize(
     ("work", "says"),
     [
-        (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its time are needed"),
+        (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its duration are needed"),
         (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
-        (huge_file, "huge.toml: 1000001 bytes is no description of a transducer; build.toml is"),
+        (huge_file, "huge.toml: 1000001 bytes is too large for a build.toml"),
         (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
         (
             lambda: copy_journal(no_record, Path("disk.csv")),
             "disk.csv: this is a file; a journal is copied to a new folder",
         ),
         (lambda: write_secret(Path("disk.csv/ana.key"), b""), "disk.csv: this folder cannot be made: "),
-        (bad_key, "ana.key is no key: message: "),
+        (bad_key, "ana.key is not a key: message: "),
         (curves_of_two_lengths, "message: the columns of curve 0 (disk) differ in length"),
         (no_steps, "build.toml: steps is empty; at least one [[steps]] is needed"),
         (
@@ -224,8 +224,8 @@ def simulator_that_does_not_start() -> object:
             "the journal in journal holds no complete measurement",
         ),
         (lambda: journal_without_measurements().build("m-17"), "journal: no measurement 'm-17'"),
-        (damaged_in_waiting, "unsaved/000000000.event: an event that was kept here cannot be read: "),
-        (nowhere_to_wait, "disk.csv/000000000.event: what the journal's server did not take cannot be kept: "),
+        (damaged_in_waiting, "unsaved/000000000.event: an event for the journal's server cannot be read: "),
+        (nowhere_to_wait, "disk.csv/000000000.event: an event for the journal's server cannot be kept: "),
         (
             lambda: curves_of(("disk",), {"0.frequency": np.ones(3)}),
             "message: curve 0 (disk) has no column 'measured'",
@@ -250,11 +250,11 @@ def simulator_that_does_not_start() -> object:
             "fitter 'no_such_module:Fitter' does not load: ModuleNotFoundError: No module named 'no_such_module'",
         ),
         (
-            lambda: gate_for(["foo"], Path()),
-            "endpoint 'foo': tcp://HOST:PORT is needed, with * for a port that is free",
+            lambda: access_control_for(["foo"], Path()),
+            "endpoint 'foo': tcp://HOST:PORT is needed, with * for any free port",
         ),
         (
-            lambda: gate_for(["tcp://0.0.0.0:*"], keys_folder(home())),
+            lambda: access_control_for(["tcp://0.0.0.0:*"], keys_folder(home())),
             "endpoint 'tcp://0.0.0.0:*' can be reached from other machines; that needs keys",
         ),
         (simulator_that_does_not_start, "simulated 4294A: it did not start: "),
@@ -272,12 +272,10 @@ def test_a_port_that_is_taken(here: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(PzctlError, match=rf"endpoint 'tcp://127.0.0.1:{port}' cannot be bound: Address already"):
             bound(f"tcp://127.0.0.1:{port}")
-        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: nobody can listen there; is the port taken"):
+        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: cannot listen there; is the port taken"):
             serve(read_build(BUILD), "127.0.0.1", port, None)
         with (
-            pytest.raises(
-                PzctlError, match="nobody can listen there: Address already in use; --page-port takes another"
-            ),
+            pytest.raises(PzctlError, match="cannot listen there: Address already in use; --page-port takes another"),
             served_beside(BUILD, port),
         ):
             pass

@@ -16,7 +16,7 @@ def test_an_adaptive_measurement_is_one_recording_that_gives_the_constants(tmp_p
     environment = {**os.environ, "PZCTL_HOME": str(tmp_path)}
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr
-    assert "disk: looked 1 time(s); 1" in done.stderr
+    assert "disk: 1 preliminary sweep(s); 1" in done.stderr
     story = json.loads(done.stdout)
     (measurement,) = story["measurements"]
     assert len(measurement["sweeps"]) == 1

@@ -87,7 +87,7 @@ def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> 
     assert {"effect": "stray-capacitance", "where": "terminals"} in proposal["decides"]
     assert 10 < proposal["seconds"] < 100
     assert "proposal for disk: sweep from 1.5 to 16.5 MHz" in done.stderr
-    assert "nobody can be asked here" in done.stderr
+    assert "this is no terminal to ask in" in done.stderr
     with pzctl.connect() as lab:
         assert [one.state for one in lab.samples()[0].measurements] == ["measured"]
 
@@ -129,5 +129,5 @@ def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
     archive = open_journal()
     page = report_html(sample_record(archive, one))
     archive.close()
-    assert "guilty: layer:disk" in page, "the picture is there, with its place marked"
+    assert "marked: layer:disk" in page, "the picture is there, with its place marked"
     assert "bends with the oscillator level" in page

@@ -141,7 +141,7 @@ def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
     words = ["-c", "from pzctl.daemon.cli import main; main()", "prove", "--count", "1", "--out", str(tmp_path)]
     run = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     assert run.returncode == 2
-    assert "there is a proof already" in run.stderr
+    assert "this folder holds a proof already" in run.stderr
     assert "Traceback" not in run.stderr
 
 

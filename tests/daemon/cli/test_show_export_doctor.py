@@ -57,7 +57,7 @@ def test_show_gives_the_constants_and_the_picture(measured: Path, tmp_path: Path
         (["show", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
         (["show", "thesis", "--fitter", "masson"], "there is no fit by 'masson'; fitted by "),
         (["export", "thesis", "--step", "ml9"], "step 'ml9' was not measured; measured: disk"),
-        (["export", "thesis", "--format", "xls"], "there are csv, touchstone, netcdf, hdf5"),
+        (["export", "thesis", "--format", "xls"], "allowed are csv, touchstone, netcdf, hdf5"),
     ],
 )
 def test_what_is_not_there_is_one_sentence(measured: Path, words: list[str], sentence: str) -> None:
@@ -89,7 +89,7 @@ def test_the_doctor_of_a_machine_that_is_well() -> None:
         done = subprocess.run([pzctl, "doctor", "--json"], capture_output=True, text=True, check=False, timeout=110)
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert done.returncode == 0, done.stderr
-    assert "measured, kept, published and fitted" in checks["rehearsal"]["says"]
+    assert "was measured, recorded, published and fitted" in checks["rehearsal"]["says"]
     assert checks["journal"]["says"].startswith("empty")
 
 
@@ -122,7 +122,7 @@ def test_the_doctor_takes_a_sweep_of_the_instrument_that_is_named(
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
         for resource, told in (
-            (sim.resource, "by asking for the status byte"),
+            (sim.resource, "by polling the status byte"),
             (f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17", "by its service request"),
         ):
             who, path = _instrument(resource)

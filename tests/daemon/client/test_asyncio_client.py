@@ -82,7 +82,7 @@ def test_a_measurement_whose_events_are_gone_is_not_waited_for(
             waiting = asyncio.create_task(lab.measure(build, "disk", progress=lambda _: under_way.set()))
             await under_way.wait()
             await asyncio.to_thread(prune_unheard, start_daemon, where, tmp_path, build)
-            with pytest.raises(DaemonError, match=r"what became of it is not known; events .* pruned on") as refused:
+            with pytest.raises(DaemonError, match=r"its outcome is unknown; events .* pruned on") as refused:
                 await waiting
             assert refused.value.code == "missing"
 

@@ -117,7 +117,7 @@ def test_both_are_told_the_same_story(
             assert {answer.event.fitter for answer in await lab.fits(one.id)} >= {ECHO, "mine", "diagnosis"}
 
             async with lab.lease("ana", 60.0) as held:
-                with pytest.raises(DaemonError, match="'ana' has the instrument to itself") as refused:
+                with pytest.raises(DaemonError, match="the instrument is leased to 'ana'") as refused:
                     await lab.begin(build, "disk")
                 assert refused.value.code == "leased"
                 assert (await lab.measure(build, "disk", lease=held)).sweeps

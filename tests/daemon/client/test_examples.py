@@ -33,7 +33,10 @@ def test_a_scan_against_temperature(start_daemon, tmp_path: Path) -> None:
 
     def reach(wanted: float) -> float:
         reached.append(wanted)
-        with pzctl.connect() as other, pytest.raises(DaemonError, match="'temperature scan' has the instrument"):
+        with (
+            pzctl.connect() as other,
+            pytest.raises(DaemonError, match="the instrument is leased to 'temperature scan'"),
+        ):
             other.measure(read_build(THESIS), "disk")
         return wanted + 0.1
 

@@ -47,7 +47,7 @@ def test_tied_bounded_and_ground() -> None:
             text(b=layer("b", z_MRayl='{ same_as = "c" }')),
             "z of layer 'b': same_as is 'c'; the layers with z are a",
         ),
-        (text(layer("a", q='{ same_as = "b" }'), layer("b", q='{ same_as = "a" }')), "which is tied to a.q itself"),
+        (text(layer("a", q='{ same_as = "b" }'), layer("b", q='{ same_as = "a" }')), "which is itself tied to a.q"),
         (text(layer("a", q='{ same_as = "b", u = 1 }')), "is not a known key"),
         (text(layer("a", q="{ value = 3, u = 1, min = 2 }")), "has no max; a bounded value has both min and max"),
         (text(layer("a", q="{ value = 3, u = 1, min = 4, max = 5 }")), "is 4 and max 5; 3 must lie between them"),

@@ -41,12 +41,12 @@ def test_the_order(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("text", "variable", "says"),
     [
-        ("resourse = 1", None, r"config.toml: resourse: there is no such setting; there are resource"),
-        ("fit_seconds = -1", None, r"config.toml: fit_seconds is -1; needed is seconds above 0"),
-        ("fitters = 5", None, r"fitters is 5; needed is names of fitters"),
-        ("resource = ", None, r"config.toml: it cannot be read: "),
-        ("", ("PZCTL_SEED", "x"), r"PZCTL_SEED is 'x'; needed is a whole number"),
-        ("", ("PZCTL_LOG", "xml"), r"PZCTL_LOG is 'xml'; needed is text or json"),
+        ("resourse = 1", None, r"config.toml: resourse: no such setting; there are resource"),
+        ("fit_seconds = -1", None, r"config.toml: fit_seconds is -1; allowed is seconds above 0"),
+        ("fitters = 5", None, r"fitters is 5; allowed is names of fitters"),
+        ("resource = ", None, r"config.toml: cannot be read: "),
+        ("", ("PZCTL_SEED", "x"), r"PZCTL_SEED is 'x'; allowed is a whole number"),
+        ("", ("PZCTL_LOG", "xml"), r"PZCTL_LOG is 'xml'; allowed is text or json"),
     ],
 )
 def test_what_is_wrong_is_said(file: Path, monkeypatch, text: str, variable: tuple[str, str] | None, says: str) -> None:

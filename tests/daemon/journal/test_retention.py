@@ -36,7 +36,7 @@ def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, buil
         assert told["metrics"]["counts"]["sweep"] == 2
         assert told["metrics"]["seconds"]["publish"]["median"] > 0
         assert "2 sweeps, 1 fits" in pzctl(tmp_path, "status").stdout
-        assert "all whole" in pzctl(tmp_path, "journal", "verify").stdout
+        assert "all intact" in pzctl(tmp_path, "journal", "verify").stdout
         assert "and verified" in pzctl(tmp_path, "journal", "backup", str(tmp_path / "copy")).stdout
         refused = pzctl(tmp_path, "journal", "prune", "--before", "2999-01-01", "--backup", str(tmp_path / "all"))
         assert "another daemon writes this journal" in refused.stderr

@@ -88,7 +88,7 @@ def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypa
         listed = pzctl(tmp_path / "c", url, "samples").stdout
         assert build.name in listed
         told = pzctl(tmp_path / "c", url, "journal", "verify")
-        assert "4 arrays: all whole" in told.stdout, told.stderr
+        assert "4 arrays: all intact" in told.stdout, told.stderr
         copied = pzctl(tmp_path / "c", url, "journal", "backup", str(tmp_path / "copy"))
         assert "and verified" in copied.stdout, copied.stderr
         copy = JournalReader(tmp_path / "copy", "b")

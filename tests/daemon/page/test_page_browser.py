@@ -129,7 +129,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     browser.run("document.getElementById('hand-by').focus()")
     browser.type("Ana")
     browser.key("Enter")
-    browser.wait("document.getElementById('hand-kept').textContent === 'kept, by Ana'")
+    browser.wait("document.getElementById('hand-kept').textContent === 'kept by Ana'")
     browser.wait("document.querySelectorAll('#fits button').length === 2")
     assert browser.run("[...document.querySelectorAll('#fits button')].at(-1).textContent") == "by-hand · Ana"
     assert browser.problems == []
@@ -157,7 +157,7 @@ def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, bro
 
     # The diagnosis finds it without being told.
     browser.run("document.getElementById('diagnose').click()")
-    browser.wait("document.querySelectorAll('#stack .guilty').length === 1")
+    browser.wait("document.querySelectorAll('#stack .marked').length === 1")
     assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
     assert "left out" in browser.run("document.getElementById('words').textContent")
     browser.run("window.scrollTo(0, 0)")
@@ -204,7 +204,7 @@ def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
     browser.run("document.getElementById('hand-by').focus()")
     browser.type("Ana")
     browser.key("Enter")
-    browser.wait("document.getElementById('hand-kept').textContent === 'kept, by Ana'")
+    browser.wait("document.getElementById('hand-kept').textContent === 'kept by Ana'")
     browser.wait("[...document.querySelectorAll('#fits button')].at(-1)?.textContent === 'by-hand (disk) · Ana'")
     assert "on the model of disk" in browser.run("document.getElementById('words').textContent")
     assert browser.problems == []

@@ -76,7 +76,7 @@ def test_the_report_says_it_all_and_needs_nothing_else(reported: Path) -> None:
         "Constants",
         "Fit over measurement",
         "Admittance circles",
-        "Mismatch, and what it means",
+        "Misfit, and what it means",
         "From step to step",
         "Uncertainty budget",
         "Correlations",
@@ -87,7 +87,7 @@ def test_the_report_says_it_all_and_needs_nothing_else(reported: Path) -> None:
     assert len(page.ids) == len(set(page.ids)), "pictures of one page do not share ids"
     assert re.search(r"disk\.c33D</td><td>1\.5\d+\(\d+\)e11 \+ ", text)
     assert "HEWLETT-PACKARD,4294A" in text
-    assert "Near 1: the model describes" in text
+    assert "Near 1: model and recording agree" in text
     assert "<image" not in text, "pictures are lines and faces: in a PDF an image would stand elsewhere"
 
 

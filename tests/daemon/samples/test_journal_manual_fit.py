@@ -36,7 +36,7 @@ def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_it(start_daemo
         of_measurement("x")
 
     wanted = Choices(free=("disk.c33D",), bands={"disk": ((1e6, 6e6),)}, effects=(("lead-inductance", "terminals"),))
-    with pytest.raises(NobodyError, match="by: ' ' names nobody"):
+    with pytest.raises(NobodyError, match="by: ' ' is no name"):
         hand.keep(wanted, " ")
     for _ in range(2):  # the daemon takes the second for the first
         made, _ = hand.keep(wanted, "Ana B.")

@@ -57,8 +57,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
         for work, says in (
             (
                 lambda: lab.begin(replace(build, plan=None), "disk"),
-                "neither the request nor build 'S4.a' says what to sweep; give a plan, or a [sweep] table in "
-                "build.toml",
+                "neither the request nor build 'S4.a' has a sweep plan; give a plan, or a [sweep] table in build.toml",
             ),
             (lab.cancel, "nothing is being measured"),
             (lambda: lab.fit(cancelled, "bvd"), f"measurement {cancelled!r} is cancelled; it has no complete sweeps"),
@@ -80,7 +79,7 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
             ),
             (
                 lambda: [lab.hello(f"fitter{k}", "1") for k in range(MOST_FITTERS + 1)],
-                f"{MOST_FITTERS} fitters said hello already",
+                f"{MOST_FITTERS} fitters are connected already",
             ),
             (
                 lambda: start(DaemonOptions(resource="127.0.0.1:5025")),
@@ -89,11 +88,11 @@ def test_what_a_daemon_cannot_do(start_daemon, build: Build, tmp_path: Path) -> 
             ),
             (
                 lambda: raised(["screenshot", str(tmp_path / "s.tif"), "--resource", str(where.resource)]),
-                f"the daemon that runs owns {where.resource}; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: raised(["measure", "--step", "disk", "--resource", "127.0.0.1:5025"]),
-                f"the daemon that runs owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
+                f"the running daemon owns {where.resource}, not 127.0.0.1:5025; end it with `pzctl daemon --stop`",
             ),
             (
                 lambda: [diagnosed(lab, one.id, k) for k in range(MOST_ERRANDS + 1)],
@@ -135,11 +134,11 @@ def test_a_daemon_that_hangs_and_one_that_is_not_there(
         events = lab.listen(10.0)
         os.kill(where.pid, signal.SIGSTOP)
         try:
-            says = f"daemon at {where.events}: not a sound for 0.3 s; it has ended or hangs"
+            says = f"daemon at {where.events}: silent for 0.3 s; it has ended or hangs"
             assert sentence(lambda: next(events)) == says
         finally:
             os.kill(where.pid, signal.SIGCONT)
     try:
-        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: not a sound for 0.3 s")
+        assert sentence(lambda: asyncio.run(heard())).startswith(f"daemon at {where.events}: silent for 0.3 s")
     finally:
         os.kill(where.pid, signal.SIGCONT)

@@ -54,7 +54,7 @@ def test_without_keys_it_does_not_start(start_daemon, tmp_path: Path) -> None:
     with pytest.raises(DaemonError, match=r"can be reached from other machines.*`pzctl keys server`"):
         open_to_all(start_daemon)
     make_server(keys_folder(tmp_path))
-    with pytest.raises(DaemonError, match="nobody may come in yet; make a key with `pzctl keys client NAME`"):
+    with pytest.raises(DaemonError, match="no client has access yet; make a key with `pzctl keys client NAME`"):
         open_to_all(start_daemon)
 
 
@@ -173,7 +173,7 @@ def test_a_client_that_is_turned_away_is_told(start_daemon, key_of, tmp_path: Pa
 
     for error in asyncio.run(both()):
         assert isinstance(error, DaemonError)
-        assert "it does not let this client in" in str(error)
+        assert "it refuses this client" in str(error)
         assert error.code == "not-allowed"
 
 
@@ -188,14 +188,14 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     assert "there is no key" in keys("client", "ana")
     assert "the daemon's public key" in keys("server")
-    assert "is there already" in keys("server")
+    assert "exists already" in keys("server")
     assert "allowed are watch, measure, bench, admin" in keys("client", "ana", "--right", "all")
     assert "a name has 1 to 64 letters" in keys("client", "../ana", "--out", "a.key")
-    assert "ana may measure; give them ana.key" in keys("client", "ana", "--right", "measure")
+    assert "ana has the right to measure; pass ana.key on" in keys("client", "ana", "--right", "measure")
     assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in tmp_path.rglob("*") if path.is_file())
     assert keys("list").split("\t")[:2] == ["ana", "measure"]
     assert "'bob' is not known; there are ana" in keys("revoke", "bob")
-    assert keys("revoke", "ana") == "ana no longer comes in\n"
+    assert keys("revoke", "ana") == "ana no longer has access\n"
     assert keys("list") == ""
     assert json.loads(keys("client", "eve", "--json")) == {"name": "eve", "right": "watch", "file": "eve.key"}
     assert json.loads(keys("revoke", "eve", "--json")) == {"name": "eve", "revoked": True}

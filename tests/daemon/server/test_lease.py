@@ -19,7 +19,7 @@ def test_who_has_a_lease_has_the_instrument(start_daemon, build: Build) -> None:
         start_daemon(resource=sim.resource)
         with connect() as lab, connect() as other:
             other.measure(build, "disk")
-            with pytest.raises(DaemonError, match="measures with an instrument that has no simulated bench"):
+            with pytest.raises(DaemonError, match="the instrument of this daemon has no simulated bench"):
                 lab.bench({"command": "truth"})
             with lab.lease("scan", 30.0) as lease:
                 assert other.status().lease.owner == "scan"
@@ -27,10 +27,10 @@ def test_who_has_a_lease_has_the_instrument(start_daemon, build: Build) -> None:
                     lines.write(b"*IDN?\n")
                     lines.flush()
                     assert b"4294A" in lines.readline()
-                with pytest.raises(DaemonError, match="'scan' has the instrument to itself until") as refusal:
+                with pytest.raises(DaemonError, match="the instrument is leased to 'scan' until") as refusal:
                     other.measure(build, "disk")
                 assert refusal.value.code == "leased"
-                with pytest.raises(DaemonError, match="has the instrument to itself"), other.lease("me"):
+                with pytest.raises(DaemonError, match="the instrument is leased to"), other.lease("me"):
                     pass
                 assert lab.measure(build, "disk", lease=lease).sweeps
             assert other.status().lease is None
@@ -60,11 +60,11 @@ def test_a_lease_expires_and_is_held_for_longer() -> None:
     now = 9.0
     assert lease.take("ana", "a", 10.0, held, busy=True)[0] == held
     now = 18.0
-    with pytest.raises(RequestError, match="'a' has the instrument"):
+    with pytest.raises(RequestError, match="the instrument is leased to 'a'"):
         lease.check("ana", None)
     lease.check("ana", held)
     now = 19.0
     assert lease.holder is None
     lease.check("ana", None)
-    with pytest.raises(RequestError, match="has expired, was given back, or never was"):
+    with pytest.raises(RequestError, match="has expired, was returned, or never existed"):
         lease.take("ana", "a", 1.0, held, busy=False)

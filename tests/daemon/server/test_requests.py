@@ -85,7 +85,7 @@ def test_the_same_id_is_done_once_even_over_a_killed_daemon(start_daemon, dealer
     ("request_text", "says"),
     [
         (b'{"id":"1","request":"dance"}', "'dance' is not known; known are hello, status"),
-        (b'{"id":"1","request":"hello","v":9}', "this is pzctl wire 9, and wire 1 is read here"),
+        (b'{"id":"1","request":"hello","v":9}', "it has wire version 9; this daemon reads version 1"),
         (b'{"id":"1","request":"replay","since":1,"max":1000000}', "Expected `int` <= 50 - at `\\$.max`"),
         (b'{"id":"1","request":"submit","measurement":"m"}', "missing required field `fitter`"),
         (b'{"id":"1","request":"measure","step":"disk","build":{"name":1}}', "Expected `str`, got `int`"),

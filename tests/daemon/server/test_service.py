@@ -46,7 +46,7 @@ def test_the_whole_story(start_daemon, build: Build) -> None:
         ("Refuses", "sweep wider"),
         ("Fails", "failed: ZeroDivisionError: oh"),
         ("Nonsense", "its answer was refused: .*chi2_per_dof"),
-        ("Dies", "died 2 times over this measurement: ended with status 7"),
+        ("Dies", "crashed 2 times over this measurement: ended with status 7"),
     ],
 )
 def test_who_waits_for_a_fit_hears_why_there_is_none(start_daemon, build: Build, fitter: str, says: str) -> None:

@@ -19,8 +19,8 @@ ECHO = "guest_examples:Echo"
 @pytest.mark.parametrize(
     ("fitter", "limits", "says"),
     [
-        ("Hangs", Limits(seconds=1.0), r"died 2 times over this measurement: gave no answer within 1 s"),
-        ("Leaks", Limits(memory_MB=1500), r"died 2 times .* needs more than the 1500 MB"),
+        ("Hangs", Limits(seconds=1.0), r"crashed 2 times over this measurement: gave no answer within 1 s"),
+        ("Leaks", Limits(memory_MB=1500), r"crashed 2 times .* needs more than the allowed 1500 MB"),
         ("Chatters", Limits(), r"failed: OSError: .*File too large"),
     ],
 )

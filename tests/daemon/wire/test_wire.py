@@ -89,7 +89,7 @@ def test_a_damaged_message_is_read_or_refused(frame: int, at: int, put: bytes, g
         (b'"dtype":"<c16"', b'"dtype":"|O"', "Invalid enum value"),
         (b'"name":"impedance"', b'"name":"frequency"', "two columns are called 'frequency'"),
         (b'"name":"impedance"', b'"name":"Z"', "sweep 's' has no column 'impedance'"),
-        (b'"v":1', b'"v":2', "this is pzctl wire 2, and wire 1 is read here: upgrade"),
+        (b'"v":1', b'"v":2', "it has wire version 2; this program reads version 1; upgrade"),
         (b'"kind":"sweep"', b'"kind":"song"', "kind 'song'; known are beat, diagnosis"),
         (b'"settings":{', b'"settings":{"a":' + b"[" * 100_000, "nested too deep"),
         (b'"settings":{', b'"settings":{"a":"' + b"x" * 2_000_000 + b'",', "at most 1048576 are allowed"),

@@ -206,7 +206,7 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
         diagnose(given(cases, "lead")[0], (), hold_out="steps")
 
 
-def test_another_sample_bears_a_finding_out_or_does_not_have_it(cases: Path) -> None:
+def test_another_sample_confirms_or_contradicts_a_finding(cases: Path) -> None:
     task, truth = given(cases, "lead")
     (injected,) = truth["findings"]
     build = read_build(cases / "null" / "build.toml")
@@ -222,12 +222,12 @@ def test_another_sample_bears_a_finding_out_or_does_not_have_it(cases: Path) -> 
     others = {name: FitTask(build, {"disk": (replace(sweep, impedance=Z),)}) for name, Z in impedances.items()}
     diagnosis = diagnose(task, (injected["effect"],), others=others)
     said = {other.sample: other for other in diagnosis.others}
-    assert "bears it out" in said["as long"].says
+    assert "confirms this" in said["as long"].says
     assert said["as long"].chi2_per_dof_after < 1.2 < said["as long"].chi2_per_dof_before
-    assert "part of it" in said["ten times as long"].says
-    assert "does not have lead-inductance at terminals" in said["none"].says
+    assert "confirms part of this" in said["ten times as long"].says
+    assert "contradicts lead-inductance at terminals" in said["none"].says
     nothing = diagnose(others["none"], (injected["effect"],), others={"next": others["as long"]})
-    assert [other.says for other in nothing.others] == ["Nothing was found here that sample next could bear out."]
+    assert [other.says for other in nothing.others] == ["None of the effects found can be tested on sample next."]
 
 
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:

@@ -136,8 +136,8 @@ def test_frozen_constants_are_said_and_not_moved(glued: Callable[[Options], FitR
 
 def test_what_cannot_be_told_apart_is_said(glued: Callable[[Options], FitResult]) -> None:
     says = glued(Options()).says
-    assert any(s.startswith("ml1.c and ml1.thickness cannot be told apart") and "ml1.delay =" in s for s in says)
-    assert any(s.startswith("glue1.thickness rests on glue1.z and glue1.c") and "compliance" in s for s in says)
+    assert any(s.startswith("ml1.c and ml1.thickness cannot be separated") and "ml1.delay =" in s for s in says)
+    assert any(s.startswith("glue1.thickness depends on glue1.z and glue1.c") and "compliance" in s for s in says)
 
 
 @pytest.mark.parametrize("procedure", ["joint", "sequential"])

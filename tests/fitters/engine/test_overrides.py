@@ -53,7 +53,7 @@ def test_a_narrow_prior_wins_where_the_recording_tells_little(cases: Path, build
         (Amendments(tie=(("ml1.z", "ml1.z"),)), "two of one kind are needed"),
         (Amendments(tie=(("ml1.z", "glue9.z"),)), "cannot tie 'ml1.z' to 'glue9.z': this build has"),
         (Amendments(tie=(("ml1.z", "glue1.z"), ("glue1.z", "ml1.z"))), "tied already"),
-        (Amendments(tie=(("back.z", "front.z"),)), "loads are tied to nothing"),
+        (Amendments(tie=(("back.z", "front.z"),)), "loads cannot be tied"),
         (Amendments(prior=(("ml1.z", 1e7, 0.0),)), "its uncertainty is 0; a positive one is needed"),
         (Amendments(prior=(("ml1.z", -1e7, 1.0),)), "a positive number is needed"),
         (Amendments(prior=(("disk.h33.loss", 0.1, 0.1),)), "only c33D and eps33S"),

@@ -149,7 +149,7 @@ def test_without_its_peaks_it_begins_with_the_library(
     between = np.linspace(150e3, 300e3, 60)
     hand = ManualFit(FitTask(build, {"disk": (swept(device, between),)}), "radial")
     assert hand.look().says == (
-        "It begins with the values of the library, since the recording does not show where: no radial resonance in "
+        "It starts from the library's values, because the recording gives no start: no radial resonance in "
         "150-300 kHz: the first is expected near 124 kHz for a diameter of 16 mm.",
     )
     v = build.layer("disk").values

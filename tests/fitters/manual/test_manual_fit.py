@@ -77,8 +77,8 @@ def test_a_band_takes_part_and_the_rest_does_not(task: FitTask) -> None:
         (Choices(bands={"ml1": ()}), "bands of step 'ml1': it was not recorded; disk was"),
         (Choices(bands={"disk": ((2e6, 1e6),)}), "band 2 to 1 MHz of step 'disk'"),
         (Choices(bands={"disk": ((2e6, 2.1e6),)}), "no band holds 20 points"),
-        (Choices(effects=(("cable", "layer:disk"),)), "'cable' cannot sit at 'layer:disk': there is terminals"),
-        (Choices(effects=(("sweep-lag", "sweep"),), bands={"disk": ((1e6, 8e6),)}), "while the whole sweep runs"),
+        (Choices(effects=(("cable", "layer:disk"),)), "'cable' cannot be at 'layer:disk'; possible places: terminals"),
+        (Choices(effects=(("sweep-lag", "sweep"),), bands={"disk": ((1e6, 8e6),)}), "needs the whole sweep"),
     ],
 )
 def test_what_cannot_be_is_a_sentence(task: FitTask, choices: Choices, sentence: str) -> None:

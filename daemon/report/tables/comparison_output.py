@@ -1,0 +1,114 @@
+"""A comparison in words and tables for the terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from .numbers import with_uncertainty
+
+
+def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
+    """Print a comparison (the object of `comparison_json`): the verdict that anyone understands, then the evidence."""
+    console.print(found["says"][0], style="bold", highlight=False)
+    for finding in found["findings"]:
+        console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
+    if found["findings"]:
+        console.print(_findings_table(found["findings"]))
+    if found["limits"]:
+        console.print(f"Not seen, at 95 %: {'; '.join(_limit(one) for one in found['limits'])}.", highlight=False)
+    if found["resonances"]:
+        console.print(_resonance_table(found["resonances"]))
+    console.print(_bands_table(found["repeatability"]))
+    console.print(f"probability {found['probability']:.3f}; {found['seconds']:.1f} s", highlight=False)
+
+
+def print_many(console: Console, found: Mapping[str, Any]) -> None:
+    """Print several devices compared (the object of `many_json`): what they have in common, then each."""
+    for k, sentence in enumerate(found["says"]):
+        console.print(sentence if k == 0 else f"- {sentence}", style="bold" if k == 0 else "yellow", highlight=False)
+    for one in found["common"]:
+        sizes = [
+            f"{name} {_size(size)}, from device to device {one['scatter'][name]['value']:.2g}{_unit(size)}"
+            for name, size in one["parameters"].items()
+        ]
+        console.print(f"{one['effect']}: {'; '.join(sizes)}", highlight=False)
+    table = Table(header_style="bold")
+    for column in ("device", "verdict", "change (%)", "findings"):
+        table.add_column(column, overflow="fold")
+    for device in found["devices"]:
+        findings: list[str] = []
+        for one in device["findings"]:
+            name, size = next(iter(one["parameters"].items()), ("", None))
+            findings.append(f"{one['effect']}{' (gone)' if one['removed'] else ''}{_first(name, size)}")
+        mark = " !" if device["file"] in found["outliers"] else ""
+        table.add_row(device["file"] + mark, device["verdict"], f"{100 * device['change']:.3g}", "\n".join(findings))
+    console.print(table)
+
+
+def _first(name: str, size: Mapping[str, Any] | None) -> str:
+    return f", {name} {_size(size)}" if size else ""
+
+
+def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(header_style="bold")
+    table.add_column("effect", no_wrap=True, overflow="fold")
+    for column in ("where", "probability", "size", "held out", "cannot be told from"):
+        table.add_column(column, overflow="fold")
+    for finding in findings:
+        sizes = [f"{name} {_size(size)}" for name, size in finding["parameters"].items()]
+        alike = [f"{one['effect']} ({one['probability']:.2f})" for one in finding["same_as"]]
+        held = [finding["held_out_before"], finding["held_out_after"]]
+        table.add_row(
+            finding["effect"] + (" (gone)" if finding["removed"] else ""),
+            finding["where"],
+            f"{finding['probability'] or 0:.3f}",
+            "\n".join(sizes),
+            " -> ".join("-" if value is None else f"{value:.3g}" for value in held),
+            "\n".join(alike),
+        )
+    return table
+
+
+def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(title="Resonances in both, as the terminals see them", title_justify="left", header_style="bold")
+    for column in ("kHz", "Q", "frequency moved (ppm)", "Q after/before", "strength after/before"):
+        table.add_column(column, justify="right")
+    for one in resonances:
+        table.add_row(
+            f"{one['frequency_Hz'] / 1e3:.5g}",
+            f"{one['q']:.3g}",
+            with_uncertainty(1e6 * one["shift"], 1e6 * one["u_shift"]),
+            with_uncertainty(one["q_ratio"], one["u_q_ratio"]),
+            with_uncertainty(one["strength_ratio"], one["u_strength_ratio"]),
+        )
+    return table
+
+
+def _bands_table(bands: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(title="By how much they differ (rms)", title_justify="left", header_style="bold")
+    for column in ("band (kHz)", "|Z| (%)", "phase (mrad)", "noise (%)"):
+        table.add_column(column, justify="right")
+    for band in bands:
+        low, high = band["band_Hz"]
+        table.add_row(
+            f"{low / 1e3:.5g}-{high / 1e3:.5g}",
+            f"{100 * band['magnitude']:.3g}",
+            f"{1e3 * band['phase']:.3g}",
+            f"{100 * band['noise']:.2g}",
+        )
+    return table
+
+
+def _limit(limit: Mapping[str, Any]) -> str:
+    sizes = [f"{name} above {size['value']:.2g}{_unit(size)}" for name, size in limit["upper_limit"].items()]
+    return f"{limit['effect']}, {' and '.join(sizes)}"
+
+
+def _size(size: Mapping[str, Any]) -> str:
+    return f"{with_uncertainty(size['value'], size['u'])}{_unit(size)}"
+
+
+def _unit(size: Mapping[str, Any]) -> str:
+    return "" if size["unit"] == "1" else f" {size['unit']}"

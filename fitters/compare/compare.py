@@ -1,0 +1,289 @@
+"""`compare`: what changed between two recordings of a device."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from ...models.sweep import Sweep
+from ..diagnosis.decision_rules import CLASS_NATS, NAMED
+from ..diagnosis.findings import Alternative, Bands, Remaining, Size
+from .comparison import ChangeFinding, ComparedCurve, Comparison, Verdict
+from .device_changes import device_changes
+from .hypothesis import Change, Fitted, Hypothesis, fitted
+from .limits import limits, repeatability
+from .pair import Pair, pair_of
+from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
+from .resonances import fitted_poles, resonances_of
+from .search import Searched, search
+from .shifts import resonance_shifts
+from .two_ports import TwoPort, two_ports
+
+_BLOCKS, _HELD = 11, (3, 8)
+"""Of eleven contiguous blocks, those that take no part in the fit that proves an explanation."""
+_EXPLAINED = 0.1
+"""Part of the change, root mean square, up to which what is left leaves it explained: 99 % of its power is."""
+_DRIFT, _FEW = 3e-4, 0.01
+"""Drift that two recordings of one device may have; part of the points that may differ by more than is usual."""
+_FORMULA = 0.01
+"""Part of what the largest change moves, up to which a further one is an error of its formula."""
+_SURE = 0.9
+"""Probability from which recordings are said to differ by a change: below, nothing is."""
+_ALIKE = 9.0
+"""chi2 by which the predictions of two hypotheses differ, up to which a pair does not tell them apart: three u."""
+
+
+def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
+    """Return what changed; several sweeps on a side are repeats. Raises TaskError where they cannot be compared."""
+    began = time.monotonic()
+    pair = pair_of(before, after)
+    poles = fitted_poles(pair, pair.before, pair.noise_before)
+    own = resonances_of(poles, pair, pair.before)
+    errors = PairErrors(pair, own)
+    searched = search(errors, (*two_ports(), *device_changes(pair, own)))
+    return replace(concluded(errors, searched, began), resonances=resonance_shifts(pair, poles))
+
+
+def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:
+    """Return the answer."""
+    pair, nothing = errors.pair, searched.nothing
+    alike = _class(searched, errors)
+    best = _substantial(searched, _simplest(searched, alike), errors)
+    verdict, probability = _verdict(searched, best, alike)
+    named = best if verdict in ("explained", "partly-explained") else nothing
+    held = _held_out(pair.frequency.size)
+    findings = _findings(errors, searched, named, (alike, held)) if named.hypothesis.changes else ()
+    remarks: tuple[ChangeFinding, ...] = ()
+    if findings and verdict == "explained" and _usual(errors, named, nothing):
+        verdict, named, findings, remarks = "unchanged", nothing, (), findings
+    findings = (*_turned(pair), *findings)
+    if verdict == "unchanged" and findings:
+        verdict = "explained"
+    before, after = _chi2(errors, nothing), _chi2(errors, named)
+    left = float(np.sqrt(np.mean(np.abs(named.outcome.left) ** 2)))
+    change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
+    return Comparison(
+        verdict,
+        probability,
+        change,
+        findings,
+        limits(errors, named) if verdict in ("unchanged", "explained") else (),
+        repeatability(pair),
+        (),
+        Remaining(left, INSTRUMENT * named.outcome.sizes.instrument),
+        before,
+        after,
+        held_out_chi2(errors, nothing, held),
+        held_out_chi2(errors, named, held),
+        tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in held),
+        _says(verdict, findings, change, left),
+        ComparedCurve(pair.frequency, pair.before, pair.after, named.at.predicted),
+        time.monotonic() - began,
+        remarks,
+    )
+
+
+def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
+    """Return whether all that was found moves no point by more than two recordings of one device may differ by."""
+    pair = errors.pair
+    moved = np.abs(np.log(named.at.predicted / nothing.at.predicted))
+    usual = np.sqrt((2 * INSTRUMENT) ** 2 + (_DRIFT * np.abs(errors.slope)) ** 2 + 9 * pair.noise_before**2)
+    return bool(np.mean(moved > usual) < _FEW)
+
+
+def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
+    """Return, of those that the pair does not tell from the best, the one with fewest changes."""
+    return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.best)
+
+
+def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
+    """Return an explanation without changes that do next to nothing beside the others: errors of their formulas."""
+    changes = best.hypothesis.changes
+    if len(changes) < 2:
+        return best
+    moves: list[float] = []
+    for k in range(len(changes)):
+        others = Hypothesis(tuple(one for j, one in enumerate(changes) if j != k))
+        x = np.delete(best.x, np.r_[best.hypothesis.slices[k]])
+        pair = best.errors.pair
+        seen = others.predict(pair.before, pair.frequency, x, best.errors.own)
+        moves.append(float(np.sqrt(np.mean(np.abs(np.log(best.at.predicted / seen)) ** 2))))
+    kept = tuple(one for one, size in zip(changes, moves, strict=True) if size > _FORMULA * max(moves))
+    return best if len(kept) == len(changes) else _without(errors, searched, kept)
+
+
+def _verdict(searched: Searched, best: Fitted, alike: Sequence[int]) -> tuple[Verdict, float]:
+    """Return the verdict and how probable it is: the rest of the best hypothesis says whether it is all."""
+    chances = searched.probabilities()
+    usual = best.outcome.usual
+    if not best.hypothesis.changes:
+        share = float(chances[searched.fits.index(best)])
+        return ("unchanged", share * usual) if usual >= NAMED else ("unexplained", share * (1 - usual))
+    share = float(sum(chances[k] for k in alike))
+    nothing = float(chances[searched.fits.index(searched.nothing)]) if searched.nothing.outcome.usual >= NAMED else 0.0
+    if nothing > 1 - _SURE:
+        return "unchanged", nothing
+    if share < NAMED:
+        return "unexplained", 1 - share
+    left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))
+    change = float(np.sqrt(np.mean(np.abs(searched.nothing.outcome.left) ** 2)))
+    whole = usual >= NAMED or left < _EXPLAINED * change
+    return ("explained" if whole else "partly-explained"), share
+
+
+def _class(searched: Searched, errors: PairErrors) -> list[int]:
+    """Return the hypotheses that the pair does not tell from the best: as probable, or the same to within errors."""
+    best = searched.best
+    if not best.hypothesis.changes:
+        return []
+    alike: list[int] = []
+    for k, one in enumerate(searched.fits):
+        if not one.hypothesis.changes:
+            continue
+        near = best.log_posterior - one.log_posterior
+        if near < CLASS_NATS or (near < 15 and _difference(errors, best, one) < _ALIKE):
+            alike.append(k)
+    return alike
+
+
+def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
+    """Return the chi2 by which the predictions of two hypotheses differ, errors integrated out."""
+    at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0), inside=())
+    return errors.instead(one.at.predicted).quadratic(at, best.outcome.sizes)
+
+
+def _findings(
+    errors: PairErrors, searched: Searched, named: Fitted, known: tuple[Sequence[int], Sequence[tuple[int, int]]]
+) -> tuple[ChangeFinding, ...]:
+    """Return what was found; `known` are the hypotheses that look alike, and the points held out."""
+    chances = searched.probabilities()
+    alike, held = known
+    made: list[ChangeFinding] = []
+    for k, change in enumerate(named.hypothesis.changes):
+        others = tuple(c for j, c in enumerate(named.hypothesis.changes) if j != k)
+        without = _without(errors, searched, others)
+        rivals = _rivals(searched, chances, change, others, range(len(searched.fits)))
+        made.append(
+            ChangeFinding(
+                effect=change.effect,
+                where=change.where,
+                step="",
+                probability=_probability(searched, chances, change, alike),
+                bands_Hz=_bands(errors.pair, np.log(named.at.predicted / without.at.predicted)),
+                parameters=_sizes(named, k),
+                chi2_per_dof_before=_chi2(errors, without),
+                chi2_per_dof_after=_chi2(errors, named),
+                held_out_before=held_out_chi2(errors, without, held),
+                held_out_after=held_out_chi2(errors, named, held),
+                alternatives=rivals,
+                says=change.says,
+                share=1 - _chi2(errors, named) / _chi2(errors, without),
+                same_as=_rivals(searched, chances, change, others, alike),
+                moves=float(np.sqrt(np.mean(np.abs(np.log(named.at.predicted / without.at.predicted)) ** 2))),
+                removed=isinstance(change, TwoPort) and change.taken,
+            )
+        )
+    return tuple(made)
+
+
+def _without(errors: PairErrors, searched: Searched, others: tuple[Change, ...]) -> Fitted:
+    """Return the fit with all but one of the changes."""
+    known = next((one for one in searched.fits if one.hypothesis.changes == others), None)
+    return known or fitted(Hypothesis(others), errors, np.zeros(sum(len(one.sizes) for one in others)))
+
+
+def _probability(searched: Searched, chances: Reals, change: Change, alike: Sequence[int]) -> float:
+    """Return the posterior share of all hypotheses that hold an effect at its place, or cannot be told from it."""
+    key = change.effect, change.where
+    return float(
+        sum(
+            chance
+            for k, (one, chance) in enumerate(zip(searched.fits, chances, strict=True))
+            if k in alike or any((c.effect, c.where) == key for c in one.hypothesis.changes)
+        )
+    )
+
+
+def _rivals(
+    searched: Searched, chances: Reals, change: Change, others: tuple[Change, ...], among: Sequence[int]
+) -> tuple[Alternative, ...]:
+    """Return what stands in the place of a change in other hypotheses, with the posterior share of each."""
+    taken = {change.effect, *(one.effect for one in others)}
+    shares: dict[tuple[str, str], float] = {}
+    for k in among:
+        changes = searched.fits[k].hypothesis.changes
+        for one in () if any(c.effect == change.effect for c in changes) else changes:
+            if one.effect not in taken:
+                key = one.effect, one.where
+                shares[key] = shares.get(key, 0.0) + float(chances[k])
+    ranked = sorted(shares.items(), key=lambda item: -item[1])
+    return tuple(Alternative(effect, where, share) for (effect, where), share in ranked[:8])
+
+
+def _sizes(fit: Fitted, k: int) -> dict[str, Size]:
+    """Return the sizes of a change, and what follows from them."""
+    change, own = fit.hypothesis.changes[k], fit.hypothesis.slices[k]
+    made = {name: Size(value, u, unit) for name, (value, u, unit) in fit.sizes(k).items()}
+    if isinstance(change, TwoPort) and change.derived is not None:
+        covariance = fit.outcome.covariance[own, own]
+        values = fit.hypothesis.values(fit.x, k)
+        for name, (value, unit) in change.derived(values).items():
+            slopes = np.zeros(covariance.shape[0])
+            for j in range(slopes.size):
+                moved = fit.x.copy()
+                moved[own.start + j] += 1e-4
+                slopes[j] = (change.derived(fit.hypothesis.values(moved, k))[name][0] - value) / 1e-4
+            made[name] = Size(value, float(np.sqrt(max(slopes @ covariance @ slopes, 0.0))), unit)
+    return made
+
+
+def _turned(pair: Pair) -> tuple[ChangeFinding, ...]:
+    """Return that one of the recordings is turned in its file, where the other is not."""
+    if pair.turned[0] == pair.turned[1]:
+        return ()
+    which = "before" if pair.turned[0] else "after"
+    how = pair.turned[0] or pair.turned[1]
+    says = f"The recording of {which} is {how} in its file; it was put right before it was compared."
+    nan = float("nan")
+    whole = ((float(pair.frequency[0]), float(pair.frequency[-1])),)
+    return (ChangeFinding("polarity", "terminals", "", 1.0, whole, {}, nan, nan, nan, nan, (), says, nan),)
+
+
+def _chi2(errors: PairErrors, fit: Fitted) -> float:
+    """Return what is missed, in units of noise and usual errors, for each number."""
+    sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
+    return fit.errors.quadratic(fit.at, sizes) / (2 * errors.pair.frequency.size)
+
+
+def _held_out(count: int) -> tuple[tuple[int, int], ...]:
+    edges = np.linspace(0, count, _BLOCKS + 1).round().astype(int)
+    return tuple((int(edges[k]), int(edges[k + 1])) for k in _HELD)
+
+
+def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int]]) -> float:
+    """Return by how much the points held out raise the least chi2 of the others, for each number (Chow's test)."""
+    sizes: Sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
+    rest = fit.errors.without(held).quadratic(fit.at, sizes)
+    count = 2 * sum(b - a for a, b in held)
+    return (fit.errors.quadratic(fit.at, sizes) - rest) / count
+
+
+def _bands(pair: Pair, effect: "np.ndarray[tuple[int], np.dtype[np.complex128]]") -> Bands:
+    """Return where a change moves ln Z by more than half of the most that it does, three bands at most."""
+    size = np.abs(effect)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], size > 0.5 * size.max(), [False]]).astype(np.int8)))
+    pairs = sorted(edges.reshape(-1, 2).tolist(), key=lambda edge: -float(np.sum(size[edge[0] : edge[1]])))[:3]
+    return tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in pairs)
+
+
+def _says(verdict: Verdict, findings: Sequence[ChangeFinding], change: float, left: float) -> tuple[str, ...]:
+    told = f"{100 * change:.2g} % of Z"
+    first = {
+        "unchanged": f"Nothing changed beyond what two recordings of one device differ by ({told}).",
+        "explained": f"The recordings differ by {told}, and the findings explain it.",
+        "partly-explained": f"The recordings differ by {told}; the findings leave {100 * left:.2g} % unexplained.",
+        "unexplained": f"The recordings differ by {told}, and nothing known explains it.",
+    }[verdict]
+    return (first, *(finding.says for finding in findings))

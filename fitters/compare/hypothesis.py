@@ -1,0 +1,261 @@
+"""A hypothesis: changes one after the other, from the device to the analyzer; and its fit to a pair."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from math import log
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Impedances, Reals
+from .change import TERMINALS
+from .device_changes import DeviceChange, NewResonance
+from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
+from .resonances import Resonances
+from .two_ports import Turned, TwoPort
+
+_STEP = 1e-4
+_FURTHEST = 1.0
+"""Longest step of a coordinate at once, standard deviations of its prior."""
+_PLAIN, _MARGINAL = 12, 8
+_FEW_RESTS = (0.0, 1e-3, 3e-2)
+_DRIFTED = 2
+"""How often all is linearised anew about the drift that was found."""
+_CLOSE = 1e-3
+"""Of a standard uncertainty: a step that is shorter ends a fit."""
+_IMPOSSIBLE = 1e6
+"""Ln odds against a change that at its sizes is not what it is called, or of which no size is seen."""
+_SIGMAS = 2.5
+_UNSEEN = 0.35
+"""Relative uncertainty of the size that a change is known by, from which it is another change, if any."""
+_BOUND = 5.0
+"""Sizes beyond this many standard deviations of their prior are not believed."""
+
+
+Change = TwoPort | Turned | DeviceChange
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What may have happened: changes in the order in which a wave from the device meets them."""
+
+    changes: tuple[Change, ...]
+
+    @property
+    def log_prior(self) -> float:
+        """Ln of its prior odds against nothing."""
+        return sum(log(change.odds) for change in self.changes)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects."""
+        return tuple(change.effect for change in self.changes)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where each change has its coordinates."""
+        ends = np.cumsum([0, *(len(change.sizes) for change in self.changes)])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @property
+    def inside(self) -> tuple[int, ...]:
+        """Which coordinates are those of changes in the device."""
+        pairs = zip(self.changes, self.slices, strict=True)
+        return tuple(k for change, own in pairs if change.where != TERMINALS for k in range(own.start, own.stop))
+
+    @property
+    def count(self) -> int:
+        """How many coordinates it has."""
+        return sum(len(change.sizes) for change in self.changes)
+
+    def values(self, x: Reals, k: int) -> dict[str, float]:
+        """Return the sizes of change `k`."""
+        own = x[self.slices[k]]
+        return {size.name: size.value(float(at)) for size, at in zip(self.changes[k].sizes, own, strict=True)}
+
+    def predict(self, Z: Impedances, frequency: Reals, x: Reals, own: Resonances | None = None) -> Impedances:
+        """Return what is seen after the changes, ohm, shape (N,), where Z with its resonances `own` was before."""
+        seen = Z
+        for k, change in enumerate(self.changes):
+            if isinstance(change, TwoPort | Turned):
+                seen = change.apply(seen, frequency, self.values(x, k))
+            else:
+                seen, own = change.act(seen, own or change.resonances, frequency, self.values(x, k))
+        return seen
+
+    def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
+        """Return what it predicts at `x`, and how that moves; `drift`: where the device changed, with its drift too."""
+        f, Z = errors.pair.frequency, errors.pair.before
+        own = errors.own
+        seen = self.predict(Z, f, x, own)
+        slopes = np.empty((f.size, x.size), np.complex128)
+        for k in range(x.size):
+            moved = x.copy()
+            moved[k] += _STEP
+            slopes[:, k] = np.log(self.predict(Z, f, moved, own) / seen) / _STEP
+        through = np.log(self.predict(Z * (1 + _STEP), f, x, own) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
+        each = None
+        if drift and self.inside and own.poles.size:
+            rows = [np.log(self.predict(Zk, f, x, now) / seen) / step for Zk, now, step in errors.nudged()]
+            each = np.asarray(np.column_stack(rows), np.complex128)
+        return Linearised(
+            seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes, x), x, self.inside, f, each
+        )
+
+    def _shapes(self, slopes: Complexes, x: Reals) -> Complexes:
+        """Return d ln Z / d ln of the size that each change is known by, shape (N, K)."""
+        columns = [
+            slopes[:, own.start] * (x[own.start] if change.sizes[0].signed else 1 / change.sizes[0].spread)
+            for change, own in zip(self.changes, self.slices, strict=True)
+            if change.sizes
+        ]
+        return np.column_stack(columns) if columns else np.zeros((slopes.shape[0], 0), np.complex128)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis with what the pair says of it."""
+
+    hypothesis: Hypothesis
+    x: Reals
+    at: Linearised
+    outcome: Outcome
+    errors: PairErrors
+    """With the resonances where they drifted to."""
+
+    @property
+    def log_posterior(self) -> float:
+        """Ln of evidence times prior odds."""
+        return self.outcome.log_evidence + self.hypothesis.log_prior - (0.0 if self.possible else _IMPOSSIBLE)
+
+    @cached_property
+    def possible(self) -> bool:
+        """Whether each change is what it is called at the sizes that were found, and its first size is seen at all."""
+        f = self.at.frequency
+        return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
+            not isinstance(change, TwoPort | NewResonance)
+            or change.possible is None
+            or change.possible(f, self.hypothesis.values(self.x, k))
+            for k, change in enumerate(self.hypothesis.changes)
+        )
+
+    def _seen(self, k: int) -> bool:
+        change, own = self.hypothesis.changes[k], self.hypothesis.slices[k]
+        if not change.sizes:
+            return True
+        if change.sizes[0].signed:
+            sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
+            return bool(np.any(np.abs(self.outcome.total[own]) > _SIGMAS * sd))
+        return change.sizes[0].spread * float(np.sqrt(self.outcome.covariance[own.start, own.start])) < _UNSEEN
+
+    def sizes(self, k: int) -> Mapping[str, tuple[float, float, str]]:
+        """Return value, standard uncertainty and unit of the sizes of change `k`."""
+        change, own = self.hypothesis.changes[k], self.hypothesis.slices[k]
+        sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
+        return {
+            size.name: (size.value(float(x)), float(abs(size.slope(float(x))) * u), size.unit)
+            for size, x, u in zip(change.sizes, self.outcome.total[own], sd, strict=True)
+        }
+
+
+def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals) -> float:
+    """Return the mean square of ln Z that is left, every point counting alike: what a start is chosen by."""
+    pair = errors.pair
+    with np.errstate(all="ignore"):
+        r = np.log(pair.after / hypothesis.predict(pair.before, pair.frequency, x, errors.own))
+    kept = np.isfinite(pair.noise_after)
+    value = float(np.mean(np.abs(r[kept]) ** 2))
+    return value if np.isfinite(value) else np.inf
+
+
+def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int = _PLAIN) -> tuple[float, Reals]:
+    """Return where plain least squares lead: all that is missed counts as white noise; and the mean square left."""
+    pair = errors.pair
+    kept = np.isfinite(pair.noise_after)
+    best, damping = plain_misfit(hypothesis, errors, x), 1e-3
+    if hypothesis.count == 0:
+        return best, x
+    for _ in range(steps):
+        at = hypothesis.linearised(errors, x, drift=False)
+        noise2 = best + pair.noise_after[kept] ** 2 + pair.noise_before[kept] ** 2
+        weight = 1 / np.sqrt(np.maximum(noise2, 1e-14))
+        r = np.log(pair.after / at.predicted)[kept] * weight
+        J = at.slopes[kept] * weight[:, None]
+        real = np.vstack([J.real, J.imag])
+        H: Reals = real.T @ real
+        g: Reals = real.T @ np.concatenate([r.real, r.imag]) - x
+        last = best
+        for _ in range(4):
+            step: Reals = np.asarray(np.linalg.solve(H + np.eye(x.size) + damping * np.diag(np.diag(H)), g), np.float64)
+            trial = np.clip(x + step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST), -_BOUND, _BOUND)
+            value = plain_misfit(hypothesis, errors, trial)
+            if value < best:
+                x, best, damping = trial, value, damping / 5
+                break
+            damping *= 10
+        if last - best < 1e-3 * last:
+            break
+    return best, x
+
+
+def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
+    """Return roughly the ln posterior of a hypothesis near `x`, with errors of these sizes, and where it is."""
+    best = -np.inf
+    for _ in range(2):
+        at = hypothesis.linearised(errors, x)
+        outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=0)
+        best = max(best, outcome.log_evidence + hypothesis.log_prior)
+        move = outcome.x - x
+        if x.size:
+            x = np.clip(x + move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST), -_BOUND, _BOUND)
+    return best, x
+
+
+def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
+    """Return the fit beside errors, begun at `x` with errors of these sizes."""
+    rests = tuple(RESTS)
+    at = hypothesis.linearised(errors, x)
+    outcome = errors.outcome(at, _FEW_RESTS if hypothesis.count else rests, sizes, rounds=1)
+    if hypothesis.count:
+        for _ in range(_MARGINAL):
+            move = outcome.x - x
+            sd = np.sqrt(np.maximum(np.diag(outcome.covariance), 1e-18))
+            if float(np.max(np.abs(move) / sd)) < 100 * _CLOSE:
+                break
+            x, at = _downhill(hypothesis, errors, x, move, outcome.sizes)
+            near = tuple(r for r in rests if outcome.sizes.rest / 11 <= r <= outcome.sizes.rest * 11) or rests[:3]
+            outcome = errors.outcome(at, near, outcome.sizes, rounds=1)
+    for _ in range(_DRIFTED):
+        errors = errors.drifted(outcome)
+        if hypothesis.count:
+            x = np.clip(outcome.x, -_BOUND, _BOUND) if _small(outcome, x) else x
+        at = hypothesis.linearised(errors, x)
+        outcome = errors.outcome(at, rests, outcome.sizes)
+    return Fitted(hypothesis, x, at, outcome, errors)
+
+
+def _small(outcome: Outcome, x: Reals) -> bool:
+    """Return whether a further step is one of those that need no check."""
+    return bool(np.all(np.abs(outcome.x - x) < _FURTHEST / 4))
+
+
+def _downhill(
+    hypothesis: Hypothesis, errors: PairErrors, x: Reals, move: Reals, sizes: Sizes
+) -> tuple[Reals, Linearised]:
+    """Return the place a step leads to, shortened as long as it goes uphill."""
+    before = _cost(hypothesis, errors, x, sizes)
+    move = move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST)
+    for _ in range(6):
+        trial = np.clip(x + move, -_BOUND, _BOUND)
+        if _cost(hypothesis, errors, trial, sizes) < before:
+            return trial, hypothesis.linearised(errors, trial)
+        move = move / 3
+    return x, hypothesis.linearised(errors, x)
+
+
+def _cost(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> float:
+    """Return chi2 with the coordinates held at `x`, errors integrated out, and their prior."""
+    at = hypothesis.linearised(errors, x)
+    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), (), at.frequency, at.each)
+    return errors.quadratic(held, sizes) + float(x @ x)

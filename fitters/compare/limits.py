@@ -1,0 +1,67 @@
+"""What could have changed unseen, and how well the recordings repeat, band by band."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, j_omega
+from ..diagnosis.findings import Size
+from .comparison import Limit, Repeatability
+from .hypothesis import Fitted
+from .pair import Pair
+from .pair_errors import PairErrors
+
+_BANDS = 8
+_AT_95 = 1.96
+_WIDE = 1e3
+"""Prior standard deviation of a size that is to be limited by the pair alone, in what moves ln Z by one somewhere."""
+
+
+def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
+    """Return how large each small element at the terminals could be beside what was found, at 95 %."""
+    pair = errors.pair
+    Z, jw = fit.at.predicted, j_omega(pair.frequency)
+    one = np.ones_like(Z)
+    columns = {
+        ("lead-inductance", "inductance", "H"): jw / Z,
+        ("series-resistance", "resistance", "ohm"): one / Z,
+        ("stray-capacitance", "capacitance", "F"): -jw * Z,
+        ("leakage", "conductance", "S"): -Z,
+        ("frequencies-scaled", "shift", "1"): -fit.at.through * errors.slope,
+    }
+    made: list[Limit] = []
+    for (effect, name, unit), column in columns.items():
+        size, u = _limited(errors, fit, column)
+        where = "device" if effect == "frequencies-scaled" else "terminals"
+        made.append(Limit(effect, where, {name: Size(abs(size) + _AT_95 * u, u, unit)}))
+    return tuple(made)
+
+
+def _limited(errors: PairErrors, fit: Fitted, column: Complexes) -> tuple[float, float]:
+    """Return the size that a pair gives a column, with its standard uncertainty, all errors integrated out."""
+    scale = _WIDE / float(np.max(np.abs(column)))
+    at = replace(
+        fit.at,
+        slopes=np.column_stack([fit.at.slopes, column * scale]),
+        x=np.append(fit.at.x, 0.0),
+    )
+    outcome = fit.errors.outcome(at, (fit.outcome.sizes.rest,), fit.outcome.sizes)
+    return float(outcome.x[-1]) * scale, float(np.sqrt(outcome.covariance[-1, -1])) * scale
+
+
+def repeatability(pair: Pair) -> tuple[Repeatability, ...]:
+    """Return by how much the recordings differ, band by band: bands of as many points each."""
+    kept = np.arange(pair.frequency.size)
+    made: list[Repeatability] = []
+    for block in np.array_split(kept, _BANDS):
+        change = pair.change[block]
+        noise2 = pair.noise_before[block] ** 2 + pair.noise_after[block] ** 2
+        made.append(
+            Repeatability(
+                (float(pair.frequency[block[0]]), float(pair.frequency[block[-1]])),
+                float(np.sqrt(np.mean(change.real**2))),
+                float(np.sqrt(np.mean(change.imag**2))),
+                float(np.sqrt(np.mean(noise2))),
+            )
+        )
+    return tuple(made)

@@ -1,0 +1,155 @@
+"""Two recordings on one frequency grid, with the noise of each: what every comparison is made of."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ...models.sweep import Sweep
+from ..diagnosis.data_quality.polarity import polarity_of
+from ..engine.noise import noise_of
+from ..interface import TaskError
+
+_LEAST = 20
+"""Points that both recordings must have in common: with fewer, errors and changes cannot be told apart."""
+_FLOOR = 1e-5
+"""No analyzer repeats ln Z better than this."""
+_SPLINE = 15.0
+"""The error of a cubic spline falls to a sixteenth where points are twice as dense; a fifteenth of the difference."""
+_MOSTLY = 0.9
+_SMOOTH = 9
+"""Points over which the error of interpolation and the scatter of repeats are averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """One device before and after."""
+
+    frequency: Frequencies
+    before: Impedances
+    """ohm, shape (N,)."""
+    after: Impedances
+    noise_before: Reals
+    """Standard deviation of Re and Im of ln Z, shape (N,)."""
+    noise_after: Reals
+    levels: tuple[float | None, float | None] = (None, None)
+    """Oscillator level in V (or A), where the files say it."""
+    turned: tuple[str, str] = ("", "")
+    """How each side was turned in its file (`inverted`, `conjugated`) before it was put right."""
+    repeats: tuple[int, int] = (1, 1)
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def log_f(self) -> Reals:
+        """Ln f, shape (N,)."""
+        return np.log(self.frequency)
+
+    @cached_property
+    def change(self) -> Complexes:
+        """ln(after/before), shape (N,); its imaginary part within pi."""
+        return np.log(self.after / self.before)
+
+    def without(self, held: Sequence[tuple[int, int]]) -> "Pair":
+        """Return the same with blocks of points that take no part: their noise is infinite."""
+        noise = self.noise_after.copy()
+        for first, stop in held:
+            noise[first:stop] = np.inf
+        return replace(self, noise_after=noise)
+
+
+def pair_of(before: Sequence[Sweep], after: Sequence[Sweep]) -> Pair:
+    """Return the pair of two sides; several sweeps on a side are repeats. Raises TaskError where they share no band."""
+    low = max(float(sweep.frequency[0]) for sweep in (*before, *after))
+    high = min(float(sweep.frequency[-1]) for sweep in (*before, *after))
+    bands = [f"{s.frequency[0]:.6g}-{s.frequency[-1]:.6g} Hz" for s in (before[0], after[0])]
+    if low >= high:
+        raise TaskError(
+            f"the recordings share no band: before is {bands[0]}, after is {bands[1]}; "
+            "only where both were measured can they be compared"
+        )
+    low, high = low * (1 - 1e-9), high * (1 + 1e-9)
+    grids = [s.frequency[(s.frequency >= low) & (s.frequency <= high)] for s in (*before, *after)]
+    grid = min(grids, key=len)
+    if grid.size < _LEAST:
+        raise TaskError(
+            f"the recordings share {grid.size} points from {low:.6g} to {high:.6g} Hz; at least {_LEAST} are needed"
+        )
+    turned = tuple(_turned(side) for side in (before, after))
+    sides = [_side(side, how, grid) for side, how in zip((before, after), turned, strict=True)]
+    return Pair(
+        grid,
+        np.exp(sides[0][0]),
+        np.exp(sides[1][0]),
+        sides[0][1],
+        sides[1][1],
+        (_level(before[0]), _level(after[0])),
+        (turned[0], turned[1]),
+        (len(before), len(after)),
+    )
+
+
+def unwrapped(Z: Impedances) -> Complexes:
+    """Return ln Z without jumps of its phase, shape (N,)."""
+    return np.asarray(np.log(np.abs(Z)) + 1j * np.unwrap(np.angle(Z)), np.complex128)
+
+
+def _level(sweep: Sweep) -> float | None:
+    value = sweep.settings.get("oscillator_V") or sweep.settings.get("oscillator_A")
+    return float(value) if value else None
+
+
+def _turned(side: Sequence[Sweep]) -> str:
+    """Return how the file of a side has it turned; also where nothing but a negative resistance says so."""
+    found = polarity_of(side[0])
+    if found is None and float(np.mean(side[0].impedance.real < 0)) > _MOSTLY:
+        return "inverted"
+    return found or ""
+
+
+def _side(side: Sequence[Sweep], turned: str, grid: Frequencies) -> tuple[Complexes, Reals]:
+    """Return ln Z of one side on the grid, the mean of its repeats, and its noise."""
+    _, noises = noise_of(side)
+    curves: list[Complexes] = []
+    variances: list[Reals] = []
+    for sweep, noise in zip(side, noises, strict=True):
+        curve, sigma = _on_grid(_right(sweep.impedance, turned), sweep.frequency, noise, grid)
+        if curves:  # the phase of repeats must not differ by a whole turn
+            curve = curve - 2j * np.pi * np.round(np.mean((curve - curves[0]).imag) / (2 * np.pi))
+        curves.append(curve)
+        variances.append(sigma**2)
+    n = len(curves)
+    mean = np.mean(curves, axis=0)
+    variance = np.mean(variances, axis=0) / n
+    if n > 1:
+        scatter = np.sum(np.abs(np.array(curves) - mean) ** 2, axis=0) / 2 / (n - 1) / n
+        variance = np.maximum(variance, running(scatter))
+    return mean, np.sqrt(variance + _FLOOR**2)
+
+
+def _right(Z: Impedances, turned: str) -> Impedances:
+    if turned == "inverted":
+        return -Z
+    return np.conj(Z) if turned == "conjugated" else Z
+
+
+def _on_grid(Z: Impedances, f: Frequencies, noise: Reals, grid: Frequencies) -> tuple[Complexes, Reals]:
+    """Return ln Z on the grid, and its standard deviation with the error of interpolation."""
+    y, u, v = unwrapped(Z), np.log(f), np.log(grid)
+    inside = np.searchsorted(f, grid).clip(0, f.size - 1)
+    nearest = np.where(np.abs(f[inside] - grid) < np.abs(f[inside - 1] - grid), inside, inside - 1).clip(0)
+    if np.allclose(f[nearest], grid, rtol=1e-9, atol=0):
+        return y[nearest], np.asarray(noise[nearest], np.float64)
+    made = np.asarray(CubicSpline(u, y)(v), np.complex128)
+    coarse = [CubicSpline(u[k::2], y[k::2])(v) for k in (0, 1)]
+    error = np.sqrt(sum(np.abs(one - made) ** 2 for one in coarse) / 4) / _SPLINE
+    return made, np.hypot(np.interp(v, u, noise), np.sqrt(running(error**2)))
+
+
+def running(values: Reals) -> Reals:
+    """Return the running mean over some points, shape (N,)."""
+    kernel = np.ones(_SMOOTH)
+    weight = np.convolve(np.ones_like(values), kernel, mode="same")
+    return np.convolve(values, kernel, mode="same") / weight

@@ -1,0 +1,418 @@
+"""What two recordings differ by although nothing was done: the errors of a pair, and one evidence for all hypotheses.
+
+    ln Z_after = ln(change of Z_before) + noise + instrument + fixture + drift + form of the change + rest
+
+- noise of both recordings, that of before as it is seen through the change;
+- gain and phase of the analyzer in each, constant or smooth over frequency: what its specification allows;
+- what open and short compensation leave, once more after each clamping;
+- a drift of the resonances, all together and each by itself: columns d ln Z/d ln f times smooth functions, real for a
+  shift and imaginary for the losses, so that a steep flank counts for no more than it knows;
+- the change's own formula, off by a smooth share of itself: a coil's core, a line's loss;
+- the rest: what none of these describes, an exponentially correlated error that is large where the device is sensitive.
+
+All but noise and rest are columns with a unit normal prior, integrated out exactly. How large each part is, is chosen
+by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, that nobody has named.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import log
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+
+from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
+from ...models.circuits.terminals import skin
+from ..error_model.point_covariance import Kernel, PointErrors, in_noise
+from ..error_model.prior_scales import FIXTURE
+from ..error_model.smooth_basis import smooth
+from .pair import Pair
+from .resonances import Resonances, changed, pole_terms, slope_of
+
+INSTRUMENT = 1e-3
+"""Gain (ln |Z|) and phase (rad) of an analyzer."""
+_LEVEL = 1.5e-3
+"""An error of gain or phase that is the same at all frequencies: cables, range and connectors of the day."""
+_SAME = 1e-9
+_RIDGES = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+_STEP = 1e-6
+_SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
+"""Correlation lengths of gain and phase in ln f, and how much of them is fast."""
+_DRIFT_LENGTH, _LOSSES = 0.1, 0.3
+"""Resonances further apart than this in ln f drift by themselves; drift of 1/(2 Q) in that of ln f."""
+_SHAPE_LENGTH = 1.0
+_FLOOR = 0.5
+"""Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
+_USUAL_DRIFT = 1e-4
+_FURTHEST_DRIFT = 6e-4
+"""Drift about which errors are linearised at most: what moved further was no drift."""
+USUAL_REST = 3e-4
+
+Grid = dict[float, float]
+"""Sizes with their prior probabilities."""
+GRIDS: dict[str, Grid] = {
+    "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
+    "instrument": {0.3: 0.4, 1.0: 0.47, 3.0: 0.1, 10.0: 0.03},
+    "fixture": {0.0: 0.5, 1.0: 0.5},
+    "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
+    "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.08, 1e-3: 0.02},
+    "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
+}
+RESTS: Grid = {
+    0.0: 0.4, 1e-4: 0.2, 3e-4: 0.15, 1e-3: 0.1, 3e-3: 0.05, 1e-2: 0.03, 3e-2: 0.025, 0.1: 0.02, 0.3: 0.015, 1.0: 0.01,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large each part of the errors is."""
+
+    noise: float = 1.0
+    """In what the recordings' smoothness says it is."""
+    instrument: float = 1.0
+    fixture: float = 1.0
+    drift: float = 1e-4
+    """Of all resonances together."""
+    wander: float = 3e-5
+    """Of each by itself."""
+    shape: float = 0.01
+    rest: float = 0.0
+
+    @property
+    def log_prior(self) -> float:
+        """Ln of its probability on the grids."""
+        return sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items()) + log(RESTS[self.rest])
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A hypothesis about a pair at one place: what it predicts and how that moves."""
+
+    predicted: Impedances
+    through: Complexes
+    """d ln Z predicted / d ln Z before, shape (N,)."""
+    slopes: Complexes
+    """d ln Z predicted / d coordinate, shape (N, P); each coordinate has a unit normal prior."""
+    shapes: Complexes
+    """d ln Z predicted / d ln of each size a change is known by, shape (N, K)."""
+    x: Reals
+    """The coordinates, shape (P,)."""
+    inside: tuple[int, ...]
+    """Which coordinates are those of changes in the device."""
+    frequency: Reals
+    """Hz, shape (N,)."""
+    each: Complexes | None = None
+    """Where the device changed: slope over ln frequency and over ln Q of each resonance before, shape (N, 2P)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a pair says of a hypothesis, errors and coordinates integrated out."""
+
+    log_evidence: float
+    """Summed over the rests."""
+    usual: float
+    """Part of the evidence in which the rest is no more than usual."""
+    sizes: Sizes
+    """The most probable."""
+    x: Reals
+    """Posterior mean of the coordinates, shape (P,), by one step from where it was linearised."""
+    covariance: Reals
+    """Of the coordinates, shape (P, P)."""
+    cost: float
+    """chi2 of the pair and all priors at these sizes."""
+    left: Complexes
+    """What no change and no error but rest and noise describes, shape (N,)."""
+    total: Reals
+    """The coordinates with what the drift has done in their place, shape (P,): all that moved."""
+    moved: Reals
+    """Ln frequency, then ln Q, by which each resonance has drifted, shape (2P,)."""
+
+
+class PairErrors:
+    """Everything that is the same for all hypotheses about a pair."""
+
+    def __init__(self, pair: Pair, own: Resonances, moved: tuple[Reals, Reals] | None = None) -> None:
+        """Take a pair and the resonances before.
+
+        `moved`: ln frequency and ln Q by which each has drifted, about which drift is linear then.
+        """
+        self.recorded, self._first = pair, own
+        if moved is not None:
+            now = Resonances(*changed(own.poles, own.residues, *moved, 0.0))
+            drifted = 1 / pair.before + np.sum(now.seen(pair.frequency) - own.seen(pair.frequency), axis=1)
+            pair, own = replace(pair, before=1 / drifted), now
+        self.pair, self.own = pair, own
+        self._moved = np.concatenate(moved) if moved is not None else np.zeros(2 * own.poles.size)
+        self.slope, rest, self._slope_error = slope_of(pair, own)
+        self._bend = np.gradient(rest, pair.log_f)
+        f, u = pair.frequency, pair.log_f
+        ends = float(u[0]), float(u[-1])
+        span = max(ends[1] - ends[0], 1e-6)
+        slow = smooth(u, ends, _SLOW, 4)
+        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
+        self._gain = INSTRUMENT * np.column_stack([slow, fast])
+        drift = self.slope[:, None] * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
+        self._each = self._of_each(f)
+        self._rest = rest[:, None], np.hstack([drift, 1j * _LOSSES * drift])
+        self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
+        self._jw, self._skin = j_omega(f), skin(f)
+        self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
+
+    @property
+    def _unit(self) -> Reals:
+        """Ln frequency and ln Q of each resonance by which it drifts where the frequency drifts by one."""
+        return np.concatenate([np.ones(self.own.q.size), 2 * _LOSSES * self.own.q])
+
+    def _of_each(self, f: Reals) -> Complexes:
+        """Return d ln Z before / d ln frequency and / d ln Q of each resonance, shape (N, 2P)."""
+        own, Y = self.own, 1 / self.pair.before
+        made: list[Complexes] = []
+        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
+            now = pole_terms(f, *changed(own.poles, own.residues, shift, q, 0.0))
+            made.append(np.asarray((own.seen(f) - now) / Y[:, None] / _STEP, np.complex128))
+        return np.hstack(made)
+
+    def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
+        """Yield the first recording with the frequency, then the Q of each resonance moved by a step of its ln."""
+        f, own = self.pair.frequency, self.own
+        seen, Y = own.seen(f), 1 / self.pair.before
+        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
+            poles, residues = changed(own.poles, own.residues, shift, q, 0.0)
+            now = pole_terms(f, poles, residues)
+            for k in range(poles.size):
+                p, r = own.poles.copy(), own.residues.copy()
+                p[k], r[k] = poles[k], residues[k]
+                yield 1 / (Y + now[:, k] - seen[:, k]), Resonances(p, r), _STEP
+
+    def _drift(self, at: Linearised) -> dict[str, Complexes]:
+        """Return what a drift of one does to ln Z after: of all resonances together, and of each, shapes (N, M)."""
+        s, count = at.through[:, None], self.own.poles.size
+        each = (s * self._each if at.each is None else at.each) * self._unit
+        together, remainder = self._rest
+        both = [np.sum(each[:, :count], axis=1) + (s * together)[:, 0], np.sum(each[:, count:], axis=1)]
+        return {
+            "drift": np.asarray(np.column_stack(both), np.complex128),
+            "wander": np.asarray(np.hstack([s * remainder, each]), np.complex128),
+        }
+
+    def drifted(self, outcome: "Outcome") -> "PairErrors":
+        """Return the same with the resonances where they have drifted to."""
+        count = self.own.poles.size
+        if not count:
+            return self
+        most = _FURTHEST_DRIFT * self._unit
+        moved = np.clip(outcome.moved, -most, most)
+        return PairErrors(self.recorded, self._first, (moved[:count], moved[count:]))
+
+    def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
+        """Return the same with blocks of points that take no part."""
+        return self._with(self.recorded.without(held))
+
+    def instead(self, after: Impedances) -> "PairErrors":
+        """Return the same with another recording after, ohm, shape (N,); drift is linear about no drift."""
+        return PairErrors(replace(self.recorded, after=after), self._first)
+
+    def _with(self, pair: Pair) -> "PairErrors":
+        count = self._first.poles.size
+        return PairErrors(pair, self._first, (self._moved[:count], self._moved[count:]))
+
+    def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
+        """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
+        pair, s, Z = self.pair, at.through, self.pair.after
+        gain = np.hstack([self._gain, 1j * self._gain])
+        level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
+        groups: dict[str, Any] = {
+            "x": at.slopes,
+            "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
+            "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
+            "fixture": self._fixture(Z),
+            **self._drift(at),
+            "shape": np.hstack(
+                [np.zeros((Z.size, 0), np.complex128)]
+                + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
+            ),
+        }
+        inverse = 1 / self.points(at).noise
+        groups["shape"], _ = _beside(groups["shape"], at.slopes, inverse)
+        where: dict[str, slice] = {}
+        first = 1
+        for name, block in groups.items():
+            where[name] = slice(first, first + block.shape[1])
+            first += block.shape[1]
+        r = np.log(pair.after / at.predicted) + at.slopes @ at.x
+        each = s[:, None] * self._each if at.each is None else at.each
+        r = r + each @ self._moved
+        return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
+
+    def _fixture(self, Z: Impedances) -> Complexes:
+        one, jw = np.ones_like(Z), self._jw
+        series = np.column_stack(
+            [jw * FIXTURE["inductance"], one * FIXTURE["resistance"], self._skin * FIXTURE["skin"]]
+        )
+        shunt = np.column_stack([jw * FIXTURE["capacitance"], one * FIXTURE["conductance"]])
+        return np.hstack([series / Z[:, None], -shunt * Z[:, None]])
+
+    def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
+        """Return the noise of each point: of both recordings, and what a drift does beside its column."""
+        pair, s = self.pair, np.abs(at.through)
+        second = s * np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
+        noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
+        return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
+
+    def outcome(
+        self,
+        at: Linearised,
+        rests: Sequence[float] = tuple(RESTS),
+        start: Sizes | None = None,
+        rounds: int = 3,
+    ) -> Outcome:
+        """Return what the pair says of a hypothesis that was linearised here; sizes of errors chosen in `rounds`."""
+        X, where = self.columns(at)
+        points = self.points(at)
+        white = in_noise([points], [X])
+        kept = np.isfinite(points.noise)
+        logs: list[float] = []
+        best: tuple[float, Sizes, Reals] | None = None
+        sizes = start or Sizes()
+        for rest in rests:
+            kernel = Kernel([points], 0.0, (rest, 0.0))
+            G = kernel.whitened(white).squared()
+            sizes = replace(sizes, rest=rest)
+            value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
+            logs.append(value)
+            if best is None or value > best[0]:
+                best = value, sizes, G
+            if rest and value < best[0] - 40:
+                break
+        if best is None:
+            raise ValueError("no rests")
+        total = float(np.logaddexp.reduce(logs))
+        usual = [v for v, rest in zip(logs, rests, strict=False) if rest <= USUAL_REST]
+        part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
+        return self._finished(at, best[1], best[2] / best[1].noise ** 2, (X, where), (total, part))
+
+    def _finished(
+        self,
+        at: Linearised,
+        sizes: Sizes,
+        G: Reals,
+        columns: tuple[Complexes, dict[str, slice]],
+        told: tuple[float, float],
+    ) -> Outcome:
+        X, where = columns
+        scale = _scale(where, sizes, G.shape[0])
+        inverse, a = _posterior(G, scale)
+        own = where["x"]
+        x = a[own.start - 1 : own.stop - 1]
+        covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
+        share = self._shares(at)
+        parts = [where[name] for name in ("drift", "wander")]
+        drift = np.concatenate([a[part.start - 1 : part.stop - 1] for part in parts])
+        lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
+        usual = np.repeat(lacking, [part.stop - part.start for part in parts])
+        covariance = covariance + (share * usual**2) @ share.T
+        count = self.own.poles.size
+        moved = drift[drift.size - 2 * count :] * self._unit
+        moved[:count] += drift[0]
+        moved[count:] += drift[1] * self._unit[count:]
+        cost = float(G[0, 0] - G[0, 1:] @ a)
+        return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a, x + share @ drift, moved)
+
+    def _shares(self, at: Linearised) -> Reals:
+        """Return by how much each column of drift moves the coordinates of changes in the device, shape (P, M)."""
+        drift = np.asarray(np.hstack(list(self._drift(at).values())), np.complex128)
+        made = np.zeros((at.x.size, drift.shape[1]))
+        own = list(at.inside)
+        if own:
+            made[own] = _beside(drift, at.slopes[:, own], 1 / self.points(at).noise)[1]
+        return made
+
+    def quadratic(self, at: Linearised, sizes: Sizes) -> float:
+        """Return chi2 at these sizes of the errors, everything else integrated out."""
+        X, where = self.columns(at)
+        G = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0)).white([X]).squared()
+        seen = G / sizes.noise**2
+        _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
+        return float(seen[0, 0] - seen[0, 1:] @ a)
+
+
+def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
+    """Return columns without what the coordinates could do in their place, and by how much these would, (P, K).
+
+    So sizes keep their meaning: that of a shift is all that moved.
+    """
+    if not slopes.shape[1] or not columns.shape[1]:
+        return columns, np.zeros((slopes.shape[1], columns.shape[1]))
+    weighted, aim = slopes * inverse[:, None], columns * inverse[:, None]
+    length = np.linalg.norm(weighted, axis=0)
+    unit = np.where(length > 0, length, 1.0)
+    basis = np.vstack([weighted.real, weighted.imag]) / unit
+    share = np.linalg.lstsq(basis, np.vstack([aim.real, aim.imag]), rcond=1e-8)[0]
+    return np.asarray(columns - (slopes / unit) @ share, np.complex128), share / unit[:, None]
+
+
+def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
+    """Return the prior standard deviation of each column's coefficient, the residual's left out."""
+    scale = np.ones(count - 1)
+    for name, own in where.items():
+        if name in GRIDS:
+            scale[own.start - 1 : own.stop - 1] = getattr(sizes, name)
+    return scale
+
+
+def _factor(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
+    S = scale[:, None] * G[1:, 1:] * scale
+    S[np.diag_indices_from(S)] += 1.0
+    for ridge in _RIDGES:  # rounding may leave a matrix of large numbers without a factor
+        S[np.diag_indices_from(S)] *= 1 + ridge
+        c, failed = dpotrf(S, lower=1)
+        if not failed:
+            return c, scale * G[1:, 0]
+    raise np.linalg.LinAlgError("errors of a pair")
+
+
+def _posterior(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
+    """Return covariance and mean of the columns' coefficients."""
+    c, v = _factor(G, scale)
+    solved, _ = dpotrs(c, v, lower=1)
+    lower, _ = dpotri(c, lower=1)
+    inverse = np.tril(lower) + np.tril(lower, -1).T
+    return scale[:, None] * inverse * scale, scale * solved
+
+
+def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
+    c, v = _factor(G, scale)
+    solved, _ = dpotrs(c, v, lower=1)
+    return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
+
+
+def _climbed(
+    G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, known: tuple[int, int]
+) -> tuple[float, Sizes]:
+    """Return the largest density times prior over the sizes of the errors, one after the other, and where it is.
+
+    `known`: how many numbers there are, and how often all sizes are tried.
+    """
+    numbers, rounds = known
+
+    def value(trial: Sizes) -> float:
+        scale = _scale(where, trial, G.shape[0])
+        return _log_density(G / trial.noise**2, log_det + 2 * numbers * log(trial.noise), scale) + trial.log_prior
+
+    best = value(sizes)
+    for _ in range(rounds):
+        before = best
+        for name, grid in GRIDS.items():
+            if name in where and where[name].start == where[name].stop:
+                continue
+            for size in grid:
+                if size != getattr(sizes, name):
+                    trial = replace(sizes, **{name: size})
+                    here = value(trial)
+                    if here > best:
+                        best, sizes = here, trial
+        if best - before < 0.1:
+            break
+    return best, sizes

@@ -1,0 +1,99 @@
+"""The resonances of a recording: poles of its admittance, and a remainder that they do not describe.
+
+Poles are those of the gates' rational fit (`fitters/diagnosis/data_quality/pole_fit.py`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ...models.sweep import Sweep
+from ..diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
+from .pair import Pair, running
+
+_ERROR = 3e-4
+"""Errors of a recording, of ln Z, below which more poles are no use."""
+_LEAST_Q = 3.0
+_BEYOND = 1.05
+"""How far outside the band a resonance may lie to count as one, as a factor."""
+_SLOPE = 3.0
+"""By how much, at least, the error of a slope falls where points are twice as dense and resonances hardly resolved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Resonances:
+    """The resonances of a recording, as poles of its admittance."""
+
+    poles: Complexes
+    """1/s over 2 pi, shape (P,): Im p is the frequency in Hz, -Re p half of its width."""
+    residues: Complexes
+    """S Hz, shape (P,)."""
+
+    @property
+    def q(self) -> Reals:
+        """Quality factors, shape (P,)."""
+        return np.abs(self.poles) / (-2 * self.poles.real)
+
+    def seen(self, frequency: Frequencies) -> Complexes:
+        """Return the admittance of each, S, shape (N, P)."""
+        return pole_terms(frequency, self.poles, self.residues)
+
+
+def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) -> Complexes:
+    """Return r/(jf - p) + r*/(jf - p*), S, shape (N, P); poles and residues may differ from point to point."""
+    s = 1j * frequency[:, None]
+    return np.asarray(residues / (s - poles) + np.conj(residues) / (s - np.conj(poles)), np.complex128)
+
+
+def changed(
+    poles: Complexes, residues: Complexes, shift: float | Reals, q: float | Reals, strength: float
+) -> tuple[Complexes, Complexes]:
+    """Return poles and residues of branches whose ln frequency, ln Q and ln capacitance are larger by these.
+
+    The residue of a branch with capacitance C is C |p|^2 p/(2j Im p).
+    """
+    size = np.abs(poles) * np.exp(shift)
+    half = np.minimum(-poles.real / np.abs(poles) * np.exp(-q), 0.99)
+    moved = np.asarray(size * (-half + 1j * np.sqrt(1 - half**2)), np.complex128)
+    turn = (moved / moved.imag) / (poles / poles.imag)
+    return moved, np.asarray(residues * turn * np.exp(strength + 2 * shift), np.complex128)
+
+
+def fitted_poles(pair: Pair, Z: Impedances, noise: Reals, start: PoleFit | None = None) -> PoleFit:
+    """Return the rational fit to one side of a pair."""
+    sweep = Sweep(pair.frequency, Z)
+    frame = Frame.of(sweep, np.hypot(noise, _ERROR), np.ones(Z.size, np.bool_))
+    return fit_poles(frame, None if start is None else start.poles)
+
+
+def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:
+    """Return the poles of a fit that are resonances in the band."""
+    f = pair.frequency
+    middle = float(np.sqrt(f[0] * f[-1]))
+    scale = float(np.median(np.abs(1 / Z)))
+    poles = fit.poles * middle
+    residues = fit.residues * -fit.poles.real * middle * scale
+    chosen = (np.abs(poles) > -2 * _LEAST_Q * poles.real) & (poles.imag > f[0] / _BEYOND)
+    chosen &= poles.imag < f[-1] * _BEYOND
+    order = np.argsort(poles.imag[chosen])
+    return Resonances(poles[chosen][order], residues[chosen][order])
+
+
+def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
+    """Return slope of ln Z over ln f before, what a shift of the remainder moves, and how far off that may be, (N,).
+
+    The remainder is taken as that of a capacitance, which stays what it is when all frequencies move.
+
+    Poles have theirs exactly; that of the remainder is a spline's, and its error is told by every other point.
+    """
+    f, u, Y = pair.frequency, pair.log_f, 1 / pair.before
+    remainder = Y - np.sum(own.seen(f), axis=1)
+    s = 1j * f[:, None]
+    exact = -s * (own.residues / (s - own.poles) ** 2 + np.conj(own.residues) / (s - np.conj(own.poles)) ** 2)
+    rest = np.asarray(make_interp_spline(u, remainder, 5)(u, 1), np.complex128)
+    halves = [np.asarray(make_interp_spline(u[k::2], remainder[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
+    error = np.max([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
+    slope = np.asarray(-(rest + np.sum(exact, axis=1)) / Y, np.complex128)
+    return slope, np.asarray((remainder - rest) / -Y, np.complex128), np.sqrt(running(error**2))

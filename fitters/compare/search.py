@@ -1,0 +1,151 @@
+"""The search for what happened: each change alone, then the best with one more at either end, and once more."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.base.arrays import Reals
+from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit, screened
+from .pair_errors import PairErrors, Sizes
+
+_TRIED = 2
+"""Starts that are followed."""
+_FITTED, _NEAR = 6, 15.0
+"""How many are fitted beside errors, and within how many nats of the best more are. A budget."""
+_PARENTS, _SCREENED, _GROWN = 2, 8, 4
+"""How many of the best are grown; of what grew of each, how many are screened and how many fitted. Budgets."""
+_MOST = 3
+"""Changes at once. A budget."""
+_NOISE_ALONE = 1.2
+"""chi2 per number up to which there is nothing but noise."""
+_PAYS = 5.0
+"""Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """All hypotheses that were fitted, the most probable first."""
+
+    fits: tuple[Fitted, ...]
+    nothing: Fitted
+
+    @property
+    def best(self) -> Fitted:
+        """The most probable."""
+        return self.fits[0]
+
+    def probabilities(self) -> Reals:
+        """Return the posterior probability of each, shape (K,)."""
+        logs = np.array([one.log_posterior for one in self.fits])
+        return np.exp(logs - np.logaddexp.reduce(logs))
+
+
+def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
+    """Return what was fitted to a pair."""
+    nothing = fitted(Hypothesis(()), errors, np.zeros(0))
+    fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
+    singles = [Hypothesis((change,)) for change in changes]
+    starts = [(one, _started(one, errors, np.zeros(0), 0)[1]) for one in singles]
+    for hypothesis, x in _promising(starts, errors, nothing.outcome.sizes):
+        fits[hypothesis.changes] = fitted(hypothesis, errors, x, nothing.outcome.sizes)
+    for depth in range(1, _MOST):
+        ranked = _ranked(fits.values())
+        best = ranked[0]
+        if len(best.hypothesis.changes) < depth or _whole(best) or (depth > 1 and not _short(best)):
+            break
+        parents = _parents([one for one in ranked if len(one.hypothesis.changes) == depth], errors)
+        for parent in parents:
+            for hypothesis, x in _grown(parent, errors, changes):
+                if hypothesis.changes not in fits:
+                    fits[hypothesis.changes] = fitted(hypothesis, errors, x, parent.outcome.sizes)
+        if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
+            break
+    return Searched(tuple(_ranked(fits.values())), nothing)
+
+
+def _parents(ranked: Sequence[Fitted], errors: PairErrors) -> list[Fitted]:
+    """Return what is grown: the most probable, and what leaves least where every point counts alike."""
+    plain = sorted(ranked, key=lambda one: plain_misfit(one.hypothesis, errors, one.x))
+    chosen: dict[int, Fitted] = {}
+    for one in (*ranked[: _PARENTS - 1], *plain):
+        if len(chosen) < _PARENTS and all(one.hypothesis.names != other.hypothesis.names for other in chosen.values()):
+            chosen[id(one)] = one
+    return list(chosen.values())
+
+
+def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
+    return sorted(fits, key=lambda one: -one.log_posterior)
+
+
+def _whole(best: Fitted) -> bool:
+    """Return whether an explanation leaves noise and small errors alone: nothing more is looked for then."""
+    sizes, numbers = best.outcome.sizes, 2 * best.errors.pair.frequency.size
+    small = (
+        sizes.rest == 0 and sizes.noise <= 1 and sizes.instrument <= 1 and sizes.drift <= 1e-4 and sizes.wander <= 1e-4
+    )
+    return small and best.outcome.cost < _NOISE_ALONE * numbers
+
+
+def _short(best: Fitted) -> bool:
+    """Return whether an explanation leaves more than noise."""
+    return best.outcome.sizes.rest > 0
+
+
+def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> list[tuple[Hypothesis, Reals]]:
+    """Return what promises most of all that one more change can make of an explanation."""
+    own = parent.hypothesis.changes
+    trials: list[tuple[float, Hypothesis, Reals]] = []
+    for change in changes:
+        if any(one.effect == change.effect for one in own):
+            continue
+        for at in _places(own, change):
+            hypothesis = Hypothesis((*own[:at], change, *own[at:]))
+            value, x = _started(hypothesis, errors, parent.x, at, steps=5)
+            trials.append((value, hypothesis, x))
+    trials.sort(key=lambda trial: trial[0])
+    ends = [(hypothesis, plain_fit(hypothesis, errors, x)[1]) for _, hypothesis, x in trials[:_SCREENED]]
+    return _promising(ends, errors, parent.outcome.sizes)[:_GROWN]
+
+
+def _promising(
+    starts: Sequence[tuple[Hypothesis, Reals]], errors: PairErrors, sizes: Sizes
+) -> list[tuple[Hypothesis, Reals]]:
+    """Return those that are worth a fit beside errors, the best first, each with where it begins."""
+    ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in starts), key=lambda trial: -trial[0])
+    return [(one, x) for k, (value, x, one) in enumerate(ranked) if k < _FITTED or value > ranked[0][0] - _NEAR]
+
+
+def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
+    """Return where a change can stand among others: what happened in the device comes before all at the terminals."""
+    first = sum(one.where != "terminals" for one in own)
+    return tuple(range(first, len(own) + 1)) if change.where == "terminals" else (0,)
+
+
+def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, steps: int = 12) -> tuple[float, Reals]:
+    """Return where plain least squares lead from the best places of the lattice of change `at`; and what they leave."""
+    own = hypothesis.slices[at]
+    base = np.concatenate([known[: own.start], np.zeros(own.stop - own.start), known[own.start :]])
+    if own.start == own.stop:
+        return plain_misfit(hypothesis, errors, base), base
+    starts: list[tuple[float, Reals]] = []
+    change = hypothesis.changes[at]
+    for coordinates in change.starts or [(float(z),) for z in change.sizes[0].lattice]:
+        x = base.copy()
+        x[own.start : own.start + len(coordinates)] = coordinates
+        starts.append((plain_misfit(hypothesis, errors, x), x))
+    lowest = sorted(starts, key=lambda start: start[0])
+    apart = 0.6 if not change.sizes[0].signed else 0.0
+    followed = [plain_fit(hypothesis, errors, x, steps) for _, x in _apart(lowest, own.start, apart)]
+    return min(followed, key=lambda end: end[0])
+
+
+def _apart(starts: list[tuple[float, Reals]], k: int, least: float) -> list[tuple[float, Reals]]:
+    """Return the best starts that are no neighbours of each other."""
+    kept: list[tuple[float, Reals]] = []
+    for value, x in starts:
+        if all(abs(x[k] - other[k]) > least for _, other in kept):
+            kept.append((value, x))
+        if len(kept) == _TRIED:
+            break
+    return kept

@@ -1,0 +1,227 @@
+"""Reciprocal two-ports at the terminals: put between analyzer and device, or taken from there.
+
+Seen through its chain matrix (A B; C D), an impedance Z is (A Z + B)/(C Z + D); taken away, it is what the inverse
+matrix makes of Z (Pozar, Microwave Engineering, section 4.4). No model of the device is needed, nothing is linearised.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ...models.circuits.terminals import skin
+from .change import TERMINALS, ChangeSize, Values
+
+VELOCITY = 2e8
+"""m/s, of a wave in polyethylene; only length/velocity can be seen."""
+_USUAL = 0.03
+"""Prior odds of one of these: of some twenty that there are, one was done in every third pair."""
+
+Matrix = tuple[Complexes, Complexes, Complexes, Complexes]
+
+
+@dataclass(frozen=True)
+class TwoPort:
+    """One element between analyzer and device."""
+
+    effect: str
+    sizes: tuple[ChangeSize, ...]
+    matrix: Callable[[Frequencies, Values], Matrix]
+    added: str
+    """What is said where it was put in."""
+    removed: str
+    """What is said where it was taken out."""
+    taken: bool = False
+    """Whether it was there before, and is no longer."""
+    odds: float = _USUAL
+    where: str = TERMINALS
+    derived: Callable[[Values], dict[str, tuple[float, str]]] | None = None
+    """What follows from its sizes, with units."""
+
+    starts: tuple[tuple[float, ...], ...] = ()
+    possible: Callable[[Frequencies, Values], bool] | None = None
+    """Whether it is what it is called at these sizes in this band."""
+
+    @property
+    def says(self) -> str:
+        """A sentence for people."""
+        return self.removed if self.taken else self.added
+
+    def apply(self, Z: Impedances, frequency: Frequencies, values: Values) -> Impedances:
+        """Return what is seen through it, ohm; or without it, where it was there before."""
+        A, B, C, D = self.matrix(frequency, values)
+        return (D * Z - B) / (A - C * Z) if self.taken else (A * Z + B) / (C * Z + D)
+
+
+@dataclass(frozen=True)
+class Turned:
+    """The sign of Z, or of its phase, is another."""
+
+    effect: str = "polarity"
+    kind: str = "inverted"
+    where: str = TERMINALS
+    sizes: tuple[ChangeSize, ...] = ()
+    odds: float = 0.02
+    starts: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def says(self) -> str:
+        """A sentence for people."""
+        return (
+            f"One of the two recordings is {self.kind}: the sign of R, of X or of the phase is not that of the other."
+        )
+
+    def apply(self, Z: Impedances, frequency: Frequencies, values: Values) -> Impedances:
+        """Return -Z, Z* or -Z*."""
+        seen = -Z if "inverted" in self.kind else Z
+        return np.conj(seen) if "conjugated" in self.kind else seen
+
+
+def _series(impedance: Complexes) -> Matrix:
+    one = np.ones_like(impedance)
+    return one, impedance, np.zeros_like(one), one
+
+
+def _shunt(admittance: Complexes) -> Matrix:
+    one = np.ones_like(admittance)
+    return one, np.zeros_like(one), admittance, one
+
+
+def _lead(f: Frequencies, v: Values) -> Matrix:
+    return _series(j_omega(f) * v["inductance"] + v["resistance"] + v["skin"] * skin(f))
+
+
+def _resistance(f: Frequencies, v: Values) -> Matrix:
+    return _series(v["resistance"] + v["skin"] * skin(f))
+
+
+def coil(f: Frequencies, v: Values) -> Complexes:
+    """Return a coil's impedance in ohm, shape (N,): inductance and resistance beside its own capacitance."""
+    jw = j_omega(f)
+    wire = jw * v["inductance"] + v["resistance"] + v["skin"] * skin(f)
+    return wire / (1 + jw * v["own capacitance"] * wire)
+
+
+def _is_coil(f: Frequencies, v: Values) -> bool:
+    """Return whether a coil is one somewhere in the band: above its own resonance it is a capacitor."""
+    return bool(f[0] < 1 / (2 * np.pi * np.sqrt(v["inductance"] * v["own capacitance"])))
+
+
+def _capacitor(f: Frequencies, v: Values) -> Complexes:
+    jw = j_omega(f)
+    return jw * v["capacitance"] * (1 - 1j * v["loss tangent"])
+
+
+def _line(f: Frequencies, v: Values) -> Matrix:
+    Z0 = v["impedance"]
+    x = (j_omega(f) / VELOCITY + v["loss"] * skin(f)) * v["length"]
+    cosh, sinh = np.asarray(np.cosh(x), np.complex128), np.asarray(np.sinh(x), np.complex128)
+    return cosh, Z0 * sinh, sinh / Z0, cosh
+
+
+def _of_line(v: Values) -> dict[str, tuple[float, str]]:
+    """Return what a line that is short is to a circuit."""
+    seconds = v["length"] / VELOCITY
+    return {"inductance": (seconds * v["impedance"], "H"), "capacitance": (seconds / v["impedance"], "F")}
+
+
+def _gain(f: Frequencies, v: Values) -> Matrix:
+    one = np.ones(f.size, np.complex128)
+    return one * np.exp(v["ln gain"]), 0 * one, 0 * one, one
+
+
+_COIL = (
+    ChangeSize("inductance", "H", 3e-5, 2.5),
+    ChangeSize("resistance", "ohm", 0.5, 2.5),
+    ChangeSize("own capacitance", "F", 1e-11, 1.2),
+    ChangeSize("skin", "ohm", 0.1, 2.5),
+)
+"""Chokes and tuning coils of 0.2 uH to 5 mH."""
+_CAPACITOR = (ChangeSize("capacitance", "F", 1e-10, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5))
+"""From the picofarad of a jig to the 10 nF of a capacitor."""
+
+_ELEMENTS = (
+    TwoPort(
+        "lead-inductance",
+        (
+            ChangeSize("inductance", "H", 5e-8, 1.5),
+            ChangeSize("resistance", "ohm", 0.02, 2.0),
+            ChangeSize("skin", "ohm", 3e-3, 2.0),
+        ),
+        _lead,
+        "A series inductance was put in: a wire, a clip, a longer lead.",
+        "A series inductance is gone: a wire, a clip, a longer lead.",
+    ),
+    TwoPort(
+        "series-resistance",
+        (ChangeSize("resistance", "ohm", 1.0, 2.5), ChangeSize("skin", "ohm", 0.1, 2.0)),
+        _resistance,
+        "A series resistance was put in: a contact, a resistor, thin wire.",
+        "A series resistance is gone: a contact, a resistor, thin wire.",
+    ),
+    TwoPort(
+        "series-coil",
+        _COIL,
+        lambda f, v: _series(coil(f, v)),
+        "A coil was put in series.",
+        "A coil in series was taken out.",
+        possible=_is_coil,
+    ),
+    TwoPort(
+        "shunt-coil",
+        _COIL,
+        lambda f, v: _shunt(1 / coil(f, v)),
+        "A coil was put across the terminals.",
+        "A coil across the terminals was taken away.",
+        possible=_is_coil,
+    ),
+    TwoPort(
+        "series-capacitor",
+        (ChangeSize("capacitance", "F", 1e-9, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5)),
+        lambda f, v: _series(1 / _capacitor(f, v)),
+        "A capacitor was put in series.",
+        "A capacitor in series was taken out.",
+    ),
+    TwoPort(
+        "stray-capacitance",
+        _CAPACITOR,
+        lambda f, v: _shunt(_capacitor(f, v)),
+        "A capacitance was put across the terminals: a capacitor, a jig, a cable.",
+        "A capacitance across the terminals is gone: a capacitor, a jig, a cable.",
+    ),
+    TwoPort(
+        "leakage",
+        (ChangeSize("conductance", "S", 1e-5, 2.5),),
+        lambda f, v: _shunt(np.full(f.size, v["conductance"], np.complex128)),
+        "A conductance was put across the terminals: a resistor, moisture, flux.",
+        "A conductance across the terminals is gone: a resistor, moisture, flux.",
+    ),
+    TwoPort(
+        "cable",
+        (
+            ChangeSize("length", "m", 0.6, 1.2),
+            ChangeSize("impedance", "ohm", 65.0, 0.35),
+            ChangeSize("loss", "Np/m", 2e-3, 1.5),
+        ),
+        _line,
+        "A length of cable was put between analyzer and device.",
+        "A length of cable between analyzer and device was taken out.",
+        derived=_of_line,
+    ),
+)
+
+
+def two_ports() -> tuple[TwoPort | Turned, ...]:
+    """Return every element, put in and taken out; an error of scale; and recordings that are turned."""
+    both = [replace(one, taken=taken, odds=one.odds / 2) for one in _ELEMENTS for taken in (False, True)]
+    scale = TwoPort(
+        "gain",
+        (ChangeSize("ln gain", "1", 0.0, 0.3, signed=True),),
+        _gain,
+        "All of Z is larger or smaller by one factor: a gain, a wrong range, the area of the device.",
+        "",
+        odds=0.03,
+    )
+    turns = [Turned(kind=kind) for kind in ("inverted", "conjugated", "inverted and conjugated")]
+    return (*both, scale, *turns)

@@ -1,0 +1,97 @@
+"""How often `pzctl compare` is right: 200 pairs and more. Run by hand: `pytest tests/benchmarks/test_compare.py -s`.
+
+Developed on seeds 1 to 3; the figures reported are those of `SEED`. Nothing is left out of them.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+from compare_world import RECORDINGS, MadePair, at_terminals, in_device
+
+from pzctl.fitters.compare.compare import compare
+from pzctl.fitters.compare.comparison import Comparison
+
+SEED = 2027
+
+
+def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
+    """Return the 95 % interval of a share."""
+    if of == 0:
+        return 0.0, 1.0
+    p = hits / of
+    middle, half = p + z**2 / (2 * of), z * np.sqrt(p * (1 - p) / of + z**2 / (4 * of**2))
+    return (middle - half) / (1 + z**2 / of), (middle + half) / (1 + z**2 / of)
+
+
+def judged(pair: MadePair, found: Comparison) -> tuple[bool, bool | None, bool | None]:
+    """Return whether a pair was named right; whether its size is within 5 %, and within 3 u (None: no such size)."""
+    if not pair.effect:
+        return found.verdict == "unchanged", None, None
+    names = {pair.effect, *pair.also}
+    for one in found.findings:
+        called = {one.effect, *(other.effect for other in one.same_as)}
+        if pair.effect in called or (one.effect in names and pair.effect in called):
+            sizes = [(one.parameters[name], true) for name, true in pair.sizes if name in one.parameters]
+            if not sizes:
+                return True, None, None
+            # Of a line either its capacitance or its inductance is what is seen: the better known one counts.
+            size, true = min(sizes, key=lambda pair: pair[0].u / abs(pair[0].value))
+            off = abs(size.value - true)
+            return len(found.findings) == 1, off < 0.05 * abs(true), off < 3 * size.u + 1e-3 * abs(true)
+    return False, None, None
+
+
+def run(pairs: Iterable[MadePair]) -> dict[str, list[tuple[bool, bool | None, bool | None]]]:
+    """Compare all, print each that is not right, and return the judgements by effect."""
+    results: dict[str, list[tuple[bool, bool | None, bool | None]]] = {}
+    for pair in pairs:
+        found = compare([pair.before], [pair.after])
+        judgement = judged(pair, found)
+        results.setdefault(pair.effect or "unchanged", []).append(judgement)
+        if not all(part in (True, None) for part in judgement):
+            named = [
+                (
+                    f"{one.effect}{' gone' if one.removed else ''} {one.probability:.2f}",
+                    {name: f"{size.value:.4g}({size.u:.1g})" for name, size in one.parameters.items()},
+                    [other.effect for other in one.same_as],
+                )
+                for one in found.findings
+            ]
+            print(
+                f"{judgement} {pair.name}: {pair.effect or 'nothing'} {'gone ' if pair.removed else ''}{pair.sizes}; "
+                f"{found.verdict} {found.probability:.3f} {named} change {found.change:.2g} "
+                f"left {found.remaining.total:.2g} {found.seconds:.1f} s",
+                flush=True,
+            )
+    return results
+
+
+def table(results: dict[str, list[tuple[bool, bool | None, bool | None]]]) -> tuple[int, int]:
+    """Print the figures; return how many changed pairs were named right, and of how many."""
+    every = [one for effect, own in results.items() if effect != "unchanged" for one in own]
+    for effect, own in [*sorted(results.items()), ("all changed", every)]:
+        right = sum(one[0] for one in own)
+        low, high = wilson(right, len(own))
+        sized = [one[1] for one in own if one[1] is not None]
+        inside = [one[2] for one in own if one[2] is not None]
+        print(
+            f"{effect:20s} right {right}/{len(own)} [{low:.3f}, {high:.3f}]; size within 5 % "
+            f"{sum(sized)}/{len(sized)}; within 3 u {sum(inside)}/{len(inside)}",
+            flush=True,
+        )
+    return sum(one[0] for one in every), len(every)
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"the real recordings are not at {RECORDINGS}")
+def test_elements_at_the_terminals_of_real_recordings_are_named_with_their_size() -> None:
+    results = run(at_terminals(SEED))
+    right, of = table(results)
+    assert right >= 0.95 * of
+    assert sum(one[0] for one in results["unchanged"]) >= 0.99 * len(results["unchanged"]) - 1
+
+
+def test_changes_in_a_device_are_named_with_their_size() -> None:
+    results = run(in_device(SEED, 60))
+    right, of = table(results)
+    assert right >= 0.95 * of

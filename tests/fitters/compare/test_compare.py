@@ -1,0 +1,109 @@
+"""What changed between two recordings: a few sharp cases; the benchmark has the many."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pzctl.fitters.compare.compare import compare
+from pzctl.fitters.interface import TaskError
+from pzctl.models.sweep import Sweep
+
+F = np.linspace(0.8e6, 1.4e6, 201)
+JW = 2j * np.pi * F
+
+
+def device(
+    f: np.ndarray = F, *, shift: float = 1.0, q: float = 1.0, strength: float = 1.0, other: float = 0.0
+) -> np.ndarray:
+    """A capacitance of 500 pF and three resonances, and one more of `other` farad, ohm."""
+    Y = 2j * np.pi * f * 5e-10 * (1 - 0.01j)
+    own = [(0.98e6, 120, 6e-11), (1.13e6, 90, 9e-12), (1.27e6, 150, 3e-12)]
+    branches = [(f0 * shift, Q * q, c * strength) for f0, Q, c in own] + [(1.2e6, 80.0, other)]
+    for f0, Q, c in branches:
+        Y = Y + 2j * np.pi * f * c / (1 - (f / f0) ** 2 + 1j * f / f0 / Q)
+    return 1 / Y
+
+
+def recorded(Z: np.ndarray, seed: int, f: np.ndarray = F) -> Sweep:
+    """With the noise and the gain of a bench."""
+    rng = np.random.default_rng(seed)
+    noise = 1e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    return Sweep(f, Z * np.exp(noise + 1e-3 * rng.normal()))
+
+
+def line(Z: np.ndarray, length: float, Z0: float) -> np.ndarray:
+    T = np.tanh(JW * length / 2e8)
+    return Z0 * (Z + Z0 * T) / (Z0 + Z * T)
+
+
+CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] = {
+    "a lead": (lambda Z: Z + JW * 2e-7, "lead-inductance", "inductance", 2e-7),
+    "a coil in series": (lambda Z: Z + JW * 3e-5 + 0.8, "series-coil", "inductance", 3e-5),
+    "a coil across": (lambda Z: 1 / (1 / Z + 1 / (JW * 2e-5 + 1)), "shunt-coil", "inductance", 2e-5),
+    "a capacitor across": (lambda Z: 1 / (1 / Z + JW * 1e-10), "stray-capacitance", "capacitance", 1e-10),
+    "a resistor": (lambda Z: Z + 10, "series-resistance", "resistance", 10.0),
+    "a cable": (lambda Z: line(Z, 3.0, 50.0), "cable", "length", 3.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "removed"), [*((name, False) for name in CHANGES), ("a lead", True), ("a cable", True)]
+)
+def test_names_what_was_put_in_or_taken_out_with_its_size(name: str, removed: bool) -> None:
+    change, effect, size, true = CHANGES[name]
+    bare, changed = recorded(device(), 1), recorded(change(device(F / 1.0001)), 2)
+    found = compare([changed], [bare]) if removed else compare([bare], [changed])
+    assert found.verdict == "explained"
+    (finding,) = found.findings
+    assert effect in (finding.effect, *(one.effect for one in finding.same_as))
+    assert finding.removed == removed
+    if finding.effect == effect:
+        assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
+
+
+def test_a_device_that_only_drifted_is_unchanged_and_the_limits_say_what_was_excluded() -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(F / 1.0001), 2)])
+    assert found.verdict == "unchanged"
+    assert not found.findings
+    limits = {one.effect: next(iter(one.upper_limit.values())).value for one in found.limits}
+    assert limits["lead-inductance"] < 2e-8
+    assert limits["stray-capacitance"] < 2e-12
+    assert max(band.magnitude for band in found.repeatability) == pytest.approx(1e-2, rel=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "effect", "size", "true"),
+    [
+        ({"shift": 0.997}, "frequencies-scaled", "shift", np.log(0.997)),
+        ({"q": 0.7}, "damping", "ln Q", np.log(0.7)),
+        ({"strength": 0.9}, "strength", "ln strength", np.log(0.9)),
+        ({"other": 2e-12}, "new-resonance", "frequency", 1.2e6),
+    ],
+)
+def test_names_what_changed_in_the_device(change: dict[str, float], effect: str, size: str, true: float) -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(**change), 2)])
+    assert found.verdict == "explained"
+    (finding,) = found.findings
+    assert finding.effect == effect
+    assert finding.where == "device"
+    assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
+
+
+def test_the_table_of_resonances_says_how_each_moved() -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(shift=0.997), 2)])
+    assert [one.frequency_Hz for one in found.resonances] == pytest.approx([0.98e6, 1.13e6, 1.27e6], rel=1e-3)
+    assert [one.shift for one in found.resonances] == pytest.approx([-3e-3] * 3, abs=1e-4)
+
+
+def test_another_grid_is_interpolated() -> None:
+    f = np.linspace(0.85e6, 1.5e6, 777)
+    found = compare([recorded(device(), 1)], [recorded(device(f) + 2j * np.pi * f * 2e-7, 2, f)])
+    assert [one.effect for one in found.findings] == ["lead-inductance"]
+    assert found.findings[0].parameters["inductance"].value == pytest.approx(2e-7, rel=0.05)
+
+
+def test_recordings_without_a_common_band_are_refused_in_a_sentence() -> None:
+    f = np.linspace(2e6, 3e6, 201)
+    with pytest.raises(TaskError, match=r"share no band: before is 800000-1.4e\+06 Hz, after is 2e\+06-3e\+06 Hz"):
+        compare([recorded(device(), 1)], [recorded(device(f), 2, f)])
