@@ -141,6 +141,22 @@ def put(link: Connection, mnemonic: str, value: Value) -> Value:
     return got
 
 
+def check_corrections(link: Connection) -> None:
+    """Raise InstrumentError where a sweep of another range would cost the instrument its correction.
+
+    Standards measured at the points of one sweep (`CALP USER`) are dropped, with error 13, as soon as its range, points
+    or type is changed (Programming Manual p.275).
+    """
+    if query(link, "CALP") != "USER":
+        return
+    measured = [CONDITIONS[name].words for name in CONDITIONS if name not in ("CALP", "E4TP") and query(link, name)]
+    if measured:
+        raise InstrumentError(
+            f"{link.name}: {' and '.join(measured)} holds for the points of the sweep that is set (CALP USER) and would "
+            "be lost; measure it at the fixed points with pzctl compensate, or give it up with CALP FIXED"
+        )
+
+
 def snapshot(link: Connection, mnemonics: Iterable[str]) -> dict[str, Value]:
     """Return the present value of each of `mnemonics`. Raises InstrumentError."""
     return {mnemonic: query(link, mnemonic) for mnemonic in mnemonics}
