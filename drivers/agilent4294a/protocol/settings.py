@@ -152,8 +152,8 @@ def check_corrections(link: Connection) -> None:
     measured = [CONDITIONS[name].words for name in CONDITIONS if name not in ("CALP", "E4TP") and query(link, name)]
     if measured:
         raise InstrumentError(
-            f"{link.name}: {' and '.join(measured)} holds for the points of the sweep that is set (CALP USER) and would "
-            "be lost; measure it at the fixed points with pzctl compensate, or give it up with CALP FIXED"
+            f"{link.name}: {' and '.join(measured)} holds for the points of the sweep that is set (CALP USER) and "
+            "would be lost; measure it at the fixed points with pzctl compensate, or give it up with CALP FIXED"
         )
 
 
