@@ -1,4 +1,4 @@
-"""Analyzers and recordings: instruments over VISA, files of theirs and of others."""
+"""Analyzers and recordings: instruments over VISA, and files of instruments and other programs."""
 
 from .analyzers import capabilities_of, open_analyzer
 

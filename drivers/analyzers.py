@@ -13,11 +13,11 @@ GROUP = "pzctl.analyzers"
 
 
 def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
-    """Return the analyzer behind `resource` (see `resources.ALLOWED`), by its prefix or by its answer to `*IDN?`.
+    """Open the analyzer at `resource` (see `resources.ALLOWED`), chosen by its prefix or by its answer to `*IDN?`.
 
-    `timeout_seconds`: how long a single answer may take; the wait for a sweep is computed from the plan.
-    Raises InstrumentError: not a resource, unknown host, refused, nobody there, no VISA library for it, an
-    identification that no installed analyzer has.
+    `timeout_seconds` limits a single answer; the wait for a sweep is computed from the plan. Raises InstrumentError for
+    an invalid resource, an unknown host, a refused connection, no answer, a missing VISA library, or an identification
+    that no installed analyzer has.
     """
     text = resource.strip()
     for driver in _working():
@@ -26,18 +26,18 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     from .visa.connection import Connection
 
     name = resource_name(resource)
-    link = Connection(text, lambda: open_session(name), timeout_seconds)
+    connection = Connection(text, lambda: open_session(name), timeout_seconds)
     try:
-        return _identified(text, link.ask("*IDN?").strip()).open(link)
+        return _identified(text, connection.ask("*IDN?").strip()).open(connection)
     except BaseException:
-        link.close()
+        connection.close()
         raise
 
 
 def capabilities_of(idn: str) -> Capabilities:
-    """Return what the analyzer that answers `*IDN?` with `idn` can do; of one that nobody knows, what is assumed.
+    """Return the capabilities of the analyzer that answers `*IDN?` with `idn`; for an unknown one, the assumed ones.
 
-    Raises InstrumentError where pzctl is not installed as it should be.
+    Raises InstrumentError if pzctl's own analyzers are not installed.
     """
     instruments = [driver for driver in _working() if isinstance(driver, InstrumentDriver)]
     for driver in instruments:
@@ -50,11 +50,11 @@ def _identified(resource: str, idn: str) -> InstrumentDriver:
     for driver in _working():
         if isinstance(driver, InstrumentDriver) and driver.idn.fullmatch(idn):
             return driver
-    raise InstrumentError(f"{resource}: *IDN? is answered by {replies.quote(idn)}; {_known()}")
+    raise InstrumentError(f"{resource}: the answer to *IDN? is {replies.quote(idn)}; {_known()}")
 
 
 def _known() -> str:
-    """Return which analyzers are installed, as a clause."""
+    """Return the installed analyzers as a clause for an error."""
     drivers = list(_drivers())
     broken = [driver for driver in drivers if isinstance(driver, str)]
     names = [driver.name for driver in drivers if not isinstance(driver, str)]
@@ -62,7 +62,7 @@ def _known() -> str:
 
 
 def _working() -> list[Driver]:
-    """Return those that load. Raises InstrumentError where pzctl's own are not among them."""
+    """Return the drivers that load. Raises InstrumentError if pzctl's own are not among them."""
     working = [driver for driver in _drivers() if not isinstance(driver, str)]
     if not any(isinstance(driver, InstrumentDriver) and driver.assumed for driver in working):
         raise InstrumentError(f"no analyzer of pzctl's own is registered ({GROUP}); reinstall pzctl with pip")
@@ -70,17 +70,17 @@ def _working() -> list[Driver]:
 
 
 def _drivers() -> Iterator[Driver | str]:
-    """Yield each installed driver, by the names of their entry points; for one that does not load, why, as a clause."""
+    """Yield each installed driver by name of its entry point, or a clause with the reason if it does not load."""
     for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
         try:
             driver = point.load()
-        except Exception as error:  # one that does not load leaves the others alone
+        except Exception as error:  # a broken driver must not affect the others
             yield f"{point.name} of {_package(point)} does not load: {error}"
             continue
         if isinstance(driver, InstrumentDriver | PrefixDriver):
             yield driver
         else:
-            yield f"{point.name} of {_package(point)} is no driver, but {type(driver).__name__}"
+            yield f"{point.name} of {_package(point)} is not a driver but {type(driver).__name__}"
 
 
 def _package(point: EntryPoint) -> str:

@@ -1,1 +1,1 @@
-"""The journal: every event and every sweep, kept on disk before anyone hears of it."""
+"""The journal, which keeps every event and every sweep on disk before it is published."""

@@ -1,9 +1,9 @@
-"""The format of an array file: raw columns, then an index that says what they are.
+"""The format of an array file: raw columns, followed by an index that describes them.
 
-The columns begin at byte 0, one after the other, as they always have. Behind them stand the index as JSON and a footer
-of 44 bytes: the length of the JSON (4 bytes, little-endian), its SHA-256 (32 bytes), and `PZCTLIX1`. So whoever reads
-the columns need not know of the index, and a row that was lost can be written again from the file alone. Files of
-earlier versions end with the columns; they can be read, but not indexed again.
+The columns start at byte 0, one after the other. The index as JSON follows, and then a footer of 44 bytes: the length
+of the JSON (4 bytes, little-endian), its SHA-256 (32 bytes), and `PZCTLIX1`. A reader of the columns need not know the
+index, and a lost row can be rebuilt from the file alone. Files of earlier versions end with the columns; they can be
+read, but their rows cannot be rebuilt.
 """
 
 import hashlib
@@ -33,17 +33,17 @@ class IndexedMeasurement(msgspec.Struct, frozen=True, kw_only=True):
     build: str
     """SHA-256 of the build's JSON."""
     time: str
-    """When it was accepted, RFC 3339, UTC."""
+    """Time at which it was accepted, RFC 3339, UTC."""
 
 
 class ArrayIndex(msgspec.Struct, frozen=True, kw_only=True):
-    """All that is needed to write the row of an array's event again."""
+    """Everything needed to rebuild the row of an array's event."""
 
     v: int = 1
     station: str
     run: str
     run_time: str
-    """When the run began, RFC 3339, UTC."""
+    """Start of the run, RFC 3339, UTC."""
     seq: int
     kind: str
     id: str
@@ -63,19 +63,19 @@ class ArrayFile:
 
     columns: bytes
     index: ArrayIndex | None
-    """None where there is none, or where it is damaged."""
+    """None if there is no index or it is damaged."""
     damaged: bool = False
-    """Whether something other than a whole index stands behind the columns."""
+    """Whether the columns are followed by anything other than a valid index."""
 
 
 def with_index(columns: bytes, index: ArrayIndex) -> bytes:
-    """Return the content of a file that holds these columns and this index."""
+    """Return the content of a file with these columns and this index."""
     text = to_json(index)
     return columns + text + _FOOTER.pack(len(text), hashlib.sha256(text).digest(), MAGIC)
 
 
 def split_array(data: bytes, lengths: str) -> ArrayFile:
-    """Return the columns, whose lengths its row knows, and the index of a file's content."""
+    """Return the columns and the index in the content of a file; `lengths` are those in the event's row."""
     size = sum(map(int, lengths.split(","))) if lengths else 0
     rest = data[size:]
     index = find_index(rest)
@@ -84,7 +84,7 @@ def split_array(data: bytes, lengths: str) -> ArrayFile:
 
 
 def find_index(data: bytes) -> ArrayIndex | None:
-    """Return the index at the end of a file's content; None where there is no whole one."""
+    """Return the index at the end of a file's content, or None if there is no valid one."""
     if len(data) < _FOOTER.size:
         return None
     length, digest, magic = _FOOTER.unpack(data[-_FOOTER.size :])
@@ -98,7 +98,7 @@ def find_index(data: bytes) -> ArrayIndex | None:
 
 
 def read_index(path: Path) -> ArrayIndex | None:
-    """Return the index of a file, of which only the end is read. Raises OSError."""
+    """Return the index of a file, reading only its end. Raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(max(0, size - _FOOTER.size))

@@ -1,4 +1,4 @@
-"""The files of a folder journal: arrays, each written once, and orphans, which were set aside.
+"""The files of a folder journal: arrays, each written once, and orphans, which no row names.
 
 Symbolic links are never followed: neither `arrays/` nor a file in it may be one.
 """
@@ -15,14 +15,14 @@ from .store import JournalError
 
 ARRAYS = "arrays"
 ORPHANS = "orphans"
-"""Where files go that no row names."""
+"""Folder for files that no row names."""
 
 _FICLONE = 0x40049409
-"""Linux: share the blocks of another file until one of them is written."""
+"""Linux ioctl to share the blocks of another file until one of the two is written."""
 
 
 class ArrayFolder:
-    """`arrays/` and `orphans/` in a journal's folder. Raises JournalError where the disk does not do as asked."""
+    """`arrays/` and `orphans/` in a journal's folder. Every method raises JournalError if the disk fails."""
 
     def __init__(self, folder: Path) -> None:
         self.arrays = folder / ARRAYS
@@ -30,7 +30,7 @@ class ArrayFolder:
         self._folder = folder
 
     def make(self) -> None:
-        """Make the folder of arrays. Raises JournalError where it, or that of orphans, is a symbolic link."""
+        """Make the folder of arrays. Raises JournalError if it, or the folder of orphans, is a symbolic link."""
         for folder in (self.arrays, self.orphans):
             if folder.is_symlink():
                 raise JournalError(
@@ -40,7 +40,7 @@ class ArrayFolder:
             self.arrays.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def write(self, event: str, data: bytes) -> None:
-        """Write an array so that the file is whole or not there."""
+        """Write an array atomically and sync it."""
         path = self.path(event)
         part = path.with_suffix(".part")
         with self._disk_errors():
@@ -52,7 +52,7 @@ class ArrayFolder:
             sync_folder(self.arrays)
 
     def read(self, event: str) -> bytes | None:
-        """Return the content of an array's file; None where there is none."""
+        """Return the content of an array's file, or None if there is none."""
         path = self.path(event)
         if path.is_symlink():
             raise JournalError(f"{path}: this is a symbolic link, which a journal does not follow")
@@ -62,7 +62,7 @@ class ArrayFolder:
             raise JournalError(f"{path}: the journal cannot be read or written: {error}") from error
 
     def copy(self, event: str, source: "ArrayFolder") -> None:
-        """Copy an array of another folder; none where there is none."""
+        """Copy an array from another folder."""
         path = source.path(event)
         if path.is_symlink():
             raise JournalError(f"{path}: this is a symbolic link, which a journal does not follow")
@@ -77,14 +77,14 @@ class ArrayFolder:
                 self.path(event).unlink(missing_ok=True)
 
     def files(self) -> list[Path]:
-        """Return the arrays that are whole files of this folder, in the order of their names."""
+        """Return the complete array files of this folder, sorted by name."""
         if self.arrays.is_symlink() or not self.arrays.is_dir():
             return []
         with self._disk_errors():
             return sorted(p for p in self.arrays.iterdir() if p.suffix == ".bin" and p.is_file() and not p.is_symlink())
 
     def strangers(self, known: Collection[str]) -> list[Path]:
-        """Return the arrays, whole or half written, that belong to none of the known events."""
+        """Return the array files, complete or partly written, that belong to none of the known events."""
         with self._disk_errors():
             return sorted(
                 path
@@ -93,14 +93,14 @@ class ArrayFolder:
             )
 
     def index_of(self, path: Path) -> ArrayIndex | None:
-        """Return the index of an array's file; None where it has none, or is no file."""
+        """Return the index of an array's file, or None if it has none or is not a regular file."""
         if path.is_symlink() or not path.is_file():
             return None
         with self._disk_errors():
             return read_index(path)
 
     def set_aside(self, paths: Sequence[Path]) -> None:
-        """Move files to the orphans, where none takes the place of another."""
+        """Move files to the orphans without overwriting others."""
         if self.orphans.is_symlink():
             raise JournalError(f"{self.orphans}: this is a symbolic link, which a journal does not follow")
         with self._disk_errors():
@@ -111,7 +111,7 @@ class ArrayFolder:
             sync_folder(self.arrays)
 
     def path(self, event: str) -> Path:
-        """Return the file of an event's array."""
+        """Return the path of an event's array."""
         return self.arrays / f"{event}.bin"
 
     @contextmanager
@@ -123,7 +123,7 @@ class ArrayFolder:
 
 
 def free_name(path: Path) -> Path:
-    """Return the path, with a number at its end where something has this name already."""
+    """Return the path, with a number appended if the name is taken."""
     number = 1
     free = path
     while os.path.lexists(free):
@@ -133,7 +133,7 @@ def free_name(path: Path) -> Path:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a rename last; Windows neither can nor needs it."""
+    """Sync a folder, so that a rename in it is permanent; not possible and not needed on Windows."""
     if os.name == "posix":
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -143,9 +143,9 @@ def sync_folder(folder: Path) -> None:
 
 
 def copy_file(source: Path, target: Path) -> None:
-    """Copy a file to a new one of its own inode, synced; what is read of it next comes from the disk. Raises OSError.
+    """Copy a file to a new one, synced and dropped from the cache, so that it is next read from disk. Raises OSError.
 
-    Where the file system can, both share blocks until one is written.
+    If the file system supports it, both files share blocks until one is written.
     """
     with source.open("rb") as original, target.open("xb") as copy:
         if not _cloned(original, copy):

@@ -1,4 +1,4 @@
-"""Who did what: the events that name who asked for them, oldest first. Like all events they are hashed and chained."""
+"""The audit trail: the events that name the client who requested them, hashed and chained like all events."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,16 +10,16 @@ from .store import Store
 
 
 class AuditEntry(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that somebody asked for and that was done."""
+    """One action that a client requested."""
 
     station: str
     seq: int
-    """Of the event, which `verify` checks."""
+    """Number of the event, which `verify` checks."""
     time: str
     client: str
-    """Whose key it was: the name that `pzctl keys client` gave it; `local` for the daemon's own account."""
+    """Name of the client's key, as given to `pzctl keys client`; `local` for the daemon's own account."""
     by: str | None
-    """For whom that client asked, as it said itself; the page's user."""
+    """The user for whom the client asked, as the client states; the page's user."""
     did: str
     """`queued`, `cancelling`, `bench`, `leased`, `released`, `withdrawn`, `started`, `shutdown`."""
     measurement: str | None
@@ -28,7 +28,7 @@ class AuditEntry(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _StateHeader(msgspec.Struct, frozen=True):
-    """What a state event's header says; those of earlier versions name nobody."""
+    """The fields of a state event's header; events of earlier versions name no client."""
 
     time: str
     state: str
@@ -40,7 +40,7 @@ class _StateHeader(msgspec.Struct, frozen=True):
 
 
 def audit_entries(store: Store) -> Iterator[AuditEntry]:
-    """Yield what was done, of every station. Raises JournalError."""
+    """Yield the entries of all stations, oldest first for each station. Raises JournalError."""
     sql = "SELECT station, seq, header FROM events WHERE kind = 'state' ORDER BY station, seq"
     with store.snapshot():
         for station, seq, header in store.stream(sql):
@@ -62,8 +62,8 @@ def audit_entries(store: Store) -> Iterator[AuditEntry]:
 def _state(header: Any) -> _StateHeader:
     try:
         return _decoder.decode(header)
-    except msgspec.MsgspecError:  # a row that was changed: `verify` names it
-        return _StateHeader(time="", state="unreadable", client="unreadable", says="this entry is not what was written")
+    except msgspec.MsgspecError:  # a changed row, which `verify` reports
+        return _StateHeader(time="", state="unreadable", client="unreadable", says="this entry was changed")
 
 
 _decoder = msgspec.json.Decoder(_StateHeader)

@@ -1,9 +1,9 @@
-"""The chain: every row's hash, in the order of writing, each linked to the one before.
+"""The hash chain: an entry for every row in the order of writing, each linked to the one before.
 
-A link is the SHA-256 of the link before it, of its own number, and of what was written: table, key, and digest of the
-row. A row that changes is entered again, one that is removed is entered with an empty digest. Entries are never
-removed, not even by `prune`: what was sealed once can be checked for ever. Each station has a chain of its own. Its
-name is in no digest, so that a copy under another name keeps the chain.
+A link is the SHA-256 of the previous link, of the entry's number, and of the written table, key and digest of the
+row. A changed row gets another entry, a removed row an entry with an empty digest. Entries are never removed, not even
+by `prune`, so that a seal can always be checked. Each station has a chain of its own. The station's name is in no
+digest, so that a copy under another name keeps the chain.
 """
 
 from typing import Any, Protocol
@@ -19,7 +19,7 @@ COLUMNS = {
     "prunings": "seq, time, backup",
     "gaps": "first, last, time, says",
 }
-"""What is hashed of each table: all but the station. A build is known by its hash, which measurements hold."""
+"""The hashed columns of each table: all but the station. A build is identified by its hash in `measurements`."""
 
 _ORDER = {
     "runs": "number",
@@ -30,26 +30,26 @@ _ORDER = {
 }
 
 GENESIS = digest_of(b"pzctl journal chain 1")
-"""The link before the first one."""
+"""The link before the first entry."""
 
 _AT_ONCE = 500
-"""Events that are read at a time when an older journal is chained."""
+"""Number of events to read at a time while a chain is made for an older journal."""
 
 
 class Statements(Protocol):
-    """What runs SQL with `?` for each value: a store, or a database that is being brought up to date."""
+    """Runs SQL with `?` for each value: a store, or a database during a migration."""
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        """Return the rows that a statement finds."""
+        """Return the rows that a statement selects."""
         ...
 
     def run(self, sql: str, *values: Any) -> None:
-        """Run a statement that changes something."""
+        """Run a statement that changes rows or tables."""
         ...
 
 
 def row_key(table: str, row: tuple[Any, ...]) -> str:
-    """Return what a row of hashed columns is known by."""
+    """Return the key of a row, given as its hashed columns."""
     return digest_of(to_json(row[:4])) if table == "fits" else str(row[0])
 
 
@@ -70,12 +70,12 @@ def head_of(db: Statements, station: str) -> tuple[int, str]:
 
 
 def chain_row(db: Statements, station: str, table: str, row: tuple[Any, ...]) -> None:
-    """Enter a row, given as its hashed columns, in the chain; inside of the transaction that writes it."""
+    """Add an entry for a row, given as its hashed columns; call it inside the transaction that writes the row."""
     _append(db, station, table, row_key(table, row), row_digest(row))
 
 
 def chain_found(db: Statements, station: str, table: str, where: str, *values: str | int) -> None:
-    """Enter the rows of a station, as they stand in the table, for which the SQL condition holds."""
+    """Add entries for the rows of a station that meet the SQL condition, as they are in the table now."""
     order = _ORDER.get(table, "seq")
     sql = f"SELECT {COLUMNS[table]} FROM {table} WHERE station = ? AND {where} ORDER BY {order}"  # noqa: S608
     for row in db.all(sql, station, *values):
@@ -83,14 +83,14 @@ def chain_found(db: Statements, station: str, table: str, where: str, *values: s
 
 
 def chain_removed(db: Statements, station: str, table: str, where: str, *values: str | int) -> None:
-    """Enter that the rows of a station for which the SQL condition holds are removed now."""
+    """Add entries for the removal of the rows of a station that meet the SQL condition."""
     sql = f"SELECT {COLUMNS[table]} FROM {table} WHERE station = ? AND {where} ORDER BY {_ORDER[table]}"  # noqa: S608
     for row in db.all(sql, station, *values):
         _append(db, station, table, row_key(table, row), "")
 
 
 def chain_existing(db: Statements) -> None:
-    """Begin the chain of a journal that has none: enter every row that is there."""
+    """Make the chain of a journal that has none, with an entry for every row."""
     for (station,) in db.all("SELECT DISTINCT station FROM runs UNION SELECT DISTINCT station FROM events"):
         for table in ("runs", "prunings", "measurements"):
             chain_found(db, station, table, "TRUE")

@@ -1,4 +1,4 @@
-"""The rows that an event leaves: its own, and what follows from it for measurements and fits. All are chained."""
+"""The rows of an event: its own, and its changes of measurements and fits. All get entries in the chain."""
 
 from collections.abc import Sequence
 
@@ -8,11 +8,11 @@ from .chain import chain_found, chain_row
 from .store import Store
 
 Answer = FitEvent | DiagnosisEvent
-"""What a fitter said to a measurement."""
+"""The answer of a fitter to a measurement."""
 
 
 def insert_event(store: Store, station: str, event: Event, frames: Sequence[bytes], digest: str | None) -> None:
-    """Insert an event's row and what follows from it; inside of a transaction. `digest` is that of its array."""
+    """Insert an event's rows; call it inside a transaction. `digest` is the hash of the event's array, if any."""
     measurement = event.measurement if isinstance(event, Sampled | StateEvent) else None
     row = (event.seq, kind_of(event), event.id, measurement, frames[0], frames[1], lengths_of(frames[2:]), digest)
     insert_event_row(store, station, row)
@@ -29,7 +29,7 @@ def insert_event_row(store: Store, station: str, row: tuple[int | str | bytes | 
 
 
 def insert_answer(store: Store, station: str, event: Answer) -> None:
-    """Insert what a fitter answered; a later answer of the same fitter to the same sweeps takes its place."""
+    """Insert a fitter's answer; a later answer of the same version to the same sweeps replaces it."""
     row = (*answer_key(event), event.measurement, int(succeeded(event)), event.seq)
     store.run(
         "INSERT INTO fits VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (kind, sweeps, fitter, version) DO UPDATE"
@@ -43,13 +43,13 @@ def insert_answer(store: Store, station: str, event: Answer) -> None:
 
 
 def set_state(store: Store, station: str, measurement: str, state: str) -> None:
-    """Write what has become of a measurement."""
+    """Update the state of a measurement."""
     store.run("UPDATE measurements SET state = ? WHERE id = ?", state, measurement)
     chain_found(store, station, "measurements", "id = ?", measurement)
 
 
 def index_of(store: Store, station: str, event: Event, frames: Sequence[bytes], digest: str) -> ArrayIndex:
-    """Return what an event's array says of itself."""
+    """Return the index of an event's array."""
     runs = store.all("SELECT time FROM runs WHERE id = ?", event.run)
     measurement = event.measurement if isinstance(event, Sampled) else ""
     columns = "id, number, request, run, sample, step, build, time"
@@ -70,7 +70,7 @@ def index_of(store: Store, station: str, event: Event, frames: Sequence[bytes], 
 
 
 def kind_of(event: Event) -> str:
-    """Return the word that an event's kind is known by."""
+    """Return the name of an event's kind."""
     return str(event.__struct_config__.tag)
 
 
@@ -80,10 +80,10 @@ def lengths_of(columns: Sequence[bytes]) -> str:
 
 
 def answer_key(event: Answer) -> tuple[str, str, str, str]:
-    """Return what a fitter's answer is known by: kind, sweeps, fitter, version."""
+    """Return the key of a fitter's answer: kind, sweeps, fitter, version."""
     return (kind_of(event), " ".join(event.sweeps), event.fitter, event.version)
 
 
 def succeeded(event: Answer) -> bool:
-    """Return False for a refusal."""
+    """Return whether an answer is a result and not a refusal."""
     return not (isinstance(event, FitEvent) and event.report is None)

@@ -1,4 +1,4 @@
-"""One daemon for one data folder: a lock held for as long as its process lives, however that ends."""
+"""The lock of a data folder, which allows one writer and is released when its process ends, however that happens."""
 
 import sqlite3
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from .store import JournalError
 
 LOCK = "writer.lock"
-"""Held by the process that writes."""
+"""File that the writing process locks."""
 
 
 class JournalTaken(JournalError):
@@ -14,9 +14,9 @@ class JournalTaken(JournalError):
 
 
 def take_lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
-    """Take the lock, until what is returned is closed: a transaction of SQLite, which works on every platform.
+    """Take the lock, an SQLite transaction, which works on every platform; closing the result releases it.
 
-    Waits `patience` seconds, so that a daemon that is just ending does not keep the next one out. Raises JournalError.
+    Waits up to `patience` seconds for a daemon that is just ending. Raises JournalError.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -34,9 +34,9 @@ def take_lock(folder: Path, patience: float = 2.0) -> sqlite3.Connection:
 
 
 def is_written(folder: Path) -> bool:
-    """Return whether a living process has the journal open for writing.
+    """Return whether a running process has the journal open for writing.
 
-    A lock that cannot be taken for another reason, as on a full disk, is held by nobody.
+    A lock that cannot be taken for another reason, such as a full disk, does not count as held.
     """
     if not (folder / LOCK).exists():
         return False

@@ -1,7 +1,7 @@
-"""A journal in a folder: SQLite (WAL) beside a folder of arrays.
+"""A journal in a folder: an SQLite database (WAL) beside a folder of arrays.
 
-An array is written and synced before its row is committed. What a `kill -9` leaves behind is at most a file that no row
-names; it is moved to `orphans/` when the journal is opened for writing again. Nothing is removed.
+An array is written and synced before its row is committed. A `kill -9` leaves at most a file that no row names, which
+is moved to `orphans/` when the journal is next opened for writing. Nothing is removed.
 """
 
 import logging
@@ -20,17 +20,17 @@ from .store import JournalError, Store
 log = logging.getLogger(__name__)
 
 LEAST_FREE = 64 << 20
-"""Bytes that must be free on the disk before a measurement is accepted: some thousand sweeps."""
+"""Bytes that must be free on the disk to accept a measurement: some thousand sweeps."""
 
 PATIENCE = 2.0
-"""Seconds that are waited for another program that locks the database: less than listeners wait for a beat."""
+"""Seconds to wait for another program that locks the database: less than clients wait for a beat."""
 
 
 class FolderStore(Store):
-    """A journal's folder. Who writes it holds the lock of `folder_lock`."""
+    """A journal's folder. A writer must hold the lock of `folder_lock`."""
 
     def __init__(self, folder: Path, *, write: bool, unchecked: bool = False) -> None:
-        """Open it; `unchecked` makes a new database beside arrays as well, which only a repair may do."""
+        """Open the folder; `unchecked` allows a new database beside existing arrays, which only a repair may make."""
         self.name = str(folder)
         self._folder = folder
         self.files = ArrayFolder(folder)
@@ -48,33 +48,33 @@ class FolderStore(Store):
             raise
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the database."""
         self._db.close()
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        """Return the rows that a statement finds."""
+        """Return the rows that a statement selects."""
         with _database_errors(self._folder):
             return self._db.execute(sql, values).fetchall()
 
     def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
-        """Yield the rows that a statement finds."""
+        """Yield the rows that a statement selects."""
         with _database_errors(self._folder):
             yield from self._db.execute(sql, values)
 
     def run(self, sql: str, *values: Any) -> None:
-        """Run a statement that changes something."""
+        """Run a statement that changes rows."""
         with _database_errors(self._folder):
             self._db.execute(sql, values)
 
     @contextmanager
     def transaction(self) -> Generator[None]:
-        """All or nothing; synced when it is left."""
+        """Make all changes inside atomic, and sync them at the end."""
         with self._within("BEGIN IMMEDIATE"):
             yield
 
     @contextmanager
     def snapshot(self) -> Generator[None]:
-        """Everything that is read inside is of one moment."""
+        """Let everything inside read the same state."""
         with self._within("BEGIN"):
             yield
 
@@ -89,15 +89,15 @@ class FolderStore(Store):
         self.run("COMMIT")
 
     def write_array(self, event: str, data: bytes) -> None:
-        """Write an array so that the file is whole or not there."""
+        """Write an array's file atomically."""
         self.files.write(event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns and their index; None where there are none."""
+        """Return an event's raw columns and their index, or None if it has none."""
         return self.files.read(event)
 
     def take_array(self, event: str, source: Store) -> None:
-        """Keep a copy of the array that another store has: a file of its own, where both are files too."""
+        """Copy an array from another store; two folders never share a file."""
         if isinstance(source, FolderStore):
             if source.files.path(event).exists():
                 self.files.copy(event, source.files)
@@ -107,13 +107,13 @@ class FolderStore(Store):
             self.files.write(event, data)
 
     def drop_arrays(self, events: Sequence[str]) -> None:
-        """Remove files; those that a kill leaves here are set aside at the next start."""
+        """Remove arrays; files left by a kill are set aside at the next start."""
         self.files.drop(events)
 
     def set_orphans_aside(self) -> None:
-        """Move the files that no row names to `orphans/`, and say so in the log.
+        """Move the files that no row names to `orphans/`, and log it.
 
-        Raises JournalError where their own indexes show that this database lacks their rows.
+        Raises JournalError if their indexes show that this database has lost their rows.
         """
         known = {row[0] for row in self.all("SELECT id FROM events WHERE hash IS NOT NULL")}
         orphans = self.files.strangers(known)
@@ -127,7 +127,7 @@ class FolderStore(Store):
         )
 
     def _check_are_orphans(self, orphans: Sequence[Path], known: set[str]) -> None:
-        """Raise JournalError where arrays are of runs or events that the database has never known."""
+        """Raise JournalError if arrays belong to runs or events that the database has never held."""
         runs = {row[0] for row in self.all("SELECT id FROM runs")}
         pruned = bool(self.all("SELECT 1 FROM prunings UNION SELECT 1 FROM gaps"))
         strange = 0
@@ -136,16 +136,16 @@ class FolderStore(Store):
             if index is not None:
                 strange += index.run not in runs or index.seq > self.newest(index.station) + 1
             elif path.suffix == ".bin" and not path.is_symlink():
-                strange += not known and not pruned  # without an index; and this database never had an array
+                strange += not known and not pruned  # it has no index, and this database never held an array
         if strange:
             raise JournalError(
-                f"{self.name}: {DATABASE} knows nothing of {strange} of the recordings in arrays/, so it is new, or "
-                f"older than they are; nothing was changed: bring back {DATABASE} from a backup, or run "
-                "`pzctl journal repair`, which writes it anew from the recordings"
+                f"{self.name}: {DATABASE} does not know {strange} of the recordings in arrays/, so it is new, or "
+                f"older than they are; nothing was changed: restore {DATABASE} from a backup, or run "
+                "`pzctl journal repair`, which rebuilds it from the recordings"
             )
 
     def damage(self) -> list[str]:
-        """Return what SQLite finds wrong in its own file."""
+        """Return a sentence for each fault that SQLite finds in its file."""
         try:
             faults = [row[0] for row in self._db.execute("PRAGMA integrity_check") if row[0] != "ok"]
             lost = self._db.execute("PRAGMA foreign_key_check").fetchall()
@@ -155,12 +155,12 @@ class FolderStore(Store):
         return [f"{DATABASE} is damaged: {' '.join(fault.split())}" for fault in faults]
 
     def check_room(self) -> None:
-        """Raise JournalError where the disk is nearly full."""
+        """Raise JournalError if the disk is nearly full."""
         with _database_errors(self._folder):
             free = shutil.disk_usage(self._folder).free
         if free < LEAST_FREE:
             raise JournalError(
-                f"{self.name}: {free >> 20} MB are free on its disk; {LEAST_FREE >> 20} MB are needed to measure on"
+                f"{self.name}: {free >> 20} MB are free on its disk; {LEAST_FREE >> 20} MB are needed to measure"
             )
 
     def claim(self, station: str) -> None:
@@ -168,7 +168,7 @@ class FolderStore(Store):
 
 
 def _opened(folder: Path) -> sqlite3.Connection:
-    """Open a database to be written, its tables made or brought up to date."""
+    """Open a database for writing; make its tables, or migrate them to this version."""
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
@@ -181,9 +181,9 @@ def _opened(folder: Path) -> sqlite3.Connection:
 
 
 def _readable(folder: Path) -> sqlite3.Connection:
-    """Open a database to be read. Where SQLite cannot write beside it (read-only, full), it is told that nobody writes.
+    """Open a database for reading, as immutable if SQLite cannot write beside it (read-only or full disk).
 
-    Where a write-ahead log is left it must not be told so, because what stands in the log would be missing.
+    Never open it as immutable while a non-empty write-ahead log exists, whose transactions would be ignored.
     """
     db = _read_only(folder, "mode=ro")
     try:
@@ -203,10 +203,10 @@ def _read_only(folder: Path, how: str) -> sqlite3.Connection:
 
 @contextmanager
 def _database_errors(where: Path) -> Generator[None]:
-    """Turn the errors of disk and database into a sentence."""
+    """Raise the errors of disk and database as JournalError."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:
         damaged = "malformed" in str(error) or "not a database" in str(error)
-        remedy = f"; bring back {DATABASE} from a backup, or run `pzctl journal repair`" if damaged else ""
+        remedy = f"; restore {DATABASE} from a backup, or run `pzctl journal repair`" if damaged else ""
         raise JournalError(f"{where}: the journal cannot be read or written: {error}{remedy}") from error

@@ -1,4 +1,4 @@
-"""Reading the record of everything that was announced, while the daemon goes on writing it."""
+"""Reading the journal, also while the daemon writes it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from .store import JournalError, Place, digest_of
 from .verification import faults_of
 
 MOST_REPLAYED = 16 << 20
-"""Bytes of one answer, but for its last event."""
+"""Bytes of events after which one answer to a replay ends; the last event may exceed them."""
 
 
 @dataclass(frozen=True)
 class JournalMeasurement:
-    """One measurement as the journal knows it."""
+    """A measurement in the journal."""
 
     id: str
     run: str
@@ -31,7 +31,7 @@ class JournalMeasurement:
 
 @dataclass(frozen=True)
 class History:
-    """A measurement, the ids of its sweeps, and the names of those that answered it with a result."""
+    """A measurement, the ids of its sweeps, and the names of the fitters that answered it with a result."""
 
     measurement: JournalMeasurement
     sweeps: tuple[str, ...]
@@ -39,10 +39,10 @@ class History:
 
 
 class JournalReader:
-    """A journal opened for reading, in a folder or at a URL; any number of processes may.
+    """A journal opened for reading, in a folder or at a URL, by any number of processes.
 
-    `station` is the one whose events are counted and replayed; measurements are those of all. Raises JournalError from
-    every method where disk, database or server do not do what was asked.
+    Events are counted and replayed for `station`; measurements are those of all stations. Every method raises
+    JournalError if disk, database or server fail.
     """
 
     def __init__(self, place: Place, station: str = "", *, write: bool = False) -> None:
@@ -52,26 +52,26 @@ class JournalReader:
 
     @property
     def name(self) -> str:
-        """Where it is, in words."""
+        """The folder, or the URL without its password."""
         return self.store.name
 
     def reader(self) -> "JournalReader":
-        """Return the same journal opened once more, for another thread to read. Touches nothing of what is open."""
+        """Open the same journal again, for reading in another thread."""
         return JournalReader(self._place, self.station)
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the journal."""
         self.store.close()
 
     @property
     def newest(self) -> int:
-        """The `seq` of the last event, be it still there or not; 0 where there was none."""
+        """The `seq` of the last event, even if it was pruned; 0 if there was none."""
         return self.store.newest(self.station)
 
     def replay(self, since: int, until: int | None, most: int) -> list[list[bytes]]:
-        """Return the frames of the events `since` .. `until`, both included, at most `most` of them.
+        """Return the frames of the events `since` .. `until` (both included), at most `most` events.
 
-        Those behind the first `MOST_REPLAYED` bytes are left for the next time.
+        Stop after `MOST_REPLAYED` bytes.
         """
         rows = "station = ? AND seq BETWEEN ? AND ? ORDER BY seq LIMIT ?"
         events: list[list[bytes]] = []
@@ -88,16 +88,16 @@ class JournalReader:
         return self._frames("measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement)
 
     def fits(self, measurement: str) -> list[list[bytes]]:
-        """Return the frames of what the fitters answered to a measurement, in order."""
+        """Return the frames of the fitters' answers to a measurement, in order."""
         rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
         return self._frames(rows, measurement)
 
     def measurement(self, measurement: str) -> JournalMeasurement | None:
-        """Return the measurement with this id."""
+        """Return the measurement with this id, or None."""
         return next(iter(self.measurements("id = ?", measurement)), None)
 
     def build(self, measurement: str) -> Build:
-        """Return the build that was measured."""
+        """Return the build of a measurement."""
         row = self._one(
             "SELECT json FROM builds WHERE hash = (SELECT build FROM measurements WHERE id = ?)", measurement
         )
@@ -115,7 +115,7 @@ class JournalReader:
         return row[0] if row else None
 
     def measurements(self, where: str = "TRUE", *values: str) -> list[JournalMeasurement]:
-        """Return the measurements for which the SQL condition holds, oldest first."""
+        """Return the measurements that meet the SQL condition, oldest first."""
         rows = self._all(
             f"SELECT id, run, sample, step, state, time FROM measurements WHERE {where} ORDER BY number",  # noqa: S608
             *values,
@@ -126,7 +126,7 @@ class JournalReader:
         ]
 
     def histories(self, sample: str | None = None) -> list[History]:
-        """Return every measurement, of one sample where it is named, with its sweeps and who answered; oldest first."""
+        """Return every measurement (of one sample) with its sweeps and the fitters that answered, oldest first."""
         where, values = ("sample = ?", [sample]) if sample is not None else ("TRUE", [])
         of = f"measurement IN (SELECT id FROM measurements WHERE {where})"  # noqa: S608
         sweeps: dict[str, list[str]] = {}
@@ -150,7 +150,7 @@ class JournalReader:
         return tuple(row[0] for row in rows)
 
     def sample_of_sweep(self, sweep: str) -> SampleStep | None:
-        """Return what was measured in the sweep with this id; None where there is none."""
+        """Return the sample and step of the sweep with this id, or None if there is no such sweep."""
         row = self._one(
             "SELECT sample, step FROM measurements WHERE id = "
             "(SELECT measurement FROM events WHERE id = ? AND kind = 'sweep')",
@@ -159,20 +159,20 @@ class JournalReader:
         return SampleStep(row[0], row[1]) if row else None
 
     def fitters(self, measurement: str) -> tuple[str, ...]:
-        """Return the names of those that answered a measurement with a result."""
+        """Return the names of the fitters that answered a measurement with a result."""
         rows = self._all(
             "SELECT DISTINCT fitter FROM fits WHERE measurement = ? AND ok = 1 ORDER BY fitter", measurement
         )
         return tuple(row[0] for row in rows)
 
     def answers(self, measurement: str, fitter: str) -> int:
-        """Return how many answers of a fitter to a measurement are kept."""
+        """Return the number of answers of a fitter to a measurement."""
         row = self._one("SELECT count(*) FROM fits WHERE measurement = ? AND fitter = ?", measurement, fitter)
         return row[0] if row else 0
 
     @property
     def size(self) -> int:
-        """The number of events that are there."""
+        """The number of events in the journal."""
         row = self._one("SELECT count(*) FROM events")
         return row[0] if row else 0
 
@@ -181,11 +181,11 @@ class JournalReader:
         return [row[0] for row in self._all("SELECT id FROM events WHERE hash IS NOT NULL")]
 
     def verify(self) -> list[str]:
-        """Compare everything with its hash and with the chain; return a sentence for each thing that is wrong."""
+        """Check everything against its hash and the chain; return a sentence for each fault."""
         return faults_of(self.store)
 
     def missing(self, since: int, until: int) -> list[MissingEvents]:
-        """Return which of the events `since` .. `until` were pruned or lost, in order."""
+        """Return the ranges of the events `since` .. `until` that were pruned or lost, in order."""
         missing: list[MissingEvents] = []
         first = 1
         prunings = "SELECT seq, time, backup FROM prunings WHERE station = ? ORDER BY seq"
@@ -198,17 +198,17 @@ class JournalReader:
         )
         missing += [MissingEvents(*row) for row in self._all(gaps, self.station, first, until, since)]
         return [
-            msgspec.structs.replace(hole, first=max(hole.first, since), last=min(hole.last, until))
-            for hole in missing
-            if hole.first <= until and hole.last >= since
+            msgspec.structs.replace(gap, first=max(gap.first, since), last=min(gap.last, until))
+            for gap in missing
+            if gap.first <= until and gap.last >= since
         ]
 
     def _frames(self, where: str, *values: str | int) -> list[list[bytes]]:
-        """Return the frames of the events for which the SQL condition holds."""
+        """Return the frames of the events that meet the SQL condition."""
         return list(self._each(where, *values))
 
     def _each(self, where: str, *values: str | int) -> Iterator[list[bytes]]:
-        """Yield the frames of the events for which the SQL condition holds; their arrays are read one by one."""
+        """Yield the frames of the events that meet the SQL condition, reading their arrays one by one."""
         rows = self._all(f"SELECT id, topic, header, lengths, hash FROM events WHERE {where}", *values)  # noqa: S608
         for i, topic, header, lengths, digest in rows:
             yield [topic, header, *self._read_array(i, lengths, digest)]
@@ -220,7 +220,7 @@ class JournalReader:
         content = self.store.read_array(event)
         data = split_array(content, lengths).columns if content is not None else None
         if data is None or digest_of(data) != digest:
-            what = "is missing" if data is None else "is not what was written; it is damaged"
+            what = "is missing" if data is None else "is damaged"
             raise JournalError(f"{self.name}: the array of event {event} {what}")
         begin = 0
         for length in map(int, lengths.split(",")):

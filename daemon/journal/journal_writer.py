@@ -1,6 +1,6 @@
-"""Writing the record of everything that was announced, in a folder or on a server.
+"""Writing the journal, in a folder or on a server.
 
-A sweep's bytes and its row are on disk, whole, before it may be published; see `folder_store` and `postgres_store`.
+A sweep's bytes and its row are completely on disk before it is published; see `folder_store` and `postgres_store`.
 """
 
 import hashlib
@@ -27,10 +27,10 @@ E = TypeVar("E", bound=Event)
 
 
 class JournalWriter(JournalReader):
-    """The journal opened for writing, which one process can for a data folder and for a station. Begins a new run.
+    """The journal opened for writing, by one process per data folder and per station. Opening it starts a new run.
 
-    It is kept in the folder, or in the database at `url`; then the folder holds the lock alone. Raises JournalError
-    from every method where the disk or the database does not do what was asked.
+    The journal is in the folder, or in the database at `url`, in which case the folder only holds the lock. Every
+    method raises JournalError if disk or database fail.
     """
 
     def __init__(self, folder: Path, url: str | None = None, station: str = "") -> None:
@@ -49,14 +49,14 @@ class JournalWriter(JournalReader):
             stack.pop_all()
 
     def close(self) -> None:
-        """Let go of it, and of the lock."""
+        """Close the journal and release the lock."""
         super().close()
         self._lock.close()
 
     def append(self, event: E, payload: Payload = ()) -> tuple[E, list[bytes]]:
-        """Put the event on disk with the next `seq`; return it as stamped, and its frames, now fit to be published.
+        """Write an event with the next `seq`; return it with its stamp, and its frames, which may now be published.
 
-        An `id` that the event has already is kept.
+        An event that has an `id` keeps it.
         """
         stamp = {"run": self.run, "seq": self.last_seq + 1, "id": event.id or uuid7(), "time": now_utc()}
         stamped = msgspec.structs.replace(event, **stamp)
@@ -72,11 +72,11 @@ class JournalWriter(JournalReader):
         return stamped, frames
 
     def said(self, event: str) -> list[bytes] | None:
-        """Return the frames of the event with this id; None where there is none."""
+        """Return the frames of the event with this id, or None if there is none."""
         return next(iter(self._frames("id = ?", event)), None)
 
     def reopened(self) -> Store:
-        """Return the place of this journal, opened anew: its server had gone. Touches nothing of what is open."""
+        """Open this journal's store again after its server was away; the old one stays open."""
         store = open_store(self._place, write=True)
         try:
             store.claim(self.station)
@@ -86,23 +86,23 @@ class JournalWriter(JournalReader):
         return store
 
     def resume(self, store: Store) -> None:
-        """Go on where the server left off. Raises JournalError where the record is not the one that was left."""
+        """Continue with a reopened store. Raises JournalError if the journal changed meanwhile."""
         self.store.close()
         self.store = store
         newest = self.newest
         runs = "SELECT id FROM runs WHERE station = ? ORDER BY number DESC LIMIT 1"
         ours = self._one(runs, self.station) == (self.run,)
-        if not ours or newest not in (self.last_seq, self.last_seq + 1):  # one more: its answer did not reach us
+        if not ours or newest not in (self.last_seq, self.last_seq + 1):  # one more if the server's answer was lost
             raise JournalError(
-                f"{self.name}: the record of station {self.station!r} stood at event {self.last_seq} when its server "
-                f"went, and stands at {newest} now: another daemon wrote it meanwhile, or the server lost some"
+                f"{self.name}: the journal of station {self.station!r} ended at event {self.last_seq} when its server "
+                f"went away, and ends at {newest} now: another daemon wrote it meanwhile, or the server lost events"
             )
         self.last_seq = newest
 
     def answered(self, event: Answer) -> int | None:
-        """Return the `seq` of the answer that stands already for these sweeps, fitter and version.
+        """Return the `seq` of an earlier answer of this fitter and version to these sweeps, or None.
 
-        A refusal does not stand in the way of a result.
+        An earlier refusal does not count if the new answer is a result.
         """
         row = self._one(
             "SELECT seq, ok FROM fits WHERE kind = ? AND sweeps = ? AND fitter = ? AND version = ?", *answer_key(event)
@@ -110,20 +110,20 @@ class JournalWriter(JournalReader):
         return row[0] if row and (row[1] or not succeeded(event)) else None
 
     def begin_measurement(self, request: str, build: Build, step: str) -> tuple[str, bool]:
-        """Record that a measurement was accepted; return its id, and False where this request was accepted before.
+        """Record an accepted measurement; return its id, and False if the same request was accepted before.
 
-        Raises JournalError where there is no room for what it will bring, or where the request was for something else.
+        Raises JournalError if there is no room for its sweeps, or if the id belongs to another request.
         """
         text, new = to_json(build), uuid7()
         digest = hashlib.sha256(text).hexdigest()
         known = self._one("SELECT id, step, build FROM measurements WHERE request = ?", request)
         if known:
             if (known[1], known[2]) != (step, digest):
-                raise JournalError(f"id {request!r} was another measurement's; give every request an id of its own")
+                raise JournalError(f"id {request!r} belongs to another measurement; give every request a unique id")
             return str(known[0]), False
         self.store.check_room()
         with self.store.transaction():
-            # one that is there already is written again, so that nobody who prunes removes it under our hands
+            # an existing build is written again, so that a concurrent prune cannot remove it
             self.store.run(
                 "INSERT INTO builds VALUES (?, ?) ON CONFLICT (hash) DO UPDATE SET json = excluded.json", digest, text
             )
@@ -136,7 +136,7 @@ class JournalWriter(JournalReader):
         return new, True
 
     def unfinished(self) -> list[JournalMeasurement]:
-        """Return the measurements of earlier runs that never came to an end."""
+        """Return the measurements of earlier runs that never ended."""
         rows = "state IN ('queued', 'measuring', 'cancelling') AND run != ? AND station = ?"
         return self.measurements(rows, self.run, self.station)
 

@@ -1,4 +1,4 @@
-"""The journal's tables, version by version; an older journal is copied, then brought up to date."""
+"""The journal's tables, version by version; an older journal is copied and then migrated."""
 
 import sqlite3
 import time
@@ -29,7 +29,7 @@ CREATE INDEX fits_by_measurement ON fits (measurement);
 _PRUNINGS = """
 CREATE TABLE prunings (seq INTEGER PRIMARY KEY, time TEXT NOT NULL, backup TEXT NOT NULL);
 """
-"""Events up to and including `seq` were removed; `backup` is where they are."""
+"""Events up to and including `seq` were removed; `backup` names the copy that holds them."""
 
 _EVENTS = """
 CREATE TABLE events (
@@ -61,7 +61,7 @@ DROP TABLE fits_2;
 DROP TABLE events_2;
 DROP TABLE prunings_2;
 """  # noqa: S608
-"""Several stations can share one record; each counts its own events. That of a folder has no name."""
+"""Several stations can share one journal; each counts its own events. The station of a folder has no name."""
 
 _CHAIN = """
 CREATE TABLE gaps (
@@ -71,7 +71,7 @@ CREATE TABLE chain (
     station TEXT NOT NULL, number INTEGER NOT NULL, kind TEXT NOT NULL, subject TEXT NOT NULL, digest TEXT NOT NULL,
     link TEXT NOT NULL, PRIMARY KEY (station, number));
 """
-"""Events `first` .. `last` were lost, and found to be so by `repair`. The chain is described in `chain`."""
+"""`gaps`: events `first` .. `last` were lost, as found by `repair`. The chain is described in `chain`."""
 
 _RUNS = """
 ALTER TABLE runs RENAME TO runs_3;
@@ -79,10 +79,10 @@ CREATE TABLE runs (number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, time TEX
 INSERT INTO runs (id, time, station) SELECT id, time, station FROM runs_3 ORDER BY rowid;
 DROP TABLE runs_3;
 """
-"""The order of runs is counted: that of their ids goes back with the clock."""
+"""Runs are numbered, because the order of their ids changes if the clock is set back."""
 
 _STEPS = (_FIRST, _PRUNINGS, _STATIONS, _CHAIN + _RUNS)
-"""What leads from version k to version k + 1, in SQLite."""
+"""The SQLite statements that lead from version k to version k + 1."""
 
 _POSTGRES = f"""
 CREATE TABLE pzctl_version (version INTEGER NOT NULL);
@@ -109,34 +109,34 @@ ALTER SEQUENCE runs_order OWNED BY runs.number;
 """  # noqa: S608
 
 _POSTGRES_STEPS: tuple[str, ...] = (_POSTGRES, _POSTGRES_CHAIN)
-"""What leads from no tables to version 3, and from there on as `_STEPS`."""
+"""The PostgreSQL statements that lead from no tables to version 3, and from there on like `_STEPS`."""
 
 VERSION = len(_STEPS)
-"""Of the tables; kept in `PRAGMA user_version`, and in the table `pzctl_version`."""
+"""Version of the tables, kept in `PRAGMA user_version` or in the table `pzctl_version`."""
 
 PATIENCE = 5.0
-"""Seconds that are waited for whoever changes the tables, or writes them."""
+"""Seconds to wait for another process that changes or writes the tables."""
 
 _CHAINED = 4
 """The first version that has a chain."""
 
 TABLES = ("builds", "runs", "measurements", "events", "fits", "prunings", "gaps", "chain")
-"""All of them but arrays, each after those that it refers to."""
+"""All tables but `arrays`, each after those that it refers to."""
 
 
 def check_version(name: str, version: int) -> None:
-    """Raise JournalError where the tables are not of this version."""
+    """Raise JournalError if the tables have another version."""
     if version != VERSION:
         raise JournalError(
-            f"{name}: a journal of version {version}; version {VERSION} is read here"
-            + ("; start the daemon once, which brings it up to date" if version < VERSION else "")
+            f"{name}: a journal of version {version}; this pzctl reads version {VERSION}"
+            + ("; start the daemon once to migrate it" if version < VERSION else "")
         )
 
 
 def migrate_sqlite(db: sqlite3.Connection, folder: Path) -> None:
-    """Bring the tables to this version, all or nothing; `journal.sqlite.vK` is what they were before.
+    """Migrate the tables to this version, atomically; `journal.sqlite.vK` keeps a copy of the old ones.
 
-    A journal of a later version is left as it is. Raises sqlite3.Error, OSError.
+    A journal of a later version stays unchanged. Raises sqlite3.Error, OSError.
     """
     old: int = db.execute("PRAGMA user_version").fetchone()[0]
     if old >= VERSION:
@@ -157,21 +157,21 @@ def migrate_sqlite(db: sqlite3.Connection, folder: Path) -> None:
 
 
 def migrate_postgres(db: Any, version: Callable[[], int]) -> None:
-    """Bring the tables to this version, all or nothing; the schema `pzctl_vK` is what they were before.
+    """Migrate the tables to this version, atomically; the schema `pzctl_vK` keeps a copy of the old ones.
 
-    Arrays are never changed, and not copied. Raises psycopg.Error, and JournalError where a daemon writes them.
+    Arrays are never changed and are not copied. Raises psycopg.Error, or JournalError if a daemon writes the tables.
     """
     key = "hashtextextended(current_schema(), 2)"
     deadline = time.monotonic() + PATIENCE
     while (old := version()) < VERSION:
         if db.execute(f"SELECT pg_try_advisory_lock({key})").fetchone()[0]:
-            if version() == old:  # nobody was quicker
+            if version() == old:  # no other process has migrated them meanwhile
                 _change_postgres(db, old)
             db.execute(f"SELECT pg_advisory_unlock({key})")
         elif time.monotonic() > deadline:
             raise JournalError(
-                f"the journal is of version {old}, and a daemon of an older pzctl writes it: end those of all "
-                f"stations, then start one of this version, which brings the tables to version {VERSION}"
+                f"the journal has version {old}, and a daemon of an older pzctl writes it: end the daemons of all "
+                f"stations, then start one of this version, which migrates the tables to version {VERSION}"
             )
         else:
             time.sleep(0.1)
@@ -193,7 +193,7 @@ def _change_postgres(db: Any, old: int) -> None:
 
 
 def _copy_database(db: sqlite3.Connection, path: Path) -> None:
-    """Write a consistent copy of a database, whole or not at all."""
+    """Write a consistent copy of a database, atomically."""
     part = path.with_name(path.name + ".part")
     part.unlink(missing_ok=True)
     copy = sqlite3.connect(part)
@@ -205,7 +205,7 @@ def _copy_database(db: sqlite3.Connection, path: Path) -> None:
 
 
 class _Sqlite:
-    """A database in the middle of a change, for the chain to be begun."""
+    """An SQLite database during a migration, as `Statements` for the chain."""
 
     def __init__(self, db: sqlite3.Connection) -> None:
         self._db = db
@@ -218,7 +218,7 @@ class _Sqlite:
 
 
 class _Postgres:
-    """The same, on a server."""
+    """A PostgreSQL database during a migration, as `Statements` for the chain."""
 
     def __init__(self, db: Any) -> None:
         self._db = db

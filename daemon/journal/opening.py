@@ -1,4 +1,4 @@
-"""Opening a journal, wherever it is kept: the one module that knows both kinds of store."""
+"""Opening a journal in a folder or on a server; the only module that knows both kinds of store."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from .store import JournalError, Place, Store
 
 
 def open_store(place: Place, *, write: bool) -> Store:
-    """Open a journal; where it is to be written its tables are made, or brought up to date. Raises JournalError."""
+    """Open a journal; for writing, make its tables or migrate them to this version. Raises JournalError."""
     if isinstance(place, Path):
         return FolderStore(place, write=write)
     try:

@@ -1,11 +1,11 @@
-"""A journal in a PostgreSQL database, which several benches share: each writes as a station of its own.
+"""A journal in a PostgreSQL database that several benches share, each writing as a station of its own.
 
-Psycopg 3 rather than SQLAlchemy: the journal's dozen statements read the same in both databases, so a second layer
+It uses Psycopg 3 and not SQLAlchemy: the journal's dozen statements are the same for both databases, so another layer
 over `sqlite3` would cost time at every sweep and at every start of a command, and save nothing.
 
-The connection that writes holds advisory locks: one of its station, so that no other daemon writes as that station,
-and a shared one of the tables, so that nobody changes them under a daemon that runs. They go with the connection,
-and so does the right to write.
+The writing connection holds advisory locks: one for its station, so that no other daemon writes as that station, and a
+shared one for the tables, so that nobody migrates them while a daemon runs. The locks, and with them the right to
+write, end with the connection.
 """
 
 import time
@@ -21,7 +21,7 @@ from .migrations import check_version, migrate_postgres
 from .store import JournalAway, JournalError, Store
 
 PATIENCE = 5.0
-"""Seconds that a writer waits for the one before it to go."""
+"""Seconds that a writer waits for the previous one to end."""
 
 SESSION = (
     "SET statement_timeout = '20s'",
@@ -31,12 +31,12 @@ SESSION = (
     "SET tcp_keepalives_count = 3",
     "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'",
 )
-"""Of a connection that writes: a server that has gone is an error within seconds, a writer that has gone lets go of
-its locks within half a minute, and what is committed is on disk."""
+"""Settings of a writing connection: a lost server gives an error within seconds, a lost writer's locks are released
+within half a minute, and committed transactions are on disk."""
 
 
 class PostgresStore(Store):
-    """A database, by a URL such as `postgresql://pzctl@lab-server/pzctl`."""
+    """A journal in the database at a URL such as `postgresql://pzctl@lab-server/pzctl`."""
 
     def __init__(self, url: str, *, write: bool) -> None:
         self.name = without_password(url)
@@ -58,7 +58,7 @@ class PostgresStore(Store):
 
     @property
     def gone(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether the server has hung up; asked without sending it anything."""
+        """Whether the server has closed the connection; determined without sending anything."""
         try:
             self._db.pgconn.consume_input()
         except psycopg.OperationalError:
@@ -66,69 +66,69 @@ class PostgresStore(Store):
         return self._db.closed
 
     def close(self) -> None:
-        """Let go of the connection."""
+        """Close the connection."""
         self._db.close()
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        """Return the rows that a statement finds."""
+        """Return the rows that a statement selects."""
         with self._server_errors():
             return self._db.execute(_with_percent_marks(sql), values).fetchall()
 
     def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
-        """Yield the rows that a statement finds, a few at a time."""
+        """Yield the rows that a statement selects, fetching a few at a time."""
         self._streams += 1
         with self._server_errors(), self._db.cursor(name=f"pzctl_{self._streams}") as cursor:
             cursor.itersize = 100
             yield from cursor.execute(_with_percent_marks(sql), values)
 
     def run(self, sql: str, *values: Any) -> None:
-        """Run a statement that changes something."""
+        """Run a statement that changes rows."""
         with self._server_errors():
             self._db.execute(_with_percent_marks(sql), values)
 
     @contextmanager
     def transaction(self) -> Generator[None]:
-        """All or nothing; synced by the server when it is left."""
+        """Make all changes inside atomic; the server syncs them at the end."""
         with self._server_errors(), self._db.transaction():
             yield
 
     @contextmanager
     def snapshot(self) -> Generator[None]:
-        """Everything that is read inside is of one moment."""
+        """Let everything inside read the same state."""
         with self._server_errors(), self._db.transaction():
             self._db.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
             yield
 
     def write_array(self, event: str, data: bytes) -> None:
-        """Keep an array beside its event's row, in the same transaction."""
+        """Write an array in the same transaction as its event's row."""
         self.run("INSERT INTO arrays VALUES (?, ?)", event, data)
 
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns and their index; None where there are none."""
+        """Return an event's raw columns and their index, or None if it has none."""
         rows = self.all("SELECT data FROM arrays WHERE event = ?", event)
         return rows[0][0] if rows else None
 
     def take_array(self, event: str, source: Store) -> None:
-        """Keep a copy of the array that another store has."""
+        """Copy an array from another store."""
         data = source.read_array(event)
         if data is not None:
             self.write_array(event, data)
 
     def drop_arrays(self, events: Sequence[str]) -> None:
-        """Do nothing: they go with their events."""
+        """Do nothing: the database removes arrays with their events."""
 
     def set_orphans_aside(self) -> None:
-        """Do nothing: an interrupted transaction leaves nothing, and an array cannot outlive its row."""
+        """Do nothing: an interrupted transaction leaves nothing behind, and no array exists without its row."""
 
     def damage(self) -> list[str]:
-        """Return nothing: a server that reads a damaged page says so with an error of its own."""
+        """Return nothing: the server raises an error when it reads a damaged page."""
         return []
 
     def check_room(self) -> None:
-        """Do nothing: a server does not say how full its disk is, and refuses what it cannot keep."""
+        """Do nothing: a server does not report its free disk space, and refuses what it cannot store."""
 
     def claim(self, station: str) -> None:
-        """Become the only writer of a station, for as long as the connection lives."""
+        """Become the only writer of a station for as long as the connection exists."""
         deadline = time.monotonic() + PATIENCE
         while not self.all("SELECT pg_try_advisory_lock(hashtextextended(current_schema() || ?, 1))", station)[0][0]:
             if time.monotonic() > deadline:
@@ -139,11 +139,11 @@ class PostgresStore(Store):
             time.sleep(0.1)
 
     def _prepare(self) -> None:
-        """Settle how this connection writes, and bring the tables up to date."""
+        """Configure this connection for writing, and migrate the tables."""
         for statement in SESSION:
             self._db.execute(statement)
         if self._setting("fsync") != "on":
-            raise JournalError(f"{self.name}: this server does not sync what it writes (fsync = off)")
+            raise JournalError(f"{self.name}: this server does not sync its disk (fsync = off)")
         migrate_postgres(self._db, self._version)
 
     def _setting(self, name: str) -> str:
@@ -151,27 +151,27 @@ class PostgresStore(Store):
         return row[0] if row else ""
 
     def _version(self) -> int:
-        """Return the version of the tables; 0 where there are none."""
+        """Return the version of the tables, or 0 if there are none."""
         if not self.all("SELECT 1 WHERE to_regclass('pzctl_version') IS NOT NULL"):
             return 0
         return self.all("SELECT version FROM pzctl_version")[0][0]
 
     @contextmanager
     def _server_errors(self) -> Generator[None]:
-        """Turn the errors of the server, and of the way to it, into a sentence."""
+        """Raise the errors of the server and of the connection as JournalError or JournalAway."""
         try:
             yield
         except psycopg.Error as error:
             if self._db.closed:
                 raise JournalAway(
-                    f"{self.name}: the journal's server has gone, and nothing is measured until it is back: "
+                    f"{self.name}: the journal's server is away, and nothing is measured until it is back: "
                     + _sentence(error)
                 ) from error
             raise JournalError(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
 
 
 def _check_url(url: str, name: str) -> None:
-    """Raise JournalError for what is no URL; what libpq says of one can hold a part of the password."""
+    """Raise JournalError if a URL is not valid; libpq's own error could show a part of the password."""
     try:
         words = conninfo_to_dict(url)
     except psycopg.Error:
@@ -179,7 +179,7 @@ def _check_url(url: str, name: str) -> None:
     hosts, ports = (str(words.get(key, "")).split(",") for key in ("host", "port"))
     if any("@" in host[1:] for host in hosts) or not all(port == "" or port.isdecimal() for port in ports):
         raise JournalError(
-            f"{name}: this is no URL such as postgresql://USER@HOST/DATABASE; in a user or password "
+            f"{name}: a URL such as postgresql://USER@HOST/DATABASE is needed; in a user or password "
             "`@ : / ? # %` are written as %40 %3A %2F %3F %23 %25"
         )
 
@@ -189,5 +189,5 @@ def _sentence(error: psycopg.Error) -> str:
 
 
 def _with_percent_marks(sql: str) -> Any:
-    """Return a statement as psycopg wants it."""
+    """Return a statement with psycopg's placeholders."""
     return sql.replace("?", "%s")

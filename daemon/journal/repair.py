@@ -1,7 +1,7 @@
-"""Writing a folder journal's database again from what its arrays say of themselves.
+"""Rebuilding a folder journal's database from the indexes of its arrays.
 
-Nothing is removed and nothing is guessed: the old database is kept beside the new one, an array without a whole index
-goes to `orphans/` and is named, and events without an array, such as states, are recorded as a gap.
+Nothing is removed and nothing is guessed: the old database is kept beside the new one, an array without a valid index
+is moved to `orphans/` and reported, and events without an array, such as states, are recorded as a gap.
 """
 
 import sqlite3
@@ -26,26 +26,26 @@ from .folder_store import FolderStore
 from .store import JournalError, digest_of
 
 TAIL = 1000
-"""Numbers of events that are left out behind the last array: events without an array may have been announced there."""
+"""Event numbers left unused after the last array, because events without an array may have been published there."""
 
 _Item = tuple[ArrayIndex, Event]
 
 
 @dataclass
 class RepairReport:
-    """What a repair did."""
+    """The results of a repair."""
 
     events: int = 0
-    """Rows of events that were written again."""
+    """Number of rebuilt rows of events."""
     measurements: int = 0
     kept_database: Path | None = None
-    """Where the database is that was there before."""
+    """Path of the old database."""
     set_aside: list[str] = field(default_factory=list[str])
-    """A sentence for each file that was moved to `orphans/`."""
+    """One sentence for each file that was moved to `orphans/`."""
 
 
 class _HeaderBuild(msgspec.Struct, frozen=True):
-    """A sweep's header, as far as its build: the bytes whose hash the build is known by."""
+    """The build in a sweep's header, as the bytes whose hash identifies the build."""
 
     build: msgspec.Raw
 
@@ -54,9 +54,9 @@ _header_build = msgspec.json.Decoder(_HeaderBuild)
 
 
 def repair_folder(folder: Path) -> RepairReport:
-    """Write the rows that arrays have and the database lacks. Raises JournalError; then nothing was removed.
+    """Rebuild the rows that the database lacks from the arrays. Raises JournalError, and then nothing was removed.
 
-    A database that is whole and names some of the arrays is added to. Any other one is set aside for a new one.
+    Rows are added to an intact database that names some of the arrays; any other database is replaced by a new one.
     """
     files, report = ArrayFolder(folder), RepairReport()
     with closing(take_lock(folder)):
@@ -64,8 +64,8 @@ def repair_folder(folder: Path) -> RepairReport:
         items, faults = _read_arrays(files)
         if not items:
             raise JournalError(
-                f"{folder}: none of the {len(faults)} recording(s) in arrays/ says what it is; nothing was changed: "
-                f"bring back {DATABASE} from a backup, or move arrays/ away to begin a new journal"
+                f"{folder}: none of the {len(faults)} recording(s) in arrays/ has a valid index; nothing was changed: "
+                f"restore {DATABASE} from a backup, or move arrays/ away to begin a new journal"
             )
         report.kept_database = _keep_database(folder)
         store = FolderStore(folder, write=True, unchecked=True)
@@ -83,7 +83,7 @@ def repair_folder(folder: Path) -> RepairReport:
 
 
 def _read_arrays(files: ArrayFolder) -> tuple[list[_Item], dict[str, str]]:
-    """Return the arrays that can be indexed again, and why the others cannot, by their names."""
+    """Return the arrays whose rows can be rebuilt, and the reasons why others cannot, by name."""
     items: list[_Item] = []
     faults: dict[str, str] = {}
     for path in files.files():
@@ -99,7 +99,7 @@ def _read_arrays(files: ArrayFolder) -> tuple[list[_Item], dict[str, str]]:
             faults[path.stem] = f"its index cannot be read: {error}"
             continue
         if array.damaged or digest_of(array.columns) != index.hash or not index.id == event.id == path.stem:
-            faults[path.stem] = "it is not what was written"
+            faults[path.stem] = "it is damaged"
         else:
             items.append((index, event))
     return items, faults
@@ -114,24 +114,24 @@ def _columns(data: bytes, index: ArrayIndex) -> list[bytes]:
 
 
 def _keep_database(folder: Path) -> Path | None:
-    """Keep what is there: a copy of a database that is added to, else the files themselves; return where it is."""
+    """Copy a usable database, or rename the files of another one; return the path of what was kept, if anything."""
     kept = free_name(folder / f"{DATABASE}.before-repair")
     if _is_usable(folder):
         with closing(sqlite3.connect(folder / DATABASE)) as db, closing(sqlite3.connect(kept)) as copy:
             db.backup(copy)
         return kept
-    there = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm") if (folder / f"{DATABASE}{end}").exists()]
-    for path in there:
+    files = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm") if (folder / f"{DATABASE}{end}").exists()]
+    for path in files:
         path.rename(kept.with_name(kept.name + path.name.removeprefix(DATABASE)))
-    return kept if there else None
+    return kept if files else None
 
 
 def _is_usable(folder: Path) -> bool:
-    """Return whether a database is whole and names an array that is there."""
+    """Return whether a database is intact and names an existing array."""
     if database_fault(folder) is not None:
         return False
     try:
-        # read only at first: what is damaged is kept as it is
+        # read only at first, so that a damaged database stays unchanged
         with closing(sqlite3.connect(f"{(folder / DATABASE).absolute().as_uri()}?mode=ro", uri=True)) as db:
             if db.execute("PRAGMA integrity_check").fetchone() != ("ok",):
                 return False
@@ -143,14 +143,14 @@ def _is_usable(folder: Path) -> bool:
 
 
 class _Rebuild:
-    """The rows of one repair; inside of a transaction."""
+    """Writes the rows of one repair, inside a transaction."""
 
     def __init__(self, store: FolderStore, report: RepairReport) -> None:
         self._store = store
         self._report = report
 
     def run(self, items: Sequence[_Item]) -> dict[str, str]:
-        """Write rows for what the database does not know; return why an array was left out, by its name."""
+        """Write the rows that the database lacks; return the reasons why arrays were left out, by name."""
         names = {row[0] for row in self._store.all("SELECT id FROM events")}
         stations: dict[str, list[_Item]] = defaultdict(list)
         for item in items:
@@ -167,7 +167,7 @@ class _Rebuild:
         of_seq: dict[int, _Item] = {}
         for index, event in sorted(items, key=lambda item: (item[0].seq, item[1].time, item[0].id)):
             if index.seq <= newest:
-                faults[index.id] = f"event {index.seq} stands in the journal already, pruned or with another array"
+                faults[index.id] = f"event {index.seq} is in the journal already, pruned or with another array"
                 continue
             earlier = of_seq.get(index.seq)
             if earlier:
@@ -189,7 +189,7 @@ class _Rebuild:
                 chain_found(self._store, station, "runs", "id = ?", run)
 
     def _measurements(self, station: str, items: Sequence[_Item]) -> None:
-        """Write the measurements whose sweeps are there; a sweep's header holds the build."""
+        """Write the measurements of the sweeps, whose headers hold the build."""
         known = {row[0] for row in self._store.all("SELECT id FROM measurements")}
         of_sweeps = {
             index.measurement.id: (index.measurement, bytes(_header_build.decode(index.header).build))
@@ -219,7 +219,7 @@ class _Rebuild:
                 insert_answer(self._store, station, event)
             newest = index.seq
             self._report.events += 1
-        self._gap(station, newest + 1, newest + TAIL, "left out after a repair: what was announced here is not known")
+        self._gap(station, newest + 1, newest + TAIL, "left out after a repair: events published here are not known")
 
     def _gap(self, station: str, first: int, last: int, says: str) -> None:
         if first <= last:
@@ -227,7 +227,7 @@ class _Rebuild:
             chain_found(self._store, station, "gaps", "first = ?", first)
 
     def _states(self, station: str, items: Sequence[_Item]) -> None:
-        """Write what became of measurements: complete where every segment is there, else abandoned."""
+        """Set the state of measurements with all their segments to complete; the others stay abandoned."""
         sweeps = {event.measurement: event for _, event in items if isinstance(event, SweepEvent)}
         for measurement, sweep in sweeps.items():
             sql = "SELECT count(*) FROM events WHERE measurement = ? AND kind = 'sweep'"

@@ -1,4 +1,4 @@
-"""Copying a journal, and removing its oldest part once it has been copied."""
+"""Copying a journal, and removing its oldest part after copying it."""
 
 from pathlib import Path
 
@@ -26,25 +26,25 @@ COLUMNS = {
     "gaps": "first, last, time, says, station",
     "chain": "number, kind, subject, digest, link, station",
 }
-"""What is copied of each table: all of it, but for the numbers of runs and measurements, which are given anew."""
+"""The copied columns of each table: all but the numbers of runs and measurements, which are assigned again."""
 
 ORDER = {"runs": "number", "measurements": "number", "events": "station, seq", "chain": "station, number"}
 
 
 class JournalMaintenance(JournalWriter):
-    """A journal opened to be copied and pruned; no daemon may write it, or as this station, meanwhile."""
+    """A journal opened for copying and pruning; no daemon may write its folder or its station meanwhile."""
 
     def prune(self, before: str, backup: Place) -> int:
-        """Copy the journal to `backup`, then remove what is older of this station; return how many events that was.
+        """Copy the journal to `backup`, then remove this station's older events; return how many were removed.
 
-        `before` is RFC 3339, UTC, or the beginning of it, such as `2026-01-01`. Measurements go whole: from the
-        oldest one that stays, everything stays. Raises JournalError; then nothing was removed.
+        `before` is an RFC 3339 time in UTC, or its beginning, such as `2026-01-01`. Only complete measurements are
+        removed: everything from the oldest remaining one on is kept. Raises JournalError, and then nothing was removed.
         """
         copy_journal(self, backup)
         stays = self._one("SELECT min(number) FROM measurements WHERE time >= ? AND station = ?", before, self.station)
         number = stays[0] if stays and stays[0] is not None else self._after_last()
         if self._one("SELECT 1 FROM measurements WHERE number < ? AND station = ?", number, self.station) is None:
-            return 0  # what a daemon said before its first measurement stays with that
+            return 0  # events before the first measurement are kept with it
         last = self._one(
             "SELECT coalesce(min(seq) - 1, (SELECT max(seq) FROM events WHERE station = ?)) FROM events "
             "WHERE station = ? AND measurement IN (SELECT id FROM measurements WHERE number >= ? AND station = ?)",
@@ -60,7 +60,7 @@ class JournalMaintenance(JournalWriter):
         return len(gone)
 
     def _remove(self, seq: int, number: int, backup: str) -> None:
-        """Remove events up to `seq` and measurements below `number`, as far as nothing that stays needs them."""
+        """Remove events up to `seq`, and measurements below `number` to which no remaining event belongs."""
         unused = "number < ? AND NOT EXISTS (SELECT 1 FROM events WHERE events.measurement = measurements.id)"
         chain_removed(self.store, self.station, "fits", "seq <= ?", seq)
         self.store.run("DELETE FROM fits WHERE seq <= ? AND station = ?", seq, self.station)
@@ -77,16 +77,15 @@ class JournalMaintenance(JournalWriter):
 
 
 def copy_journal(source: JournalReader, target: Place, station: str = "") -> int:
-    """Copy a journal to a new folder, or into a database, while a daemon may go on writing it; verify the copy.
+    """Copy a journal to a new folder or into a database, even while a daemon writes it, and verify the copy.
 
-    `station` is what the nameless station of a folder is called in a database. Returns the number of events that were
-    copied. Raises JournalError where the folder is not empty, where the database knows such a station already, or
-    where the copy is not whole.
+    `station` names the unnamed station of a folder in a database. Return the number of copied events. Raises
+    JournalError if the folder is not empty, if the database has such a station already, or if the copy is damaged.
     """
     if isinstance(target, Path) and target.exists() and not target.is_dir():
-        raise JournalError(f"{target}: this is a file; a journal is copied to a new folder")
+        raise JournalError(f"{target}: this is a file; a journal needs a new folder")
     if isinstance(target, Path) and target.exists() and any(target.iterdir()):
-        raise JournalError(f"{target}: this folder is not empty; a journal is copied to a new one")
+        raise JournalError(f"{target}: this folder is not empty; a journal needs a new one")
     copy = JournalReader(target, write=True)
     try:
         with source.store.snapshot():
@@ -99,14 +98,14 @@ def copy_journal(source: JournalReader, target: Place, station: str = "") -> int
             _copy_seals(source, target)
         wrong = copy.verify()
         if wrong:
-            raise JournalError(f"{copy.name}: the copy is not whole: {wrong[0]}")
+            raise JournalError(f"{copy.name}: the copy is damaged: {wrong[0]}")
         return copied["events"]
     finally:
         copy.close()
 
 
 def _copy_seals(source: JournalReader, target: Place) -> None:
-    """Copy the seals from one folder to another; those of a database lie in the data folder of who made them."""
+    """Copy the seals from one folder to another; those of a database stay in the data folder where they were made."""
     if not isinstance(source.store, FolderStore) or not isinstance(target, Path):
         return
     seals = Path(source.name) / SEALS
@@ -118,19 +117,19 @@ def _copy_seals(source: JournalReader, target: Place) -> None:
 
 
 def _copy_table(source: JournalReader, copy: JournalReader, table: str, station: str) -> int:
-    """Copy the rows of one table, and the arrays of those that have some; return how many rows there were."""
+    """Copy the rows of one table and their arrays; return the number of rows."""
     columns = COLUMNS[table].split(", ")
     order = f" ORDER BY {ORDER[table]}" if table in ORDER else ""
-    kept = f"INSERT INTO {table} ({COLUMNS[table]}) VALUES ({', '.join('?' * len(columns))})"  # noqa: S608
-    if table == "builds":  # several stations measure the same
-        kept += " ON CONFLICT (hash) DO NOTHING"
+    insert = f"INSERT INTO {table} ({COLUMNS[table]}) VALUES ({', '.join('?' * len(columns))})"  # noqa: S608
+    if table == "builds":  # several stations may measure the same build
+        insert += " ON CONFLICT (hash) DO NOTHING"
     count = 0
     for row in source.store.stream(f"SELECT {COLUMNS[table]} FROM {table}{order}"):  # noqa: S608
         values = dict(zip(columns, row, strict=True))
         renamed = bool(station) and values.get("station") == ""
         if renamed:
             values["station"] = station
-        copy.store.run(kept, *values.values())
+        copy.store.run(insert, *values.values())
         if table == "events" and values["hash"] is not None:
             if renamed:
                 _take_renamed(source, copy, values["id"], values["lengths"], station)
@@ -141,7 +140,7 @@ def _copy_table(source: JournalReader, copy: JournalReader, table: str, station:
 
 
 def _take_renamed(source: JournalReader, copy: JournalReader, event: str, lengths: str, station: str) -> None:
-    """Copy an array whose index names the station it came from, so that it names the new one."""
+    """Copy an array and change the name of the station in its index."""
     content = source.store.read_array(event)
     if content is None:
         return

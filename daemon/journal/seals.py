@@ -1,7 +1,7 @@
-"""Seals: signatures (Ed25519) over the head of the chain, kept in a file beside the journal.
+"""Seals: Ed25519 signatures over the head of the chain, kept in a file beside the journal.
 
-A chain shows what was changed by whoever cannot write all of it anew. Who can, is shown by a seal: it holds up to the
-entry that it was made at, as long as the private key is kept where the journal's writers cannot read it.
+The chain reveals changes by anybody who does not rewrite all of it. A seal also reveals that the chain was rewritten up
+to the sealed entry, as long as the private key is kept where the journal's writers cannot read it.
 """
 
 import os
@@ -25,13 +25,13 @@ from .store import JournalError, Store
 
 
 class Seal(msgspec.Struct, frozen=True, kw_only=True):
-    """What a key said of a chain."""
+    """A signature over the head of a chain."""
 
     v: int = 1
     station: str
-    """Where it was made; not signed, so that a copy under another name keeps its seals."""
+    """Station of the chain; not signed, so that a copy under another name keeps its seals."""
     number: int
-    """The last entry that it holds for."""
+    """Number of the last sealed entry."""
     link: str
     time: str
     public_key: str
@@ -46,7 +46,7 @@ class Seal(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_key(private: Path) -> None:
-    """Make a private key, readable by its owner alone, where there is none. Raises JournalError."""
+    """Make a private key, readable by its owner only, if there is none. Raises JournalError."""
     if private.exists():
         return
     text = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
@@ -59,7 +59,7 @@ def make_key(private: Path) -> None:
 
 
 def keep_public_key(private: Path, public: Path) -> None:
-    """Write the public key that belongs to a private one, where none was kept yet. Raises JournalError."""
+    """Write the public key of a private key, if there is no file yet. Raises JournalError."""
     if public.exists():
         return
     key = _read_private(private).public_key()
@@ -75,7 +75,7 @@ def seal_head(head: tuple[int, str], station: str, private: Path) -> Seal:
     key = _read_private(private)
     number, link = head
     if number == 0:
-        raise JournalError("nothing was written to this journal yet, so there is nothing to seal")
+        raise JournalError("this journal is empty, so there is nothing to seal")
     public = key.public_key().public_bytes(Encoding.Raw, PublicFormat.Raw).hex()
     blank = Seal(station=station, number=number, link=link, time=now_utc(), public_key=public, signature="")
     return msgspec.structs.replace(blank, signature=key.sign(blank.signed).hex())
@@ -104,7 +104,7 @@ def add_seal(path: Path, seal: Seal) -> None:
 
 
 def read_seals(path: Path) -> list[Seal]:
-    """Return the seals of a file; none where it is not there. Raises JournalError."""
+    """Return the seals of a file; none if there is no file. Raises JournalError."""
     try:
         return [_decoder.decode(line) for line in path.read_bytes().splitlines()] if path.exists() else []
     except (OSError, msgspec.MsgspecError) as error:
@@ -112,7 +112,7 @@ def read_seals(path: Path) -> list[Seal]:
 
 
 def read_public_key(path: Path) -> str:
-    """Return the public key of a PEM file, hexadecimal. Raises JournalError."""
+    """Return the public key in a PEM file as a hexadecimal text. Raises JournalError."""
     try:
         key = load_pem_public_key(path.read_bytes())
     except (OSError, ValueError, UnsupportedAlgorithm) as error:
@@ -123,9 +123,9 @@ def read_public_key(path: Path) -> str:
 
 
 def seal_faults(store: Store, seals: list[Seal], trusted: str | None) -> list[str]:
-    """Return a sentence for each seal that does not hold; `trusted` is the public key that may seal."""
+    """Return a sentence for each seal that is not valid; `trusted` is the journal's public key, if known."""
     if not seals:
-        return ["this journal has a key to seal with, and no seal: its file of seals was removed"] if trusted else []
+        return ["this journal has a key for seals, but no seal: its file of seals was removed"] if trusted else []
     if trusted is None:
         return [f"{len(seals)} seal(s) could not be checked: give the public key with --public-key"]
     faults: list[str] = []
@@ -134,7 +134,7 @@ def seal_faults(store: Store, seals: list[Seal], trusted: str | None) -> list[st
         if seal.public_key != trusted or not _is_signed(seal):
             faults.append(f"{subject} was not made with this journal's key")
         elif not store.all("SELECT 1 FROM chain WHERE number = ? AND link = ?", seal.number, seal.link):
-            faults.append(f"{subject} does not hold: the chain was written anew since")
+            faults.append(f"{subject} is not valid: the chain was rewritten since")
     return faults
 
 

@@ -1,7 +1,7 @@
-"""Where a journal keeps its rows and arrays: one interface, SQLite beside a folder, or a PostgreSQL server.
+"""The interface of a journal's store, which is an SQLite database beside a folder, or a PostgreSQL server.
 
-Both are given the same SQL, with `?` for each value; what differs between them is in `folder_store` and
-`postgres_store`; `opening` chooses between them.
+Both run the same SQL, with `?` for each value. `folder_store` and `postgres_store` hold the differences, and `opening`
+chooses between them.
 """
 
 import hashlib
@@ -18,40 +18,40 @@ Place = Path | str
 
 
 class JournalError(CannotError):
-    """The journal cannot be opened, written or read as it should be."""
+    """The journal cannot be opened, read or written."""
 
 
 class JournalAway(JournalError):
-    """The server that keeps the journal cannot be reached; it may be back soon."""
+    """The journal's server cannot be reached; it may be back soon."""
 
 
 class Store(ABC):
-    """An open journal's rows and arrays. Every method raises JournalError where disk or server do not do as asked."""
+    """An open journal's rows and arrays. Every method raises JournalError if disk or server fail."""
 
     name: str
-    """Where it is, as error messages say it; without a password."""
+    """The folder, or the URL without its password, for messages."""
 
     gone: bool = False
-    """Whether it was on a server that can no longer be reached over this."""
+    """Whether the connection to the store's server is lost."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of it."""
+        """Close the store."""
 
     @abstractmethod
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
-        """Return the rows that a statement finds."""
+        """Return the rows that a statement selects."""
 
     @abstractmethod
     def stream(self, sql: str, *values: str | int) -> Iterator[tuple[Any, ...]]:
-        """Yield the rows that a statement finds, without having all of them in memory; inside of `snapshot`."""
+        """Yield the rows that a statement selects, without loading all of them; call it inside `snapshot`."""
 
     @abstractmethod
     def run(self, sql: str, *values: Any) -> None:
-        """Run a statement that changes something; inside of `transaction`."""
+        """Run a statement that changes rows; call it inside `transaction`."""
 
     def newest(self, station: str) -> int:
-        """Return the `seq` of a station's last event, be it still there or not; 0 where there was none."""
+        """Return the `seq` of a station's last event, even if it was pruned; 0 if there was none."""
         known = (
             "SELECT station, seq FROM events UNION ALL SELECT station, seq FROM prunings "
             "UNION ALL SELECT station, last FROM gaps"
@@ -61,33 +61,33 @@ class Store(ABC):
 
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
-        """All or nothing, and on disk when it is left."""
+        """Make all changes inside atomic, and on disk at the end."""
 
     @abstractmethod
     def snapshot(self) -> AbstractContextManager[None]:
-        """Everything that is read inside is of one moment."""
+        """Let everything inside read the same state."""
 
     @abstractmethod
     def write_array(self, event: str, data: bytes) -> None:
-        """Keep an event's array so that it is there, whole, once the transaction around this has ended."""
+        """Write an event's array, so that it is complete once the surrounding transaction has ended."""
 
     @abstractmethod
     def read_array(self, event: str) -> bytes | None:
-        """Return an event's raw columns and their index (see `array_file`); None where there are none."""
+        """Return an event's raw columns and their index (see `array_file`), or None if it has none."""
 
     @abstractmethod
     def take_array(self, event: str, source: "Store") -> None:
-        """Keep a copy of the array that another store has; it shares no file with its source."""
+        """Copy an array from another store; the copy shares no file with its source."""
 
     @abstractmethod
     def drop_arrays(self, events: Sequence[str]) -> None:
-        """Remove raw columns whose events have gone."""
+        """Remove the arrays of removed events."""
 
     @abstractmethod
     def set_orphans_aside(self) -> None:
-        """Move what an interrupted write left out of the way; nothing is removed.
+        """Set aside the files of interrupted writes without removing them.
 
-        Raises JournalError where arrays show that these rows are not theirs.
+        Raises JournalError if the arrays show that this database has lost their rows.
         """
 
     @abstractmethod
@@ -96,13 +96,13 @@ class Store(ABC):
 
     @abstractmethod
     def check_room(self) -> None:
-        """Raise JournalError where there is no room for a measurement."""
+        """Raise JournalError if there is no room for a measurement."""
 
     @abstractmethod
     def claim(self, station: str) -> None:
-        """Become the only writer of a station, for as long as this is open. Raises JournalError where there is one."""
+        """Become the only writer of a station while the store is open. Raises JournalError if there is one already."""
 
 
 def digest_of(data: bytes) -> str:
-    """Return the hash that an array is known by."""
+    """Return the SHA-256 of the data as a hexadecimal text."""
     return hashlib.sha256(data).hexdigest()

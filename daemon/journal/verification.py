@@ -1,4 +1,4 @@
-"""Checking a journal: the database's own files, every row against the chain, every array and build against its hash."""
+"""Verification of a journal: database files, every row against the chain, every array and build against its hash."""
 
 import re
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ EventRow = tuple[Any, ...]
 
 
 def faults_of(store: Store) -> list[str]:
-    """Return a sentence for each thing that is not what was written. A damaged database is not looked at further."""
+    """Return a sentence for each fault. A damaged database is not checked further."""
     damage = store.damage()
     if damage:
         return damage
@@ -29,7 +29,7 @@ def faults_of(store: Store) -> list[str]:
 
 
 def _build_faults(store: Store) -> Iterator[str]:
-    """Yield what is wrong with builds, each of which is known by its hash."""
+    """Yield the faults of builds, each of which is identified by its hash."""
     for digest, text in store.stream("SELECT hash, json FROM builds"):
         if not isinstance(text, bytes) or digest_of(text) != digest:
             yield f"build {digest[:12]} is not what was written"
@@ -39,7 +39,7 @@ def _build_faults(store: Store) -> Iterator[str]:
 
 
 class _StationCheck:
-    """The rows of one station against its chain, both read once, in order."""
+    """Checks the rows of one station against its chain, reading both once, in order."""
 
     def __init__(self, store: Store, station: str, answers: set[str]) -> None:
         self._store = store
@@ -62,7 +62,7 @@ class _StationCheck:
                 yield f"{table} {key}{self._of}: the row is missing"
 
     def _events_and_chain(self) -> Iterator[str]:
-        """Go along the chain and the events together."""
+        """Yield the faults of the chain and of the events, reading both in parallel."""
         sql = f"SELECT {COLUMNS['events']} FROM events WHERE station = ? ORDER BY seq"  # noqa: S608
         events = self._store.stream(sql, self._station)
         event = next(events, None)
@@ -90,7 +90,7 @@ class _StationCheck:
             event = next(events, None)
 
     def _entries(self) -> Iterator[tuple[str, str, str, str]]:
-        """Yield each entry of the chain: table, key, digest, and what is wrong with it."""
+        """Yield table, key, digest and fault (or an empty string) of each entry of the chain."""
         link, number = GENESIS, 0
         columns = "number, kind, subject, digest, link"
         sql = f"SELECT {columns} FROM chain WHERE station = ? ORDER BY number"  # noqa: S608
@@ -104,7 +104,7 @@ class _StationCheck:
             link, number = after, entry
 
     def _is_hole(self, first: int, last: int) -> bool:
-        """Return whether events are missing of which neither a pruning nor a repair tells."""
+        """Return whether events are missing that neither a pruning nor a repair has recorded."""
         for begin, end in sorted(self._gaps):
             if begin <= first <= end:
                 first = end + 1
@@ -138,7 +138,7 @@ class _StationCheck:
             yield f"{subject}: the index of its array {name} is not what was written"
 
     def _rows(self, table: str) -> Iterator[str]:
-        """Yield what is wrong with the rows of a table that are not events."""
+        """Yield the faults of the rows of a table other than `events`."""
         sql = f"SELECT {COLUMNS[table]} FROM {table} WHERE station = ?"  # noqa: S608
         for row in self._store.stream(sql, self._station):
             key = row_key(table, row)
@@ -150,5 +150,5 @@ class _StationCheck:
 
 
 def _tells(index: ArrayIndex, row: tuple[Any, ...]) -> bool:
-    """Return whether an index says what the row says."""
+    """Return whether an index agrees with the row."""
     return row == (index.seq, index.kind, index.id, index.topic.encode(), index.header.encode(), index.lengths)

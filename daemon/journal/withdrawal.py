@@ -1,4 +1,4 @@
-"""Measurements that were withdrawn: marked in the record with who and why, and never removed from it."""
+"""Withdrawn measurements, which stay in the journal with the name of the person and the reason."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from ..wire.events import StateEvent
 from .journal_reader import JournalReader
 
 WITHDRAWN = "withdrawn"
-"""The state of such a measurement."""
+"""The state of a withdrawn measurement."""
 
 _COUNTS = "measured"
-"""The state of a measurement that is the record of its step; no other has to be withdrawn."""
+"""The state of a complete measurement of its step; only such a measurement can be withdrawn."""
 
 
 class WithdrawalError(PzctlError):
-    """A measurement that cannot be withdrawn."""
+    """The measurement cannot be withdrawn."""
 
 
 @dataclass(frozen=True)
 class Withdrawal:
-    """Who withdrew a measurement, when and why."""
+    """The withdrawal of a measurement: by whom, when and why."""
 
     by: str
     client: str
@@ -36,19 +36,19 @@ class Withdrawal:
 
 def withdrawal_event(journal: JournalReader, measurement: str, why: str, client: str, by: str) -> StateEvent:
     """Return the event that withdraws a measurement of this station. Raises WithdrawalError, JournalError."""
-    found = journal.measurement(measurement)
-    if found is None:
+    known = journal.measurement(measurement)
+    if known is None:
         raise WithdrawalError(f"the journal holds no measurement {measurement!r}")
-    if found.state != _COUNTS:
-        raise WithdrawalError(f"measurement {measurement!r} is {found.state}; only a {_COUNTS} one can be withdrawn")
+    if known.state != _COUNTS:
+        raise WithdrawalError(f"measurement {measurement!r} is {known.state}; only a {_COUNTS} one can be withdrawn")
     ((station,),) = journal.store.all("SELECT station FROM measurements WHERE id = ?", measurement)
     if station != journal.station:
-        raise WithdrawalError(f"measurement {measurement!r} is of station {station!r}; it is withdrawn there")
-    return StateEvent(state=WITHDRAWN, says=why, measurement=found.id, sample=found.sample, client=client, by=by)
+        raise WithdrawalError(f"measurement {measurement!r} belongs to station {station!r}; withdraw it there")
+    return StateEvent(state=WITHDRAWN, says=why, measurement=known.id, sample=known.sample, client=client, by=by)
 
 
 def withdrawal_of(journal: JournalReader, measurement: str) -> Withdrawal | None:
-    """Return who withdrew a measurement, and why; None where nobody did. Raises JournalError."""
+    """Return the withdrawal of a measurement, or None if there is none. Raises JournalError."""
     sql = "SELECT header FROM events WHERE measurement = ? AND kind = 'state' ORDER BY station, seq"
     for (header,) in reversed(journal.store.all(sql, measurement)):
         event = msgspec.json.decode(header, type=StateEvent)

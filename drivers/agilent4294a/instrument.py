@@ -17,6 +17,7 @@ from .capabilities import CAPABILITIES
 from .compensation import standards as compensation
 from .driver import IDN
 from .protocol import saved_state as state
+from .protocol import settings
 from .protocol.progress_tracker import ProgressTracker
 from .sweeps import grid, list_sweep
 from .sweeps.joined_segments import joined
@@ -84,6 +85,7 @@ class Agilent4294A:
         limits.check(plan)
 
         def sweep_all(identity: Identity, found: state.SavedState) -> tuple[Sweep, ...]:
+            settings.check_corrections(self._link)
             if not plan.joined:
                 return self._one_by_one(
                     plan, identity, ProgressTracker(self._one_by_one_seconds(plan), progress, cancelled)

@@ -1,1 +1,1 @@
-"""What an analyzer is, whichever it is."""
+"""The interface of analyzers: driver, capabilities, measurement and compensation."""

@@ -1,4 +1,4 @@
-"""What every analyzer can do, whether it is an instrument, a simulated one, or a recording that is played."""
+"""The interface of an analyzer, which is an instrument, a simulated one, or a recording that is played back."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from .compensation import Compensation, Standard
 
 
 class InstrumentError(PzctlError):
-    """The instrument, or the way to it, does not do what was asked."""
+    """The instrument, or the connection to it, failed."""
 
 
 class Cancelled(InstrumentError):
@@ -21,10 +21,10 @@ class Cancelled(InstrumentError):
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered."""
+    """The identity of an analyzer."""
 
     name: str
-    """What people call it: the resource string."""
+    """Its name for people: the resource string."""
     idn: str
     """The answer to `*IDN?`."""
     model: str
@@ -34,33 +34,33 @@ class Identity:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a measurement is."""
+    """The progress of a measurement."""
 
     fraction: float
     """0 to 1."""
     seconds_left: float
     what: str
-    """A few words: `sweep 1 of 2`."""
+    """The current activity in a few words: `sweep 1 of 2`."""
 
 
 class Analyzer(Protocol):
-    """An impedance analyzer. One thread at a time. What has a body here is what most do; the rest is each one's own."""
+    """An impedance analyzer, used by one thread at a time. Methods with a body here are defaults for most analyzers."""
 
     def identify(self) -> Identity:
-        """Ask who is there. Raises InstrumentError where the answer is not of this analyzer."""
+        """Return the instrument's identity. Raises InstrumentError if the answer is not that of this analyzer."""
         ...
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it can do; nothing is asked of it for this."""
+        """Its capabilities, known without asking the instrument."""
         ...
 
     def make_safe(self) -> None:
-        """Switch the bias off, whoever left it on. Raises InstrumentError where it stays on."""
+        """Switch the bias off. Raises InstrumentError if it stays on."""
         ...
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
-        """Return how long the plan will take, asking the instrument nothing. Raises PlanError where it cannot do it."""
+        """Estimate the seconds of a plan without asking the instrument. Raises PlanError if it cannot do the plan."""
         self.capabilities.check(plan)
         return self.capabilities.seconds(plan)
 
@@ -70,10 +70,10 @@ class Analyzer(Protocol):
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Carry out the plan: one Sweep for each segment, in order; a single one where the plan joins them.
+        """Carry out the plan; return one Sweep per segment, in order, or a single one if the plan joins them.
 
-        Raises PlanError before anything is sent, Cancelled, or InstrumentError. On every way out the bias is off
-        and the instrument is left as found.
+        Raises PlanError before anything is sent, Cancelled, or InstrumentError. In any case the bias is off afterwards
+        and the instrument has its previous settings.
         """
         ...
 
@@ -85,20 +85,20 @@ class Analyzer(Protocol):
         cancelled: Callable[[], bool] = lambda: False,
         adapter: str = "OFF",
     ) -> Compensation:
-        """Measure the fixture's `standards`, each after `prompt` has returned from asking a person to put it in.
+        """Measure the fixture's `standards`, each after `prompt` has asked a person to connect it and returned.
 
-        The instrument corrects every later sweep by them; the arrays are returned to be kept. `adapter`: one of
-        `Capabilities.adapters`. Raises InstrumentError where a standard is not what it should be, or there is no
-        fixture, Cancelled, and what `prompt` raises. Unless overridden, there is none.
+        The instrument corrects every later sweep by them; the arrays are returned to be kept. `adapter` is one of
+        `Capabilities.adapters`. Raises InstrumentError if a reading does not fit its standard, or if the analyzer has
+        no compensation (the default); Cancelled; and what `prompt` raises.
         """
         raise InstrumentError(f"a {self.capabilities.model} has no compensation that pzctl can measure")
 
     def restore(self, stored: Compensation) -> None:
-        """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
-        raise InstrumentError(f"a {self.capabilities.model} has no compensation that pzctl can give back")
+        """Load the arrays of `stored` into the instrument and switch them on. Raises InstrumentError."""
+        raise InstrumentError(f"a {self.capabilities.model} has no compensation that pzctl can restore")
 
     def close(self) -> None:
-        """Let go of the instrument."""
+        """Close the connection to the instrument."""
         ...
 
 
@@ -107,21 +107,21 @@ FileKind = Literal["screen", "ascii", "binary", "touchstone"]
 
 @runtime_checkable
 class MakesFiles(Protocol):
-    """An analyzer that makes files of what it shows; not every one does."""
+    """An analyzer that can make files of its screen and of the sweep shown."""
 
     def fetch(self, kind: FileKind) -> bytes:
-        """Return a file that the instrument makes. Raises InstrumentError.
+        """Return the content of a file that the instrument makes. Raises InstrumentError.
 
-        `screen`: a TIFF of what it shows; `ascii`, `binary`, `touchstone`: the sweep it shows, in its own formats.
+        `screen` is a TIFF of the screen; `ascii`, `binary` and `touchstone` are the sweep shown, in its own formats.
         """
         ...
 
 
 @runtime_checkable
 class OnALine(Protocol):
-    """An analyzer at the other end of a line, which a short sweep tries; a recording has none."""
+    """An analyzer behind a connection that a short sweep can test, unlike a recording."""
 
     @property
     def hears_requests(self) -> bool:
-        """Whether the end of a sweep is told by service request; else the instrument is asked for it."""
+        """Whether a service request signals the end of a sweep; otherwise the instrument is polled."""
         ...

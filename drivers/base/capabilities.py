@@ -1,4 +1,4 @@
-"""What an analyzer can do, as numbers: what plans are made with and checked against before anything is sent."""
+"""The capabilities of an analyzer as numbers, for making sweep plans and checking them before anything is sent."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,47 +9,47 @@ from ...models.base.arrays import Frequencies, Impedances, Reals
 from ...models.sweep_plan import PlanError, Segment, SweepPlan
 
 PerPoint = Callable[[SweepPlan, Frequencies, Impedances], Reals]
-"""Of a plan's settings, frequencies in Hz and impedances in ohm, shape (N,): one number for each point, shape (N,)."""
+"""A function of a plan's settings, frequencies (Hz) and impedances (ohm), shape (N,), with one value per point."""
 
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What an analyzer can do. Ranges are (lowest, highest), both included."""
+    """The capabilities of an analyzer. Ranges are (lowest, highest), both included."""
 
     model: str
-    """As in `a 4294A can do`."""
+    """Name of the model, as in `a 4294A can do`."""
     frequency_Hz: tuple[float, float]
     oscillator_V: tuple[float, float]
     """rms."""
     oscillator_A: tuple[float, float] | None
-    """rms; None where it drives by voltage alone."""
+    """rms; None if the analyzer cannot drive by a current."""
     bias_V: tuple[float, float]
-    """(0, 0) where it has no bias source."""
+    """(0, 0) without a bias source."""
     points_per_sweep: int
-    """In one sweep; a segment of more is carried out as several."""
+    """Greatest number of points of one sweep; a longer segment takes several sweeps."""
     segments_per_sweep: int
-    """That one sweep of a joined plan can hold; more are carried out as several."""
+    """Greatest number of segments in one sweep of a joined plan; more take several sweeps."""
     bandwidths: tuple[int, ...]
-    """Values of `SweepPlan.bandwidth`, fast to precise, without gaps."""
+    """Values of `SweepPlan.bandwidth`, from fast to precise, without gaps."""
     averages: int
-    """Most, of either kind."""
+    """Greatest averaging factor, of points or sweeps."""
     delay_s: float
-    """Longest, before a point or a sweep."""
+    """Longest delay before a point or a sweep."""
     source_ohm: float
     """Resistance between oscillator and device."""
     noise: PerPoint
     """Relative standard deviation of Re and Im of Z from point to point."""
     accuracy: PerPoint
-    """Specified relative error of |Z|, and of its phase in rad: what stays the same from sweep to sweep."""
+    """Specified relative error of |Z|, and of its phase in rad, which is the same in every sweep."""
     points_seconds: Callable[[SweepPlan, Frequencies], float]
-    """Seconds that all sweeps of a plan over these frequencies take, the delays before sweeps not counted."""
+    """Seconds that all sweeps of a plan over these frequencies take, without the delays before sweeps."""
     setup_seconds: float
-    """What setting up, checking and reading a segment takes."""
+    """Seconds for setting up, checking and reading a segment."""
     adapters: Mapping[str, str] = field(default_factory=dict[str, str])
-    """What may sit between analyzer and fixture, as `compensate` takes it, and as a sweep's settings say it."""
+    """Adapters between analyzer and fixture: their names for `compensate`, and those in a sweep's settings."""
 
     def seconds(self, plan: SweepPlan) -> float:
-        """Return the seconds that `plan` takes, the set-up of its segments included."""
+        """Return the seconds that `plan` takes, including the set-up of its segments."""
         frequency = np.concatenate([np.linspace(s.start_Hz, s.stop_Hz, s.points) for s in plan.segments])
         return self.points_seconds(plan, frequency) + len(plan.segments) * self.segment_seconds(plan)
 
@@ -58,7 +58,7 @@ class Capabilities:
         return self.setup_seconds + plan.sweep_average * plan.sweep_delay_s
 
     def check(self, plan: SweepPlan) -> None:
-        """Raise PlanError where `plan` is beyond this: where, what was found, what is allowed."""
+        """Raise PlanError with place, value and allowed range if `plan` exceeds these capabilities."""
         for where, segment in named_segments(plan):
             for end, value in (("start", segment.start_Hz), ("stop", segment.stop_Hz)):
                 self.within(f"{where}: {end}", value, self.frequency_Hz, "Hz")
@@ -67,7 +67,9 @@ class Capabilities:
         if plan.oscillator_A is None:
             self.within("sweep plan: oscillator", plan.oscillator_V, self.oscillator_V, "V")
         elif self.oscillator_A is None:
-            raise PlanError(f"sweep plan: oscillator is {plan.oscillator_A:.12g} A; a {self.model} is set in volts")
+            raise PlanError(
+                f"sweep plan: oscillator is {plan.oscillator_A:.12g} A; a {self.model} can only be set in volts"
+            )
         else:
             self.within("sweep plan: oscillator", plan.oscillator_A, self.oscillator_A, "A")
         self.within("sweep plan: point delay", plan.point_delay_s, (0.0, self.delay_s), "s")
@@ -80,9 +82,9 @@ class Capabilities:
             raise PlanError(f"sweep plan: direction {plan.direction!r} is not known; up or down is allowed")
 
     def within(self, what: str, value: float, ends: tuple[float, float], unit: str) -> None:
-        """Raise PlanError where `value` is not between `ends`."""
+        """Raise PlanError if `value` is not between `ends`."""
         low, high = ends
-        if not low <= value <= high:  # also where value is NaN
+        if not low <= value <= high:  # true for NaN too
             raise PlanError(f"{what} is {value:.12g} {unit}; a {self.model} can do {low:.12g} to {high:.12g} {unit}")
 
     def _whole(self, what: str, value: int, low: int, high: int) -> None:
@@ -91,7 +93,7 @@ class Capabilities:
 
 
 def named_segments(plan: SweepPlan) -> tuple[tuple[str, Segment], ...]:
-    """Return each segment of `plan` with what an error calls it."""
+    """Return each segment of `plan` with its name for errors."""
     if len(plan.segments) == 1:
         return (("sweep plan", plan.segments[0]),)
     return tuple((f"sweep plan: segment {k}", segment) for k, segment in enumerate(plan.segments, start=1))

@@ -1,4 +1,4 @@
-"""What a fixture adds, as an analyzer measured it."""
+"""The compensation of a fixture, as measured by an analyzer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ Standard = Literal["open", "short", "load"]
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """What a fixture adds, as the instrument measured it."""
+    """The compensation of a fixture, as measured by the instrument."""
 
     arrays: Mapping[Standard, Complexes]
     """At the instrument's own points, lowest frequency first: open in siemens (G + jB), short and load in ohm."""
     adapter: str
-    """One of `Capabilities.adapters`; the arrays hold for it alone."""
+    """One of `Capabilities.adapters`; the arrays are valid for this adapter only."""
     taken: str
-    """When, RFC 3339, UTC."""
+    """Time of the measurement, RFC 3339, UTC."""
     instrument: str
-    """Answer to `*IDN?`; the arrays hold for it alone."""
+    """Answer to `*IDN?`; the arrays are valid for this instrument only."""
     fixture: str = ""
-    """What people call the fixture that it was measured in."""
+    """Name of the fixture."""

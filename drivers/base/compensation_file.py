@@ -1,4 +1,4 @@
-"""A compensation kept in a file: JSON that says whose it is, when it was taken, and every number exactly."""
+"""A compensation in a JSON file with instrument, date and exact numbers."""
 
 from pathlib import Path
 from typing import Literal
@@ -12,7 +12,7 @@ from .compensation import Compensation, Standard
 
 
 class _Stored(msgspec.Struct, forbid_unknown_fields=True):
-    """What stands in the file; `arrays` holds pairs of real and imaginary part, in siemens (open) or ohm."""
+    """The content of the file; `arrays` holds pairs of real and imaginary part, in siemens (open) or ohm."""
 
     kind: str
     version: Literal[1]
@@ -24,9 +24,9 @@ class _Stored(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save(path: Path, compensation: Compensation, model: str) -> None:
-    """Write what an analyzer of this `model` measured to `path`, whole or not at all.
+    """Write the compensation of an analyzer of this `model` to `path`, atomically.
 
-    Raises InstrumentError where it cannot be written.
+    Raises InstrumentError if it cannot be written.
     """
     arrays = {name: [(z.real, z.imag) for z in values.tolist()] for name, values in compensation.arrays.items()}
     content: dict[str, object] = {
@@ -37,28 +37,28 @@ def save(path: Path, compensation: Compensation, model: str) -> None:
         "taken": compensation.taken,
         "arrays": arrays,
     }
-    if compensation.fixture:  # without, earlier versions read the file as well
+    if compensation.fixture:  # earlier versions can read a file without this field
         content["fixture"] = compensation.fixture
-    beside = path.with_name(path.name + ".part")
+    part = path.with_name(path.name + ".part")
     try:
-        beside.write_bytes(msgspec.json.encode(content))
-        beside.replace(path)
+        part.write_bytes(msgspec.json.encode(content))
+        part.replace(path)
     except OSError as error:
         raise InstrumentError(f"{path}: the compensation cannot be written: {error.strerror}") from None
 
 
 def load(path: Path, can: Capabilities) -> Compensation:
-    """Return the compensation in the file at `path`. Raises InstrumentError where it is none of such an analyzer."""
+    """Return the compensation in the file at `path`. Raises InstrumentError if it is not one of such an analyzer."""
     try:
         stored = msgspec.json.decode(path.read_bytes(), type=_Stored)
     except OSError as error:
         raise InstrumentError(f"{path}: the compensation cannot be read: {error.strerror}") from None
     except msgspec.MsgspecError as error:
-        raise InstrumentError(f"{path}: this is no compensation: {error}") from None
+        raise InstrumentError(f"{path}: not a compensation: {error}") from None
     for key, value, allowed in (("kind", stored.kind, (_kind(can.model),)), ("adapter", stored.adapter, can.adapters)):
         if value not in allowed:
-            found = f"{key} is {value!r}; {', '.join(allowed)} is allowed"
-            raise InstrumentError(f"{path}: this is no compensation: {found}")
+            fault = f"{key} is {value!r}; {', '.join(allowed)} is allowed"
+            raise InstrumentError(f"{path}: not a compensation: {fault}")
     empty = [name for name, pairs in stored.arrays.items() if not pairs]
     if empty or not stored.arrays:
         raise InstrumentError(f"{path}: the compensation holds no values{' for ' + empty[0] if empty else ''}")

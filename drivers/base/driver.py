@@ -1,4 +1,4 @@
-"""How an analyzer is found: what an entry point of the group `pzctl.analyzers` refers to."""
+"""Drivers, the objects that entry points of the group `pzctl.analyzers` refer to."""
 
 import re
 from collections.abc import Callable
@@ -14,30 +14,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InstrumentDriver:
-    """An analyzer on a VISA path, found by its identification."""
+    """An analyzer with a VISA resource, recognised by its identification."""
 
     name: str
-    """As a sentence lists it: `HP, Agilent or Keysight 4294A`."""
+    """Name for people: `HP, Agilent or Keysight 4294A`."""
     idn: re.Pattern[str]
-    """What its answer to `*IDN?` is, all of it."""
+    """Pattern of its complete answer to `*IDN?`."""
     capabilities: Callable[[str], Capabilities]
-    """What the one with this identification can do; nothing is asked of it."""
+    """Return the capabilities for an identification, without asking the instrument."""
     open: "Callable[[Connection], Analyzer]"
-    """Return it; the connection is its own from then on."""
+    """Return the analyzer, which owns the connection from then on."""
     assumed: bool = False
-    """Whether a recording of unknown origin counts as one of this."""
+    """Whether a recording of unknown origin is assumed to come from this analyzer."""
 
 
 @dataclass(frozen=True)
 class PrefixDriver:
-    """Something else that measures, found by how its resource begins."""
+    """Another source of measurements, recognised by the prefix of its resource."""
 
     name: str
-    """As a sentence lists it: `a recording`."""
+    """Name for people: `a recording`."""
     prefix: str
-    """Such as `recording:`."""
+    """Prefix of the resource, such as `recording:`."""
     open: Callable[[str], Analyzer]
-    """Return it, by the resource without its prefix. Raises InstrumentError."""
+    """Return the analyzer for the resource without its prefix. Raises InstrumentError."""
 
 
 Driver = InstrumentDriver | PrefixDriver

@@ -1,1 +1,1 @@
-"""From a fast sweep to a plan with its points where the resonances are."""
+"""Sweep plans with their points where the resonances are."""

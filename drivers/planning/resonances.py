@@ -1,4 +1,4 @@
-"""Resonances seen in recordings: where they are, how wide, how strong."""
+"""Resonances seen in recordings: frequency, linewidth and strength."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from ...models.base.arrays import Reals
 from ...models.sweep import Sweep
 
 RESOLVED = 3.0
-"""Steps of a look within a linewidth, from which on the linewidth can be read off it."""
+"""Least number of frequency steps per linewidth for a reliable linewidth."""
 LEAST_STRENGTH = 0.02
-"""A resonance that lifts G/w (or w R) by less than this part of |Y|/w (of w |Z|) is left to the background; at 0.5 V
-the noise of a fast look is a hundredth of that."""
+"""Least height of a resonance in G/w (or w R), relative to |Y|/w (or w |Z|); weaker ones count as background. At 0.5 V
+the noise of a fast preliminary sweep is a hundredth of this."""
 ABOVE_NOISE = 10.0
-"""And one that rises by less than this many standard deviations of the look's expected noise is noise."""
+"""Least height of a resonance in standard deviations of the expected noise."""
 
 
 @dataclass(frozen=True)
@@ -26,37 +26,37 @@ class Resonance:
     linewidth: float
     """f/Q: full width at half its height, Hz."""
     strength: float
-    """Its height over its surroundings, as part of |Y|/w or w |Z|: 0 to 1."""
+    """Height over the surroundings, relative to |Y|/w or w |Z|: 0 to 1."""
     step: float
-    """Hz between the points it was seen at."""
+    """Hz between the points of the sweep in which it was seen."""
 
     @property
     def resolved(self) -> bool:
-        """Whether the linewidth can be trusted."""
+        """Whether the linewidth is reliable."""
         return self.linewidth >= RESOLVED * self.step
 
 
 def resonances(looks: Sequence[Sweep]) -> tuple[Resonance, ...]:
-    """Return the resonances seen in `looks`, in rising order; where several cover one frequency, by the closest."""
+    """Return the resonances seen in the sweeps `looks`, in rising order; for each frequency the finest sweep counts."""
     finest_first = sorted(looks, key=lambda look: (look.frequency[-1] - look.frequency[0]) / look.frequency.size)
-    found: list[Resonance] = []
+    seen: list[Resonance] = []
     covered: list[tuple[float, float]] = []
     for look in finest_first:
-        found += [one for one in _peaks(look) if not any(a <= one.frequency <= b for a, b in covered)]
+        seen += [peak for peak in _peaks(look) if not any(a <= peak.frequency <= b for a, b in covered)]
         covered.append((float(look.frequency[0]), float(look.frequency[-1])))
-    return tuple(sorted(found, key=lambda one: one.frequency))
+    return tuple(sorted(seen, key=lambda peak: peak.frequency))
 
 
 def _peaks(look: Sweep) -> list[Resonance]:
     w = 2 * np.pi * look.frequency
     series, parallel = look.admittance.real / w, look.impedance.real * w
-    found = _maxima(look, series, np.abs(look.admittance) / w) + _maxima(look, parallel, np.abs(look.impedance) * w)
-    return sorted(found, key=lambda one: one.frequency)
+    peaks = _maxima(look, series, np.abs(look.admittance) / w) + _maxima(look, parallel, np.abs(look.impedance) * w)
+    return sorted(peaks, key=lambda peak: peak.frequency)
 
 
 def _maxima(look: Sweep, trace: Reals, scale: Reals) -> list[Resonance]:
-    """Return the maxima of `trace` that rise by `LEAST_STRENGTH` of `scale` and out of noise; both of shape (N,)."""
-    from scipy.signal import find_peaks, peak_widths  # half a second, which who only plans a sweep need not wait
+    """Return the maxima of `trace` above noise and `LEAST_STRENGTH` times `scale`; both have shape (N,)."""
+    from scipy.signal import find_peaks, peak_widths  # takes half a second, so it is imported only when needed
 
     noise = np.array(look.settings.get("noise_relative", 0.0))
     at, properties = find_peaks(trace, prominence=np.maximum(LEAST_STRENGTH, ABOVE_NOISE * noise) * scale)

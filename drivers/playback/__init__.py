@@ -1,1 +1,1 @@
-"""Recordings played as an analyzer."""
+"""Playback of recordings as an analyzer."""

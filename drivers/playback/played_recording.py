@@ -1,4 +1,4 @@
-"""A recording, or a folder of them, played as an analyzer: the same path for old data as for new."""
+"""Playback of a recording, or a folder of them, as an analyzer, so that old data take the same path as new ones."""
 
 import dataclasses
 import math
@@ -35,19 +35,19 @@ CAPABILITIES = Capabilities(
     points_seconds=lambda plan, frequency: 0.0,
     setup_seconds=0.0,
 )
-"""Any plan is answered, at once, by what was recorded: nothing is added to it."""
+"""Any plan is answered at once by recorded points, without added noise or error."""
 
 
 class Playback:
-    """Plays `path`: a file answers every plan, a folder's files (in the order of their names) one plan each.
+    """Plays back `path`: a file answers every plan; the files of a folder answer one plan each, in order of name.
 
-    The points are the recorded ones, never interpolated: of each segment those that were recorded within it.
-    Raises InstrumentError where there is no such file, or the folder is empty.
+    Each segment gets the points recorded within it, never interpolated ones. Raises InstrumentError if there is no such
+    file, or the folder is empty.
     """
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
-            raise InstrumentError(f"recording:{path}: there is no such file or folder")
+            raise InstrumentError(f"recording:{path}: no such file or folder")
         if not (path.is_file() or path.is_dir()):
             raise InstrumentError(f"recording:{path}: this is a device or a pipe; a file or a folder is needed")
         self._path = path
@@ -56,11 +56,11 @@ class Playback:
 
     @property
     def capabilities(self) -> Capabilities:
-        """No limits: of what a plan asks for, what was recorded is played."""
+        """Capabilities without limits, since a plan only selects recorded points."""
         return CAPABILITIES
 
     def identify(self) -> Identity:
-        """Return who "answers": the recording itself."""
+        """Return the recording itself as identity."""
         name = f"recording:{self._path}"
         return Identity(name, name, "recording", "", "")
 
@@ -68,7 +68,7 @@ class Playback:
         """Do nothing: a recording has no bias."""
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
-        """Return 0: a recording has no sweep to wait for."""
+        """Return 0, since playback takes no time."""
         return 0.0
 
     def measure(
@@ -77,13 +77,13 @@ class Playback:
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Answer `plan` by recorded points: one Sweep for each segment, or one for all that are joined.
+        """Return recorded points for `plan`: one Sweep per segment, or a single one for a joined plan.
 
-        Raises InstrumentError where nothing was recorded within a segment, or all recordings have been played;
-        Cancelled; and what reading the file raises.
+        Raises InstrumentError if nothing was recorded within a segment or all recordings have been played, Cancelled,
+        and what reading the file raises.
         """
         if cancelled():
-            raise Cancelled(f"recording:{self._path}: cancelled before it was played")
+            raise Cancelled(f"recording:{self._path}: cancelled before playback")
         file = self._take()
         recording = read_recording(file)
         segments = plan.segments
@@ -113,7 +113,7 @@ class Playback:
         raise self._no_fixture()
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: no connection is open."""
 
     def _no_fixture(self) -> InstrumentError:
         return InstrumentError(f"{PREFIX}{self._path}: a recording has no fixture and no screen; name an instrument")
@@ -130,26 +130,26 @@ class Playback:
 def _files(path: Path) -> list[Path]:
     files = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
     if not files:
-        raise InstrumentError(f"recording:{path}: no recording in this folder; {' '.join(SUFFIXES)} are looked for")
+        raise InstrumentError(f"recording:{path}: no recording in this folder; {' '.join(SUFFIXES)} are allowed")
     return files
 
 
 SUFFIXES = (".csv", ".s1p", ".tsv", ".txt", ".y1p", ".z1p")
-"""What a recording's name ends with; other files of a folder are not played."""
+"""File name extensions of recordings; other files of a folder are ignored."""
 
 
 def _within(recording: Sweep, segment: Segment, file: Path) -> Sweep:
     f = recording.frequency
     keep = (f >= segment.start_Hz) & (f <= segment.stop_Hz)
-    asked = f"{segment.start_Hz:.12g} to {segment.stop_Hz:.12g} Hz"
+    range_ = f"{segment.start_Hz:.12g} to {segment.stop_Hz:.12g} Hz"
     if keep.sum() < 2:
         raise InstrumentError(
-            f"recording:{file}: {keep.sum()} of its points lie within {asked}; it was recorded from "
+            f"recording:{file}: {keep.sum()} of its points lie within {range_}; it was recorded from "
             f"{f[0]:.12g} to {f[-1]:.12g} Hz"
         )
     notes = recording.notes
     if not keep.all() or f[0] > segment.start_Hz or f[-1] < segment.stop_Hz:
-        notes = (*notes, f"Played from {file.name}: {keep.sum()} recorded points within {asked}.")
+        notes = (*notes, f"Played from {file.name}: {keep.sum()} recorded points within {range_}.")
     return dataclasses.replace(recording, frequency=f[keep], impedance=recording.impedance[keep], notes=notes)
 
 

@@ -1,4 +1,4 @@
-"""Recordings in files: read what instruments and people write, write what others read."""
+"""Recordings in files: reading the formats of instruments and people, writing formats for other programs."""
 
 from .formats.datatrace import read_data_trace
 from .formats.netcdf_hdf5 import write_hdf5, write_netcdf

@@ -1,4 +1,4 @@
-"""From the numbers of a file to a `Sweep`: order, units and polarity are checked here for every format."""
+"""Making a `Sweep` from the numbers of a file, with checks of order, units and polarity for every format."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from ...models.sweep import Sweep
 from .text_file import TextFile, file_time
 
 LOWEST_Hz = 40.0
-"""Where the 4294A begins; a recording that ends below it has its frequencies in another unit."""
+"""Lowest frequency of the 4294A; a recording that ends below it has its frequencies in another unit."""
 HIGHEST_Hz = 1e11
-"""Far above any impedance analyzer."""
+"""Frequency far above the range of any impedance analyzer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The points of a file in its own order."""
+    """The points of a file in the order of the file."""
 
     lines: Sequence[int]
-    """The line each point stands on, shape (N,)."""
+    """The line of each point, shape (N,)."""
     frequency: Reals
     """Hz, shape (N,)."""
     impedance: Impedances
@@ -36,11 +36,11 @@ def assemble(
     id_: str | None = None,
     notes: Sequence[str] = (),
 ) -> Sweep:
-    """Return the recording. `time`: None for that of the file; `id_`: None for the file's name.
+    """Return the recording. `time` None means the time of the file, `id_` None the name of the file.
 
-    A downward sweep is turned round. Inverted polarity is said in the notes and the numbers stay as recorded.
-    Raises RecordingError for one point, frequencies out of order, doubled or in another unit, impedances that are
-    not finite or zero.
+    A downward sweep is reversed. Inverted polarity is reported in the notes, and the numbers stay as recorded. Raises
+    RecordingError for fewer than two points, for frequencies that are not monotonic, repeated or in another unit, and
+    for impedances that are zero or not finite.
     """
     lines, frequency, impedance = points.lines, points.frequency, points.impedance
     if frequency.size < 2:
@@ -70,18 +70,18 @@ def _check_frequency(page: TextFile, lines: Sequence[int], f: Reals) -> None:
     if f.max() < LOWEST_Hz:
         raise page.error(
             lines[0],
-            f"frequencies end at {f.max():g} Hz, where no analyzer measures ({LOWEST_Hz:g} Hz upwards); if they are "
-            "in MHz, name the column so, as frequency_MHz",
+            f"frequencies end at {f.max():g} Hz, but analyzers measure from {LOWEST_Hz:g} Hz upwards; if they are "
+            "in MHz, call the column frequency_MHz",
         )
     if f.max() > HIGHEST_Hz:
         raise page.error(
             lines[int(f.argmax())],
-            f"the frequency is {f.max():g} Hz, above any analyzer ({HIGHEST_Hz:g} Hz); is its unit the column's?",
+            f"the frequency is {f.max():g} Hz, beyond any analyzer ({HIGHEST_Hz:g} Hz); is its unit right?",
         )
     falls = np.flatnonzero(np.diff(f) <= 0)
     if falls.size:
         k = int(falls[0])
-        word = "doubles" if f[k + 1] == f[k] else "is below"
+        word = "repeats" if f[k + 1] == f[k] else "is below"
         raise page.error(
             lines[k + 1],
             f"the frequency {f[k + 1]:.12g} Hz {word} that of line {lines[k]} ({f[k]:.12g} Hz); frequencies must rise "
@@ -93,16 +93,16 @@ def _check_impedance(page: TextFile, lines: Sequence[int], z: Impedances) -> Non
     bad = np.flatnonzero(~np.isfinite(z) | (z == 0))
     if bad.size:
         k = int(bad[0])
-        found = "an impedance of 0 ohm, which nothing measured has" if z[k] == 0 else "no finite impedance"
+        found = "an impedance of 0 ohm, which no device has" if z[k] == 0 else "no finite impedance"
         raise page.error(lines[k], f"these numbers give {found}")
 
 
 def _polarity(z: Impedances) -> list[str]:
-    """Return what is to be said where the real part is negative at most points, as no passive device has it."""
+    """Return a note if the real part is negative at most points, which is impossible for a passive device."""
     negative = int(np.count_nonzero(z.real < 0))
     if 2 * negative <= z.size:
         return []
     return [
-        f"Re Z is negative at {negative} of {z.size} points: the recording is inverted by 180 degrees; the numbers are "
-        "left as recorded."
+        f"Re Z is negative at {negative} of {z.size} points: the recording is inverted by 180 degrees; the numbers "
+        "stay as recorded."
     ]

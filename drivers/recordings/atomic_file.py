@@ -1,7 +1,7 @@
-"""Files that appear whole or not at all, and that can be seen to be whole: a seal at the end of a binary one.
+"""Atomic writing of files, and a seal at the end of binary files that shows whether they are intact.
 
-The seal is a line with the SHA-256 of all before it. HDF5 and NetCDF 3 say within themselves where they end, so other
-programs do not mind it. Our readers look at it first: a damaged file is not given to a library that trusts its bytes.
+The seal is a line with the SHA-256 of everything before it. HDF5 and NetCDF 3 files contain their own length, so other
+programs ignore the seal. pzctl checks it before it passes a file to a library that trusts its bytes.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ _LENGTH = len(_SEAL) + 64 + 1
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Put the content there in one step: others see the old file or the whole new one. Raises RecordingError."""
+    """Write a file atomically: other programs see the old file or the complete new one. Raises RecordingError."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with part.open("xb") as file:
@@ -37,12 +37,12 @@ def sealed(content: bytes) -> bytes:
 
 
 def read_sealed(path: Path) -> bytes:
-    """Return the content of a sealed file. Raises RecordingError where it is not what pzctl wrote."""
+    """Return the content of a sealed file. Raises RecordingError if the seal is missing or does not match."""
     data = read_bytes(path)
     content = data[:-_LENGTH]
     if not data[len(content) :].startswith(_SEAL):
-        says = "no seal at its end: it is cut off, or another program wrote it, which can write CSV or Touchstone"
+        says = "no seal at its end: it is cut off, or from another program; use CSV or Touchstone for such data"
         raise RecordingError(f"{path}: {says}")
     if sealed(content) != data:
-        raise RecordingError(f"{path}: it is damaged, or was changed since pzctl wrote it: its checksum is another")
+        raise RecordingError(f"{path}: it is damaged, or was changed since pzctl wrote it: its checksum does not match")
     return content

@@ -31,7 +31,7 @@ _NAMES = {
 }
 QUANTITIES = {name: quantity for quantity, names in _NAMES.items() for name in names.split()}
 REFLECTION = re.compile(r"return\s*loss|swr|vswr|s11", re.IGNORECASE)
-"""Beside such a column `phase` is the angle of the reflection, not of the impedance."""
+"""With such a column in the table, `phase` is the angle of the reflection, not of the impedance."""
 
 _OHM, _SIEMENS, _ANGLE = ("ohm", "ohms", "Ω", "Ω"), ("s", "siemens", "mho"), ("deg", "degree", "degrees", "°", "rad")
 _BASES = {
@@ -48,7 +48,7 @@ _PREFIXES["p"] = 1e-12
 _NO_UNIT_SAID = {*_OHM, *_SIEMENS}
 _EXAMPLE = {"f": "frequency_Hz", "theta": "theta_deg", "theta-y": "theta-y_deg"}
 _WITH_UNIT = re.compile(r"(.+?) ?(?:[(\[] ?([^()\[\]]*?) ?[)\]]| / ?(\S+)|_([^\W_]+|°))")
-"""Of a name whose blanks are single ones: with `\\s*` the time would grow with the square of their number."""
+"""For names with single blanks only: with `\\s*` the time would grow with the square of their number."""
 
 PAIRS = (
     ("R", "X", "IRIM"), ("G", "B", "ARIM"), ("|Z|", "theta", "IMPH"), ("|Y|", "theta-y", "AMPH"),
@@ -57,27 +57,27 @@ PAIRS = (
     ("Cp", "Q", "CPQ"), ("Cp", "D", "CPD"), ("Cp", "Rp", "CPR"), ("|Z|", "Ls", "IMLS"), ("|Z|", "Cs", "IMCS"),
     ("|Z|", "Lp", "IMLP"), ("|Z|", "Cp", "IMCP"), ("|Z|", "R", "IMRS"), ("|Z|", "Q", "IMQ"), ("|Z|", "D", "IMD"),
 )  # fmt: skip
-"""Which two quantities make an impedance, the best first, with the name of that measurement parameter."""
+"""Pairs of quantities that determine an impedance, the best first, with the name of the measurement parameter."""
 
 
 @dataclass(frozen=True)
 class ColumnMeaning:
-    """A column that is understood."""
+    """The meaning of a recognised column."""
 
     index: int
     quantity: str
     name: str
     factor: float | None
-    """SI value (radians for an angle) = number times this; None where the unit is not known."""
+    """SI value (radians for an angle) = number times this; None if the unit is not known."""
     memory: bool
     unit: str | None
-    """None where the name says none."""
+    """None if the name has none."""
 
 
 def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnMeaning]:
-    """Return the columns of a header row that are understood; others are no concern of ours.
+    """Return the recognised columns of a header row, ignoring others.
 
-    Raises RecordingError where there is no frequency.
+    Raises RecordingError if there is no frequency.
     """
     beside_reflection = any(REFLECTION.search(cell) for cell in cells)
     columns: list[ColumnMeaning] = []
@@ -87,7 +87,9 @@ def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnM
             columns.append(column)
     if not any(column.quantity == "f" for column in columns):
         found = ", ".join(clipped(cell.strip(' "')) for cell in cells[:6])
-        raise page.error(line, f"no frequency column among {found}; a header row names it, as frequency_Hz")
+        raise page.error(
+            line, f"no frequency column among {found}; name it in the header row, for example frequency_Hz"
+        )
     return columns
 
 
@@ -105,12 +107,12 @@ def _column(index: int, cell: str) -> ColumnMeaning | None:
 
 
 def _in_si(page: TextFile, column: ColumnMeaning, numbers: Reals, line: int) -> Reals:
-    """Return the numbers of a column that is taken in SI units. Raises RecordingError for an unknown unit."""
+    """Return the numbers of a column in SI units. Raises RecordingError for an unknown unit."""
     if column.factor is None:
         says = f"has the unit {clipped(column.unit)!r}" if column.unit else "has no unit"
         units = "Hz, kHz, MHz or GHz" if column.quantity == "f" else f"a unit such as {_BASES[column.quantity][0]}"
         example = _EXAMPLE.get(column.quantity)
-        hint = f", as in {example}" if example else ""
+        hint = f", for example {example}" if example else ""
         raise page.error(line, f"column {clipped(column.name)!r} {says}; {units} is needed{hint}")
     with np.errstate(over="ignore"):
         return column.factor * numbers
@@ -121,7 +123,7 @@ def _plain(name: str) -> str:
 
 
 def _factor(quantity: str, unit: str | None) -> float | None:
-    """Return the factor to SI, or None where the unit is not known, or needed and not there."""
+    """Return the factor to SI units, or None if the unit is not known or a needed unit is missing."""
     bases = _BASES[quantity]
     if not unit:
         return 1.0 if bases[0] in _NO_UNIT_SAID or bases == ("",) else None
@@ -136,7 +138,7 @@ def _factor(quantity: str, unit: str | None) -> float | None:
 
 
 def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tuple[str, ColumnMeaning, ColumnMeaning]:
-    """Return the measurement parameter that the columns make up, with its two columns. Raises RecordingError."""
+    """Return the measurement parameter that the columns determine, with its two columns. Raises RecordingError."""
     named: dict[str, ColumnMeaning] = {}
     for column in columns:
         if column.quantity in named:
@@ -150,8 +152,8 @@ def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tupl
     found = ", ".join(name for name in named if name != "f") or "none"
     raise page.error(
         line,
-        f"the columns do not determine an impedance (understood besides the frequency: {found}); needed are two of one "
-        "kind, as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S",
+        f"the columns do not determine an impedance (recognised besides the frequency: {found}); two columns of one "
+        "kind are needed, such as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S",
     )
 
 
@@ -172,7 +174,8 @@ def points_of(
 ) -> tuple[Points, list[str]]:
     """Return the points of a table and notes on them. Raises RecordingError.
 
-    `columns`: those to take; `names`: all names of the header on `line`; `body`: each row's line and cells.
+    `columns` are the columns to use, `names` all names of the header on `line`; `body` holds line number and cells of
+    each row.
     """
     parameter, first, second = pair_of(page, columns, line)
     frequency = next(column for column in columns if column.quantity == "f")
@@ -183,12 +186,12 @@ def points_of(
     notes = weak_resistance(parameter)
     bare = [c.quantity for c in (first, second) if c.unit is None and _BASES[c.quantity] != ("",)]
     if bare:
-        notes.append(f"Columns {' and '.join(bare)} carry no unit; they are taken as SI units (ohm, siemens).")
+        notes.append(f"Columns {' and '.join(bare)} have no unit; SI units (ohm, siemens) are assumed.")
     return Points([n for n, _ in body], f, to_impedance(parameter, f, a, b)), notes
 
 
 def memory_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:
-    """Return the columns of the memory trace with the frequency, or none where there is no memory trace."""
+    """Return the columns of the memory trace with the frequency, or none if there is no memory trace."""
     memory = [column for column in columns if column.memory]
     return [column for column in columns if column.quantity == "f"] + memory if memory else []
 
@@ -199,7 +202,7 @@ def data_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:
 
 
 def weak_resistance(parameter: str) -> list[str]:
-    """Return the note that goes with parameters that hardly determine the resistive part."""
+    """Return the note for parameters that hardly determine the resistive part."""
     if parameter not in RESISTANCE_WEAK:
         return []
-    return [f"{parameter} gives resistance only as a small difference, taken as positive; losses are uncertain."]
+    return [f"{parameter} gives the resistance as a small difference, assumed to be positive; losses are uncertain."]

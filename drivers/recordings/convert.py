@@ -1,7 +1,7 @@
-"""The measurement parameters of an impedance analyzer, and what complex impedance each pair of numbers means.
+"""The measurement parameters of an impedance analyzer, and the complex impedance for each pair of numbers.
 
-Names are the 4294A's (programming manual, command MEAS); definitions as in the Impedance Measurement Handbook:
-Z = Rs + jX, Y = G + jB, Q = |X|/Rs = |B|/G, D = 1/Q.
+The names are the 4294A's (programming manual, command MEAS), the definitions those of the Impedance Measurement
+Handbook: Z = Rs + jX, Y = G + jB, Q = |X|/Rs = |B|/G, D = 1/Q.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ import numpy as np
 from ...models.base.arrays import Impedances, Reals
 
 _ROUNDING = 1e-5
-"""By how much |X|/|Z| may exceed 1: seven digits of two rounded numbers, with a margin."""
+"""Amount by which |X|/|Z| may exceed 1: two numbers rounded to seven digits, with a margin."""
 
 
 def _z(r: Reals, x: Reals) -> Impedances:
@@ -24,7 +24,7 @@ def _y(g: Reals, b: Reals) -> Impedances:
 
 
 def _rest(whole: Reals, part: Reals) -> Reals:
-    """Return the other leg of a right triangle, taken as positive (a passive device); NaN where there is none."""
+    """Return the other leg of a right triangle, taken as positive (passive device), or NaN if there is none."""
     square = 1 - (part / whole) ** 2
     return whole * np.sqrt(np.where(abs(square) < 2 * _ROUNDING, np.maximum(square, 0), square))
 
@@ -60,21 +60,22 @@ CONVERSIONS: Mapping[str, Conversion] = MappingProxyType(
         "IMCP": lambda w, z, cp: _y(_rest(1 / z, w * cp), w * cp),
     }
 )
-"""Those that determine Z from two real numbers. COMP (both traces complex) needs no conversion."""
+"""Parameters that determine Z from two real numbers. COMP (both traces complex) needs no conversion."""
 
 SIGN_LOST: Mapping[str, str] = MappingProxyType(
     {"IMRS": "|Z| and Rs", "IMQ": "|Z| and Q", "IMD": "|Z| and D"},
 )
-"""Those that do not: whether X is inductive or capacitive cannot be told from them."""
+"""Parameters that do not determine whether X is inductive or capacitive."""
 
 RESISTANCE_WEAK = ("IMLS", "IMCS", "IMLP", "IMCP")
-"""Those that give the resistive part only as a small difference of large numbers, without its sign."""
+"""Parameters that give the resistive part only as a small difference of large numbers, without its sign."""
 
 
 def to_impedance(parameter: str, frequency: Reals, a: Reals, b: Reals) -> Impedances:
     """Return Z in ohm, shape (N,), from the two numbers of `parameter`, SI units and radians, at `frequency` in Hz.
 
-    Not finite where two numbers mean no impedance (Cs = 0, |X| above |Z|). Raises KeyError for an unknown parameter.
+    It is not finite if two numbers determine no impedance (Cs = 0, |X| above |Z|). Raises KeyError for an unknown
+    parameter.
     """
     with np.errstate(all="ignore"):
         return np.asarray(CONVERSIONS[parameter](2 * np.pi * frequency, a, b), dtype=np.complex128)

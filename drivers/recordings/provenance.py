@@ -1,4 +1,4 @@
-"""The comment lines of a recording: `key: value`, settings and provenance, so that a round trip loses nothing."""
+"""The comment lines `key: value` of a recording: settings and provenance, so that writing and reading lose nothing."""
 
 import json
 import math
@@ -13,12 +13,12 @@ FORMAT = "pzctl recording 1"
 OWN = ("format", "rows", "time", "id", "note")
 """Keys that are not settings."""
 NUMBERS = ("bandwidth", "oscillator_V", "point_average", "sweep_average", "sweep_seconds", "bias_V")
-"""Settings that others calculate with: numbers, or null where unknown."""
+"""Settings that other code calculates with: numbers, or null if unknown."""
 
 
 @dataclass
 class Provenance:
-    """What the comment lines of a recording say."""
+    """The content of a recording's comment lines."""
 
     settings: dict[str, Any] = field(default_factory=dict[str, Any])
     time: str | None = None
@@ -30,7 +30,7 @@ class Provenance:
 
 
 def provenance_lines(sweep: Sweep, points: int) -> list[str]:
-    """Return the comment lines, without comment sign. Raises RecordingError for a setting that no line can hold."""
+    """Return the comment lines without comment sign. Raises RecordingError for a setting that a line cannot hold."""
     lines = [f"format: {FORMAT}", f"rows: {points}", f"time: {_text(sweep.time)}", f"id: {_text(sweep.id)}"]
     lines += [f"note: {_text(note)}" for note in sweep.notes]
     for key, value in sweep.settings.items():
@@ -41,13 +41,13 @@ def provenance_lines(sweep: Sweep, points: int) -> list[str]:
 
 
 def _text(value: Any) -> str:
-    """Return a value on one line: bare text where it reads back as that text, JSON otherwise."""
+    """Return a value on one line: plain text if it reads back as the same text, JSON otherwise."""
     if isinstance(value, str) and value and value.isprintable() and _value(value) == value and value == value.strip():
         return value
     try:
         return json.dumps(value, allow_nan=False)
     except (TypeError, ValueError, RecursionError):
-        raise RecordingError(f"setting {clipped(repr(value))} cannot be written: it is no finite plain value") from None
+        raise RecordingError(f"setting {clipped(repr(value))} cannot be written: not a finite plain value") from None
 
 
 def _not_finite(text: str) -> Any:
@@ -55,7 +55,7 @@ def _not_finite(text: str) -> Any:
 
 
 def _value(text: str) -> Any:
-    """Return JSON as what it means, anything else as text."""
+    """Return the value of JSON text, or the text itself if it is not JSON."""
     try:
         return json.loads(text, parse_constant=_not_finite)
     except (ValueError, RecursionError):
@@ -63,26 +63,26 @@ def _value(text: str) -> Any:
 
 
 def read_provenance(page: TextFile, comments: Sequence[tuple[int, str]]) -> Provenance:
-    """Return what comment lines (with their line numbers, without comment sign) say. Raises RecordingError."""
-    said = Provenance()
+    """Read comment lines, given with line numbers and without comment sign. Raises RecordingError."""
+    provenance = Provenance()
     for line, comment in comments:
         key, colon, text = comment.partition(":")
         key, value = key.strip(), _value(text.strip())
         if not colon or not key:
             continue  # a remark, for people only
         if key == "format":
-            said.own = value == FORMAT
+            provenance.own = value == FORMAT
         elif key == "rows":
-            said.rows = _count(page, value, line)
+            provenance.rows = _count(page, value, line)
         elif key == "time":
-            said.time = str(value)
+            provenance.time = str(value)
         elif key == "id":
-            said.id = str(value)
+            provenance.id = str(value)
         elif key == "note":
-            said.notes.append(str(value))
+            provenance.notes.append(str(value))
         else:
-            said.settings[key] = _checked(page, key, value, line)
-    return said
+            provenance.settings[key] = _checked(page, key, value, line)
+    return provenance
 
 
 def _count(page: TextFile, value: object, line: int) -> int:
@@ -92,14 +92,14 @@ def _count(page: TextFile, value: object, line: int) -> int:
 
 
 def _checked(page: TextFile, key: str, value: Any, line: int) -> Any:
-    """Refuse a setting that is no finite number where others calculate with it."""
+    """Refuse a setting that has to be a finite number and is not."""
     if fault := setting_fault(key, value):
         raise page.error(line, fault)
     return value
 
 
 def setting_fault(key: str, value: Any) -> str:
-    """Return what is wrong with a setting, empty where nothing is: others calculate with some, those are numbers."""
+    """Return what is wrong with a setting, or an empty string; those in `NUMBERS` have to be finite numbers."""
     if key not in NUMBERS or value is None:
         return ""
     number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -111,7 +111,7 @@ def setting_fault(key: str, value: Any) -> str:
 
 
 def check_points(page: TextFile, announced: int | None, found: int, what: str = "the file") -> None:
-    """Refuse a file that holds fewer or more points than it announces. Raises RecordingError."""
+    """Refuse a file with fewer or more points than it announces. Raises RecordingError."""
     if announced is not None and announced != found:
         says = "is cut off" if found < announced else "is damaged"
         raise page.error(None, f"{what} {says}: {announced} points announced, {found} found")

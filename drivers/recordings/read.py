@@ -1,4 +1,4 @@
-"""Which reader a file belongs to: by its extension and its content, never by guess alone."""
+"""Reading a recording in any format, which is determined by the file's extension and content."""
 
 from pathlib import Path
 
@@ -15,17 +15,17 @@ TEXTS = (".csv", ".txt", ".tsv")
 
 
 def read_recording(path: Path) -> Sweep:
-    """Read a recording: one file is one sweep. Raises RecordingError, one sentence for a person.
+    """Read a recording; one file is one sweep. Raises RecordingError with one sentence for a person.
 
-    `.txt`, `.csv`, `.tsv`: a 4294A's ASCII export, a Keysight E4990A's CSV, or a table with known column names (among
-    them the project's own CSV), told apart by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1. `.nc`, `.h5`,
-    `.hdf5`: NetCDF 3 and HDF5 that pzctl wrote.
+    `.txt`, `.csv`, `.tsv`: a 4294A's ASCII export, a Keysight E4990A's CSV, or a table with known column names, such as
+    the project's own CSV, distinguished by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1. `.nc`, `.h5`,
+    `.hdf5`: NetCDF 3 and HDF5 written by pzctl.
     """
     return _read(path)[0]
 
 
 def read_memory_trace(path: Path) -> Sweep | None:
-    """Read the memory trace of a recording, or return None where none was saved. Raises RecordingError."""
+    """Read the memory trace of a recording, or return None if none was saved. Raises RecordingError."""
     return _read(path)[1]
 
 
@@ -37,7 +37,7 @@ def _read(path: Path) -> tuple[Sweep, Sweep | None]:
     if suffix in ARCHIVES:
         return read_archive(path)
     if suffix not in (*TEXTS, *SUFFIXES):
-        read_bytes(path)  # a file that is not there is said before its name
+        read_bytes(path)  # report a missing file before its unknown extension
         allowed = ", ".join((*TEXTS, *SUFFIXES, *ARCHIVES))
         raise RecordingError(f"{path}: {clipped(suffix) or 'no extension'} is not known; known are {allowed}")
     page = read_page(path)

@@ -1,4 +1,4 @@
-"""A recording file as lines of text, and the numbers on them: every complaint names file and line."""
+"""The lines of a recording's text file and the numbers on them, with errors that name file and line."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from pathlib import Path
 from ...models.base.errors import PzctlError
 
 LARGEST = 100_000_000
-"""Bytes. A sweep of a million points has some 50 MB; more is no recording of an impedance analyzer."""
+"""Bytes. A sweep of a million points has some 50 MB; a larger file is not a recording of an impedance analyzer."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?")
@@ -19,12 +19,12 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffe]")
 
 
 class RecordingError(PzctlError):
-    """A file that is no recording, or a damaged one; or a recording that cannot be written."""
+    """A file is not a recording, or is damaged; or a recording cannot be written."""
 
 
 @dataclass(frozen=True)
 class TextFile:
-    """The lines of a text file, numbered from 1 where people read of them."""
+    """The lines of a text file, numbered from 1 in errors."""
 
     path: Path
     lines: tuple[str, ...]
@@ -35,7 +35,7 @@ class TextFile:
         return RecordingError(f"{where}: {says}")
 
     def number(self, cell: str, what: str, line: int) -> float:
-        """Return the number in a cell; `what` is what stands there. Raises RecordingError."""
+        """Return the number in a cell; `what` names the quantity. Raises RecordingError."""
         cell = cell.strip()
         if not _NUMBER.fullmatch(cell):
             raise self.error(line, self._no_number(cell, what))
@@ -55,7 +55,7 @@ class TextFile:
         return f"{what} is {clipped(cell)!r}; a number is needed"
 
     def row(self, cells: Sequence[str], names: Sequence[str], line: int, needed: Sequence[int]) -> list[float]:
-        """Return the numbers in the `needed` ones of a row's cells. Raises RecordingError."""
+        """Return the numbers in the `needed` cells of a row. Raises RecordingError."""
         if len(cells) != len(names):
             hint = ""
             if len(cells) > len(names) and all(cell.strip().lstrip("+-").isdigit() for cell in cells[:2]):
@@ -67,20 +67,20 @@ class TextFile:
 
 
 def clipped(text: str, most: int = 60) -> str:
-    """Return a text from a file on one line, cut to a length that a sentence can carry."""
+    """Return a text from a file on one line, cut to a length that fits into a sentence."""
     text = "".join(letter if letter.isprintable() else "?" for letter in text)
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of a file. Raises RecordingError where there is none, or a folder, or nothing in it."""
+    """Return the content of a file. Raises RecordingError if it is missing, empty, too large or not a regular file."""
     try:
         if path.is_dir():
             raise RecordingError(f"{path}: this is a folder; the file of one recording is needed")
         if path.exists() and not path.is_file():
             raise RecordingError(f"{path}: this is a device or a pipe; the file of one recording is needed")
         if path.stat().st_size > LARGEST:
-            raise RecordingError(f"{path}: {path.stat().st_size} bytes is no recording; at most {LARGEST} are read")
+            raise RecordingError(f"{path}: {path.stat().st_size} bytes are too many; at most {LARGEST} are allowed")
         data = path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise RecordingError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
@@ -90,20 +90,20 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_page(path: Path) -> TextFile:
-    """Return a text file as lines, whatever ends them. Raises RecordingError for what is no text."""
+    """Return the lines of a text file, with any line ends. Raises RecordingError if it is not text."""
     data = read_bytes(path)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise RecordingError(f"{path}: this is UTF-16 text; save it as UTF-8 or plain CSV")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("latin-1")  # a degree sign from an older program; binary is caught below
+        text = data.decode("latin-1")  # a degree sign of an older program; binary data are refused below
     if _CONTROL.search(text):
         raise RecordingError(f"{path}: this is binary data, not the text of a recording")
     return TextFile(path, tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
 
 
 def file_time(path: Path) -> str:
-    """Return when the file was last written, RFC 3339, UTC."""
+    """Return the time of the last change of a file, RFC 3339, UTC."""
     moment = datetime.fromtimestamp(path.stat().st_mtime, UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,4 +1,4 @@
-"""Writing a recording as text: the project's CSV, and Touchstone."""
+"""Writing a recording as text: the project's own CSV, or Touchstone."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ HEADER = "frequency_Hz,R_ohm,X_ohm"
 
 
 def csv_text(sweep: Sweep) -> str:
-    """Return the recording as the project's CSV: settings and provenance, then numbers that read back exactly."""
+    """Return the recording as the project's CSV: settings and provenance, then numbers with all their digits."""
     pairs = zip(sweep.frequency.tolist(), sweep.impedance.tolist(), strict=True)
     numbers = [f"{f!r},{z.real!r},{z.imag!r}" for f, z in pairs]
     comments = [f"# {line}" for line in provenance_lines(sweep, sweep.frequency.size)]
@@ -19,10 +19,10 @@ def csv_text(sweep: Sweep) -> str:
 
 
 def write_csv(sweep: Sweep, path: Path) -> None:
-    """Write the project's CSV; `read_recording` gives the same sweep back. Raises RecordingError."""
+    """Write the project's CSV, from which `read_recording` returns the same sweep. Raises RecordingError."""
     write_whole(path, csv_text(sweep).encode())
 
 
 def write_touchstone(sweep: Sweep, path: Path) -> None:
-    """Write Touchstone 1 (`# Hz S RI R 50`), provenance as comments. Raises RecordingError."""
+    """Write Touchstone 1 (`# Hz S RI R 50`) with provenance as comments. Raises RecordingError."""
     write_whole(path, touchstone_text(sweep).encode())

@@ -1,1 +1,1 @@
-"""VISA: resource strings, sessions, and the line to one instrument."""
+"""VISA: resource strings, sessions, and the connection to one instrument."""

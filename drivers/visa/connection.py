@@ -1,9 +1,9 @@
-"""The line to one instrument: messages out, whole answers in, never out of step.
+"""The connection to one instrument, which sends messages and returns complete answers, never those to earlier messages.
 
-Why not plain `resource.query`: pyvisa throws away the bytes that came before a timeout, so an answer awaited in
-slices (to show progress, to be cancelled) would lose its head and every later answer would be the one before.
-Here each slice's bytes go to a buffer of our own, and an answer ends where it ends: at the newline, or, in a block,
-where its length says (0x0A occurs inside blocks).
+It does not use `resource.query`, because pyvisa discards the bytes received before a timeout. An answer awaited in
+slices, to show progress or to be cancelled, would lose its head, and every later answer would be the previous one. Here
+the bytes of each slice go to a buffer, and an answer ends at the newline or, in a block, at its stated length (0x0A
+occurs inside blocks).
 """
 
 import contextlib
@@ -20,63 +20,63 @@ from . import replies, service_request
 from .session import Session, hung_up, prepared
 
 SLICE_SECONDS = 0.25
-"""Over a network an answer is awaited in slices this long; between them a lost connection is noticed."""
+"""Length of the slices in which an answer is awaited over a network; a lost connection is noticed between them."""
 
 CHUNK_BYTES = 4096
 
 LONGEST_LINE_BYTES = 4096
-"""No ASCII answer that a driver asks for is longer."""
+"""Greatest length of an ASCII answer."""
 
 
 class ConnectionLost(InstrumentError):
-    """Nobody is at the other end any more; a new session may find somebody."""
+    """The connection is lost; a new session may succeed."""
 
 
 class Connection:
-    """One VISA session, opened by `opener`, which is called again where the connection must be made anew.
+    """One VISA session, opened by `opener`, which is called again when the connection has to be renewed.
 
     Every failure is an InstrumentError whose sentence starts with `name`.
     """
 
     def __init__(self, name: str, opener: Callable[[], Session], timeout_seconds: float) -> None:
         self.name = name
-        """What people call the instrument: the resource string."""
+        """The instrument's name for people: the resource string."""
         self.timeout_seconds = timeout_seconds
-        """How long a single answer may take."""
+        """Seconds to wait for a single answer."""
         self._opener = opener
         self._buffer = bytearray()
         self._doubtful = False
         self._open()
 
     def close(self) -> None:
-        """Let go of the session."""
+        """Close the session."""
         for resource in (self._resource, self._bridge):
             if resource is not None:
                 with contextlib.suppress(VisaIOError, OSError, InvalidSession):
                     resource.close()
 
     def doubt(self) -> None:
-        """Have the session renewed before its next use: an answer made no sense, so later ones may be out of step."""
+        """Renew the session before its next use, after an answer that may belong to another message."""
         self._doubtful = True
 
     def ask(self, message: str) -> str:
-        """Send `message`, which ends in one query; return the answer's line without newline. Raises InstrumentError.
+        """Send `message`, which ends with one query; return the answer's line without newline. Raises InstrumentError.
 
-        Commands are sent with a query in the same message wherever that can be: only an answer tells that they arrived.
+        Send commands together with a query if possible, because only an answer shows that they arrived.
         """
         with self._exchange():
             return self._line(message)
 
     def tell(self, message: str) -> None:
-        """Send `message`, which has no answer: only the next answer tells that it arrived. Raises InstrumentError."""
+        """Send `message`, which has no answer; only the next answer shows that it arrived. Raises InstrumentError."""
         with self._exchange():
             self._send(message)
 
     def ask_patiently(self, message: str, seconds: float, tick: Callable[[float], None]) -> str:
-        """As `ask`, where the instrument may be busy for `seconds` before it answers. Raises InstrumentError.
+        """Do the same as `ask` if the instrument may be busy for `seconds` before it answers. Raises InstrumentError.
 
-        `tick` is told the seconds that have passed, several times a second over a network, and may raise to give up:
-        the next exchange then begins on a new line.
+        `tick` is called with the elapsed seconds, several times a second over a network, and may raise an exception to
+        give up; the next message then gets a new session.
         """
         with self._exchange():
             return self._line(message, seconds, tick)
@@ -104,10 +104,10 @@ class Connection:
             ) from None
 
     def ask_block(self, message: str, most_bytes: int, digits: int) -> bytes:
-        """Send `message`; return the data of the block it is answered with, whose head says its length in `digits`.
+        """Send `message` and return the data of the answer, a block whose head gives its length in `digits` digits.
 
-        Raises InstrumentError where the block is malformed, longer than `most_bytes`, cut short, or does not end in
-        a newline.
+        Raises InstrumentError if the block is malformed, longer than `most_bytes`, cut short, or does not end with a
+        newline.
         """
         with self._exchange():
             return self._block(message, most_bytes, digits)
@@ -138,7 +138,7 @@ class Connection:
     def status_byte_patiently(self, seconds: float, tick: Callable[[float], None]) -> int:
         """Return the status byte of an instrument that may be busy for `seconds` before it answers `*STB?`.
 
-        A serial poll is answered at once. `tick`: see `ask_patiently`. Raises InstrumentError.
+        A serial poll is answered at once. For `tick` see `ask_patiently`. Raises InstrumentError.
         """
         if self._is_gpib:
             return self.status_byte()
@@ -146,11 +146,11 @@ class Connection:
 
     @property
     def hears_requests(self) -> bool:
-        """Whether this path tells of a service request."""
+        """Whether this connection signals service requests."""
         return self._wait is not None
 
     def rest(self, seconds: float) -> None:
-        """Return after `seconds`, or as soon as service is requested. Raises InstrumentError."""
+        """Wait `seconds`, or until service is requested. Raises InstrumentError."""
         if self._wait is None:
             time.sleep(seconds)
             return
@@ -160,7 +160,7 @@ class Connection:
 
     @contextlib.contextmanager
     def _exchange(self) -> Generator[None]:
-        """Around a question and its answer. Where one failed or was broken off, the next one gets a new session."""
+        """Surround a message and its answer; if one fails or is interrupted, the next one gets a new session."""
         if self._doubtful:
             self._renew()
         self._doubtful = True
@@ -168,7 +168,7 @@ class Connection:
         self._doubtful = False
 
     def _renew(self) -> None:
-        """Get back in step: a new session, and on GPIB a device clear. Raises InstrumentError."""
+        """Open a new session, and on GPIB clear the device, so that answers match messages. Raises InstrumentError."""
         self._buffer.clear()
         self.close()
         self._open()
@@ -197,13 +197,13 @@ class Connection:
         return data
 
     def _receive(self, count: int, until: float, message: str) -> None:
-        """Move what comes within one slice, at most `count` bytes, to the buffer."""
+        """Receive at most `count` bytes within one slice and append them to the buffer."""
         seconds = until - time.monotonic()
         if seconds <= 0:
             came = f" after {len(self._buffer)} bytes of it" if self._buffer else ""
             late = f"no answer to {_short(message)} within {self.timeout_seconds:g} s{came}"
             raise InstrumentError(f"{self.name}: {late}; is it on and set up?")
-        if self._socket is not None:  # elsewhere a slice that ends in mid-answer would lose what came
+        if self._socket is not None:  # on other interfaces a slice that ends within an answer would lose bytes
             seconds = min(SLICE_SECONDS, seconds)
         for resource in (self._resource, self._bridge):
             if resource is not None:
@@ -236,7 +236,7 @@ class Connection:
 
 
 def _short(message: str) -> str:
-    """Return `message` as an error names it: an array that is sent would fill a page."""
+    """Return `message` shortened for an error, since a message with an array would fill a page."""
     return message if len(message) <= replies.QUOTED_CHARACTERS else message[: replies.QUOTED_CHARACTERS] + "..."
 
 

@@ -1,7 +1,7 @@
-"""Instruments that can be found: what VISA lists, who answers there, and what could not be looked at, and why.
+"""Discovery of instruments: the resources that VISA lists, their answers, and what could not be scanned.
 
-Listing VISA resources may hang for ever (a GPIB adapter with an instrument that is off does it), so it runs in a
-process of its own that is ended after a time limit.
+Listing VISA resources may hang for ever, for example with a GPIB adapter on an instrument that is off. So it runs in a
+child process with a time limit.
 """
 
 import importlib.util
@@ -18,14 +18,14 @@ from .resources import open_session, resource_name
 LIBRARIES = {"@py": "pyvisa-py", "@ivi": "a vendor's VISA library"}
 
 MISSING = {
-    "psutil": "network cards beside the first one (pip install psutil)",
+    "psutil": "network cards other than the first one (pip install psutil)",
     "zeroconf": "instruments that announce themselves on the network (pip install zeroconf)",
     "serial": "serial ports, with Prologix adapters on them (pip install pyserial)",
     "gpib_ctypes": "GPIB cards without a vendor's VISA library (pip install gpib-ctypes, and linux-gpib)",
 }
-"""What pyvisa-py leaves out where a module is not installed."""
+"""What pyvisa-py does not list if a module is not installed."""
 
-# What runs in the children; each prints one JSON object.
+# The programs of the child processes; each prints one JSON object.
 _LIST = """
 import json, sys, warnings
 warnings.simplefilter("ignore")
@@ -42,7 +42,7 @@ print(json.dumps(identity_of(sys.argv[1], float(sys.argv[2]))))
 """
 
 STARTING_SECONDS = 10.0
-"""What a child may take besides, to start and to open a session."""
+"""Additional seconds for a child process to start and to open a session."""
 
 
 @dataclass(frozen=True)
@@ -51,24 +51,24 @@ class FoundResource:
 
     resource: str
     idn: str
-    """The answer to `*IDN?`; "" where there was none."""
+    """The answer to `*IDN?`; "" if there was none."""
     says: str
-    """Why there was none; "" where there was one."""
+    """Why there was no answer; "" if there was one."""
 
 
 @dataclass(frozen=True)
 class Discovery:
-    """What was found, and what was not looked at."""
+    """The resources found, and what was not scanned."""
 
     found: tuple[FoundResource, ...]
     not_scanned: tuple[str, ...]
-    """A clause each, with the remedy."""
+    """One clause for each, with the remedy."""
 
 
 def discover(list_seconds: float = 10.0, answer_seconds: float = 2.0) -> Discovery:
-    """Look for instruments. Never hangs, never raises: what fails is said in the result.
+    """Look for instruments; never hang and never raise, but report failures in the result.
 
-    An instrument on the network's raw socket cannot be listed by any VISA library; it is tried by its address.
+    No VISA library can list an instrument on a raw network socket; its address has to be given.
     """
     resources: list[str] = []
     skipped = ["raw sockets: name the analyzer's address, as HOST:5025"]
@@ -77,47 +77,47 @@ def discover(list_seconds: float = 10.0, answer_seconds: float = 2.0) -> Discove
         if "found" in listed:
             resources += [name for name in listed["found"] if name not in resources]
         else:
-            skipped.append(f"what {words} would list: {listed['error'].rstrip(': ')}")
+            skipped.append(f"resources of {words}: {listed['error'].rstrip(': ')}")
     skipped += [what for module, what in MISSING.items() if importlib.util.find_spec(module) is None]
     return Discovery(tuple(_identified(name, answer_seconds) for name in resources), tuple(skipped))
 
 
 def identity_of(resource: str, seconds: float) -> dict[str, str]:
-    """Return `{"idn": ...}`, or `{"error": ...}` with one sentence. Meant for a process of its own: it may hang."""
+    """Return `{"idn": ...}`, or `{"error": ...}` with one sentence. Call it in a child process, as it may hang."""
     try:
-        link = Connection(resource, lambda: open_session(resource_name(resource)), seconds)
+        connection = Connection(resource, lambda: open_session(resource_name(resource)), seconds)
     except InstrumentError as error:
         return {"error": str(error)}
     try:
-        return {"idn": link.ask("*IDN?").strip()}
+        return {"idn": connection.ask("*IDN?").strip()}
     except InstrumentError as error:
         return {"error": str(error)}
     finally:
-        link.close()
+        connection.close()
 
 
 def _identified(resource: str, seconds: float) -> FoundResource:
-    """Ask who answers; only where a 4294A can be: other things may take a question amiss."""
+    """Ask for the identity, but only where a 4294A can be, since a query may disturb other devices."""
     try:
         resource_name(resource)
     except InstrumentError:
-        return FoundResource(resource, "", "not asked: no 4294A is reached that way")
+        return FoundResource(resource, "", "skipped: not a 4294A port")
     answer = _in_child(_ASK, [resource, str(seconds)], seconds + STARTING_SECONDS)
     return FoundResource(resource, answer.get("idn", ""), answer.get("error", ""))
 
 
 def _in_child(program: str, arguments: list[str], seconds: float) -> dict[str, Any]:
-    """Return the JSON object that `program` prints in a Python of its own, or `{"error": ...}`.
+    """Return the JSON object that `program` prints in a child process, or `{"error": ...}`.
 
-    `-P` keeps the working directory out of the search path: in a checkout its folders would hide modules.
+    `-P` keeps the working directory out of the module search path, as folders of a checkout would hide modules.
     """
     command = [sys.executable, "-P", "-c", program, *arguments]
     try:
         done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, text=True)  # noqa: S603
     except subprocess.TimeoutExpired:
-        return {"error": f"nothing came within {seconds:g} s; is an adapter connected to an instrument that is off?"}
+        return {"error": f"no answer within {seconds:g} s; is an adapter connected to an instrument that is off?"}
     except OSError as error:
-        return {"error": f"no further process could be started: {error.strerror}"}
+        return {"error": f"no process could be started: {error.strerror}"}
     try:
         return json.loads(done.stdout.splitlines()[-1])
     except (ValueError, IndexError):

@@ -1,7 +1,7 @@
-"""Strict reading of what an instrument answers: numbers, flags, words, blocks of big-endian doubles.
+"""Strict parsing of an instrument's answers: numbers, flags, words, blocks of big-endian doubles.
 
-Nothing is guessed: an answer that is not exactly of the expected form raises InstrumentError with a sentence
-that quotes it. Forms are those of IEEE 488.2.
+Nothing is guessed: an answer that does not have exactly the expected form raises InstrumentError with a sentence that
+quotes it. The forms are those of IEEE 488.2.
 """
 
 import math
@@ -18,16 +18,16 @@ _NUMBER = re.compile(r" ?[+-]?(\d+\.?\d*|\.\d+)([Ee][+-]?\d{1,3})?", re.ASCII)
 _INTEGER = re.compile(r" ?[+-]?\d{1,9}", re.ASCII)
 
 QUOTED_CHARACTERS = 60
-"""An answer is quoted in an error up to here: enough to recognise it, short enough for one sentence."""
+"""Greatest number of characters of an answer that an error quotes."""
 
 
 def quote(text: str) -> str:
-    """Return `text` as it is shown in an error: in quotes, shortened, control characters escaped."""
+    """Return `text` for an error: in quotes, shortened, with control characters escaped."""
     return repr(text if len(text) <= QUOTED_CHARACTERS else text[:QUOTED_CHARACTERS] + "...")
 
 
 def number(text: str, what: str) -> float:
-    """Return the finite number that is all of `text`. Raises InstrumentError."""
+    """Return `text` as a finite number. Raises InstrumentError."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
         raise InstrumentError(f"{what}: the answer is {quote(text)}; a finite number is expected")
@@ -35,7 +35,7 @@ def number(text: str, what: str) -> float:
 
 
 def integer(text: str, what: str) -> int:
-    """Return the integer that is all of `text`. Raises InstrumentError."""
+    """Return `text` as an integer. Raises InstrumentError."""
     if not _INTEGER.fullmatch(text):
         raise InstrumentError(f"{what}: the answer is {quote(text)}; an integer is expected")
     return int(text)
@@ -50,14 +50,17 @@ def flag(text: str, what: str) -> bool:
 
 
 def word(text: str, what: str, allowed: Collection[str]) -> str:
-    """Return the one of `allowed` that `text` is. Raises InstrumentError."""
+    """Return `text` if it is one of `allowed`. Raises InstrumentError."""
     if text not in allowed:
         raise InstrumentError(f"{what}: the answer is {quote(text)}; one of {', '.join(sorted(allowed))} is expected")
     return text
 
 
 def block_length(header: bytes, digits: int, what: str) -> int:
-    """Return how many bytes of data follow the `header` of a block: `#6` and six `digits`. Raises InstrumentError."""
+    """Return the number of data bytes from the `header` of a block, such as `#6` and six digits.
+
+    Raises InstrumentError.
+    """
     length = header[2:]
     if len(header) != 2 + digits or header[:2] != b"#%d" % digits or not length.isdigit():
         shown = quote(header.decode("latin-1"))
@@ -68,7 +71,7 @@ def block_length(header: bytes, digits: int, what: str) -> int:
 def doubles(data: bytes, count: int, what: str) -> Reals:
     """Return `count` big-endian doubles, shape (count,), from a block's `data`. Raises InstrumentError.
 
-    Every value must be finite and the length exact.
+    Every value has to be finite, and the length exact.
     """
     if len(data) != 8 * count:
         raise InstrumentError(f"{what}: {len(data)} bytes came; {8 * count} bytes ({count} numbers) are expected")

@@ -1,4 +1,4 @@
-"""From what a person types to an instrument: resource strings, and the way to open them."""
+"""Resource strings of instruments, as people type them, and opening sessions with them."""
 
 import contextlib
 import os
@@ -20,13 +20,13 @@ ALLOWED = (
 """The forms of a resource, for error messages and help."""
 
 OPEN_SECONDS = 5.0
-"""How long a connection may take to be made."""
+"""Seconds within which a connection has to be made."""
 
 PROLOGIX_PORT = 1234
-"""Where a Prologix or AR488 adapter listens unless told otherwise."""
+"""Default port of a Prologix or AR488 adapter."""
 
 VI_ERROR_TMO = "-1073807339"
-"""How pyvisa-py (0.8) words a connection that was not made in time."""
+"""Error text of pyvisa-py (0.8) for a connection that was not made in time."""
 
 _HOST_PORT = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]*):(\d{1,5})")
 _SOCKET = re.compile(r"TCPIP\d*::([^:,\s]+)::(\d{1,5})::SOCKET", re.IGNORECASE)
@@ -40,7 +40,7 @@ _GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECA
 
 
 def resource_name(given: str) -> str:
-    """Return the VISA resource string that `given` stands for. Raises InstrumentError where it is none."""
+    """Return the VISA resource string for `given`. Raises InstrumentError if it is not a valid resource."""
     text = given.strip()
     if plain := _HOST_PORT.fullmatch(text):
         text = f"TCPIP0::{plain[1]}::{plain[2]}::SOCKET"
@@ -60,18 +60,18 @@ def resource_name(given: str) -> str:
 
 
 def open_session(name: str) -> "Session":
-    """Return an open VISA session to `name`, a result of `resource_name`. Raises InstrumentError."""
+    """Open a VISA session to `name`, a result of `resource_name`. Raises InstrumentError."""
     from .session import Session
 
-    found = _PROLOGIX.fullmatch(name)
-    if not found:
+    prologix = _PROLOGIX.fullmatch(name)
+    if not prologix:
         return Session(_open(name, "@py" if not name.upper().startswith("GPIB") else _gpib_library()))
-    by_net = f"PRLGX-TCPIP0::{found['host']}::{found['port'] or PROLOGIX_PORT}::INTFC"
-    bridge = _open(f"PRLGX-ASRL0::{found['serial']}::INTFC" if found["serial"] else by_net, "@py")
+    by_net = f"PRLGX-TCPIP0::{prologix['host']}::{prologix['port'] or PROLOGIX_PORT}::INTFC"
+    bridge = _open(f"PRLGX-ASRL0::{prologix['serial']}::INTFC" if prologix["serial"] else by_net, "@py")
     try:
-        # It gives up on an answer that has not begun by then; its end is seen by EOI, so patience costs nothing.
+        # The adapter waits this long for the first byte of an answer; EOI marks the end, so a long wait costs nothing.
         bridge.write_raw(b"++read_tmo_ms 3000\n")
-        return Session(_open(f"GPIB0::{found['address']}::INSTR", "@py"), bridge)
+        return Session(_open(f"GPIB0::{prologix['address']}::INSTR", "@py"), bridge)
     except (InstrumentError, OSError) as error:
         bridge.close()
         raise InstrumentError(f"{name}: {' '.join(str(error).split())}") from None
@@ -81,11 +81,11 @@ def _open(name: str, library: str) -> "MessageBasedResource":
     from pyvisa import ResourceManager
 
     _check_host(name)
-    # One manager per library and process, shared by pyvisa itself; closing it would close every session.
+    # pyvisa shares one manager per library and process; closing it would close every session.
     manager = ResourceManager(library)
     try:
         resource: Any = manager.open_resource(name, open_timeout=round(1000 * OPEN_SECONDS))
-    except Exception as error:  # pyvisa-py raises bare Exception and ValueError besides VisaIOError
+    except Exception as error:  # pyvisa-py also raises plain Exception and ValueError
         raise InstrumentError(f"{name}: {_why_not(name, error)}") from None
     try:
         _check_connected(name, resource)
@@ -96,26 +96,28 @@ def _open(name: str, library: str) -> "MessageBasedResource":
 
 
 def _gpib_library() -> str:
-    """Return the VISA library for GPIB: the vendor's where one is installed, pyvisa-py otherwise."""
+    """Return the VISA library for GPIB: the vendor's if one is installed, otherwise pyvisa-py."""
     from pyvisa import ResourceManager
 
-    with contextlib.suppress(Exception):  # no vendor library: OSError, ValueError or LibraryError by platform
+    with contextlib.suppress(
+        Exception
+    ):  # without a vendor library: OSError, ValueError or LibraryError, depending on the platform
         ResourceManager("@ivi")
         return "@ivi"
     return "@py"
 
 
 def _check_host(name: str) -> None:
-    """Find an unknown host before pyvisa-py does: it would leave a socket behind."""
-    if found := _NETWORK.fullmatch(name):
+    """Raise InstrumentError for an unknown host before pyvisa-py does, which would leave a socket open."""
+    if network := _NETWORK.fullmatch(name):
         try:
-            socket.getaddrinfo(found[1], None, socket.AF_INET)
+            socket.getaddrinfo(network[1], None, socket.AF_INET)
         except (OSError, UnicodeError):
-            raise InstrumentError(f"{name}: there is no host called {found[1]}") from None
+            raise InstrumentError(f"{name}: host {network[1]} is unknown") from None
 
 
 def _check_connected(name: str, resource: "MessageBasedResource") -> None:
-    """Find a refused connection: pyvisa-py (0.8) takes it for a connected one until the first byte is sent."""
+    """Raise InstrumentError for a refused connection, which pyvisa-py (0.8) only notices with the first byte sent."""
     from .session import underlying_socket
 
     line = underlying_socket(resource)
@@ -124,14 +126,14 @@ def _check_connected(name: str, resource: "MessageBasedResource") -> None:
 
 
 def _why_not(name: str, error: Exception) -> str:
-    """Return the reason, as one clause, why a session could not be opened."""
+    """Return the reason why a session could not be opened, as one clause."""
     text = " ".join(str(error).split())
-    found = _NETWORK.fullmatch(name)
-    if found and isinstance(error, OSError):
+    network = _NETWORK.fullmatch(name)
+    if network and isinstance(error, OSError):
         reason = os.strerror(error.errno or 0).lower()
-        return f"nothing listens there ({reason}); is the analyzer (or `pzctl sim`) on, and the port {found[2]}?"
-    if found and ("timeout" in text.lower() or VI_ERROR_TMO in text):
-        return f"nobody answered within {OPEN_SECONDS:g} s; is {found[1]} on and on this network?"
+        return f"nothing listens there ({reason}); is the analyzer (or `pzctl sim`) on, and the port {network[2]}?"
+    if network and ("timeout" in text.lower() or VI_ERROR_TMO in text):
+        return f"no answer within {OPEN_SECONDS:g} s; is {network[1]} switched on and on this network?"
     if name.upper().startswith("GPIB"):
         return f"GPIB cannot be used here: {text}; install NI-VISA or Keysight IO Libraries, or use the LAN port"
     return f"cannot be opened: {text}"

@@ -1,7 +1,7 @@
-"""Waiting until the instrument requests service (the SRQ line of GPIB), by whatever tells of it on a path.
+"""Waiting for an instrument's service request (the SRQ line of GPIB).
 
-A vendor's VISA library has an event for it. A Prologix or AR488 adapter answers `++srq` by itself, without a word to
-the instrument. A network socket has no such line (Programming Manual p.474: SRQ is the bus's).
+A vendor's VISA library has an event for it. A Prologix or AR488 adapter answers `++srq` itself, without asking the
+instrument. A network socket has no such line (Programming Manual p. 474: SRQ belongs to the GPIB).
 """
 
 import time
@@ -13,16 +13,16 @@ from pyvisa.constants import EventMechanism, EventType, InterfaceType
 from pyvisa.resources import MessageBasedResource
 
 ADAPTER_SECONDS = 0.02
-"""Between two questions to an adapter."""
+"""Seconds between two queries to an adapter."""
 
 Wait = Callable[[float], None]
-"""Return when service is requested, or after so many seconds; early for no reason is allowed."""
+"""Wait until service is requested, or for this many seconds; returning early is allowed."""
 
 
 def waiter(instrument: MessageBasedResource, bridge: MessageBasedResource | None) -> Wait | None:
-    """Return what waits for the service request of `instrument`; None where nothing on this path tells of one.
+    """Return a function that waits for a service request of `instrument`, or None if the connection signals none.
 
-    What it raises: VisaIOError, OSError, ValueError, where the line is lost.
+    The function raises VisaIOError, OSError or ValueError if the connection is lost.
     """
     if instrument.interface_type != InterfaceType.gpib:
         return None
@@ -34,7 +34,7 @@ def waiter(instrument: MessageBasedResource, bridge: MessageBasedResource | None
 def _has_events(instrument: MessageBasedResource) -> bool:
     try:
         instrument.enable_event(EventType.service_request, EventMechanism.queue)
-    except (NotImplementedError, VisaIOError):  # pyvisa-py 0.8 has no events; some drivers have none for GPIB
+    except (NotImplementedError, VisaIOError):  # pyvisa-py 0.8 has no events, and some drivers have none for GPIB
         return False
     return True
 
@@ -44,7 +44,7 @@ def _for_event(instrument: MessageBasedResource, seconds: float) -> None:
 
 
 def _at_adapter(bridge: MessageBasedResource, seconds: float) -> None:
-    """Ask the adapter whether the line is asserted, as pyvisa-py asks it for a serial poll: past its `++read`."""
+    """Ask the adapter whether SRQ is asserted, without `++read`, as pyvisa-py does for a serial poll."""
     session = cast("Any", bridge.visalib).sessions[bridge.session]
     until = time.monotonic() + seconds
     while True:

@@ -1,4 +1,4 @@
-"""An open VISA session, and the socket below it where pyvisa-py made it."""
+"""An open VISA session, and its socket if pyvisa-py opened it."""
 
 import select
 import socket
@@ -13,30 +13,30 @@ class Session(NamedTuple):
 
     instrument: MessageBasedResource
     bridge: MessageBasedResource | None = None
-    """The adapter the instrument is reached through, where there is one: it must be open as long as the instrument."""
+    """The adapter to the instrument, if any, which has to stay open as long as the instrument."""
 
 
 def prepared(instrument: MessageBasedResource, bridge: MessageBasedResource | None) -> socket.socket | None:
-    """Set the session up for whole answers; return the socket below it, None where there is none."""
+    """Configure the session for complete answers; return its socket, or None if it has none."""
     (bridge or instrument).read_termination = "\n"
     line = underlying_socket(bridge or instrument)
     if line is not None:
-        # What came before a timeout is then handed over instead of being dropped with it.
+        # Deliver the bytes received before a timeout, which would otherwise be dropped.
         (bridge or instrument).set_visa_attribute(ResourceAttribute.suppress_end_enabled, False)
-        # Else a message is held back until the peer acknowledges the one before, 40 ms later.
+        # Otherwise a message waits until the peer acknowledges the previous one, for 40 ms.
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return line
 
 
 def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
-    """Return the socket below a session of pyvisa-py; None where there is none, or another library runs."""
+    """Return the socket of a pyvisa-py session, or None if there is none or another library is used."""
     sessions: dict[Any, Any] = getattr(resource.visalib, "sessions", {})
     interface = getattr(sessions.get(resource.session), "interface", None)
     return interface if isinstance(interface, socket.socket) else None
 
 
 def hung_up(line: socket.socket | None) -> bool:
-    """Tell whether the peer closed the connection. pyvisa-py (0.8) takes that for silence."""
+    """Return whether the peer closed the connection, which pyvisa-py (0.8) takes for silence."""
     if line is None:
         return False
     try:

@@ -2,7 +2,7 @@
 
 ODDS = 0.08
 """Prior odds of a catalogue effect at one place: a laboratory sample has one or two effects at two dozen places."""
-COARSENED = 0.2
+COARSENED = 0.5
 """Share of the best explanation's missing ln evidence that is added to the coarsening factor (see
 `hypothesis.coarseness`); fitted by log score on generated recordings with effects removed from the catalogue."""
 NAMED = 0.5
@@ -28,8 +28,6 @@ RIVALS = 6
 """Budget: hypotheses with another effect in place of a named one that are compared with it."""
 MOST = 4
 """Budget: largest number of effects at once."""
-INSTRUMENT = 8e-4
-"""Instrument error, rms of ln Z, unless stated otherwise."""
 TOLERATED = 2.0
 """Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is
 attributed to the fixture, if the recordings show instrument errors; one fixture in twenty has more."""

@@ -43,10 +43,8 @@ def diagnose(
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
     `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
-    data
-    reserved for validation. `others` are further samples by name, on which the findings are tested. Raises FitError if
-    the
-    recordings cannot be fitted or contain no such data to hold out, EffectError for an unknown effect.
+    data reserved for validation. `others` are further samples by name, on which the findings are tested. Raises
+    FitError if the recordings cannot be fitted or contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
     progress("checking the data")

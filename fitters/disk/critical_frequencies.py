@@ -89,8 +89,7 @@ def critical(trace: ImmittanceTrace, top: int, what: str) -> Critical:
     """Return the critical frequencies of the peak whose maximum is at index `top`.
 
     `what` names it in errors. Raises FitError if an end of the sweep cuts the peak off, or if fewer than five points
-    lie
-    in its linewidth.
+    lie in its linewidth.
     """
     f = trace.frequency
     low, high = linewidth(trace, top, what)

@@ -25,8 +25,7 @@ def both_modes_constants(layer: str) -> Block:
     """Return c33D h33 eps33S s11E s12E d31 of a disk, passive for all coordinates; Pa V/m F/m 1/Pa C/N.
 
     x = those of `thickness_constants`, then ln C', ln(C''/C'), ln M', ln(M''/M'), asinh(H'/1e7), angle, with M = c11p -
-    c12p
-    and H'' = -sin(angle) sqrt(C'' (1/eps33p)''/2). The last six together determine the three radial constants.
+    c12p and H'' = -sin(angle) sqrt(C'' (1/eps33p)''/2). The last six together determine the three radial constants.
     """
     names = (*PLATE_CONSTANTS, *ARM_CONSTANTS)
     return Block(

@@ -21,8 +21,7 @@ def radial_constants_block(layer: str) -> Block:
     """Return s11E, s12E, d31 and eps33T of a piezo layer, stable and passive for all coordinates.
 
     x = ln s11', ln(L11/s11'), artanh sigma', angle of L12/L11, artanh kp', angle of d31'', ln eps', ln tan d. Holding
-    s12E
-    therefore holds Poisson's ratio s12E'/s11E', and holding d31 the planar coupling. 1/Pa, C/N, F/m.
+    s12E therefore holds Poisson's ratio s12E'/s11E', and holding d31 the planar coupling. 1/Pa, C/N, F/m.
     """
     return Block(
         tuple(f"{layer}.{name}{loss}" for name in RADIAL_CONSTANTS for loss in ("", ".loss")),

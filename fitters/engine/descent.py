@@ -47,8 +47,7 @@ def descend(objective: Objective, x: Reals, tolerance: float = _FINE, most: int 
     """Minimise from `x`: by Gauss-Newton while steps achieve the predicted decrease, else by Levenberg-Marquardt.
 
     J. J. More, The Levenberg-Marquardt algorithm: implementation and theory (1977), in MINPACK's `lmder`. `leastsq`
-    calls
-    it directly; the overhead of `least_squares` costs as much as a small recording.
+    calls it directly; the overhead of `least_squares` costs as much as a small recording.
     """
     before = objective.evaluations
     if x.size == 0:

@@ -156,8 +156,7 @@ def _start_values(
     """Return starting values for a step that adds the layers `new`.
 
     A bare piezo disk starts from its own resonances. Glued layers start from their nominal values and from one and a
-    half
-    uncertainties around them; everything else starts from the result of the earlier steps.
+    half uncertainties around them; everything else starts from the result of the earlier steps.
     """
     if len(new) == 1 and new[0].kind == "piezo":
         disk = new[0].name

@@ -116,8 +116,7 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
     """Return the noise of one step's sweeps, as a summary and at each point of each sweep.
 
     Estimated from repeats if there are any, else from smoothness, else from the analyzer's accuracy. Sweeps with
-    another
-    level, bandwidth or direction are not repeats: their noise differs, or they differ by more than noise.
+    another level, bandwidth or direction are not repeats: their noise differs, or they differ by more than noise.
     """
     by_index: dict[int, Reals] = {}
     sources: set[str] = set()

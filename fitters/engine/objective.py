@@ -90,8 +90,7 @@ class Objective:
         """Return the coordinates in which posteriors are linear, shape (M,), and their derivatives by x.
 
         These are x itself, except for loads, which are given in Rayl: a load's coordinate is strongly curved near zero,
-        where
-        an earlier step knows it to a part in a million.
+        where an earlier step knows it to a part in a million.
         """
         values, chain = self.coordinates.forward(x)
         y, slope = x.copy(), np.ones(x.size)

@@ -174,8 +174,7 @@ def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -
     """Return warnings about constants beyond a ceramic's scatter: c33D indicates the thickness, the others the area.
 
     Raises FitError if a constant is so far off that the build file must describe another disk, unless the build file
-    gives
-    the constant itself.
+    gives the constant itself.
     """
     says: list[str] = []
     reported: set[str] = set()

@@ -81,8 +81,7 @@ def disk_starts(sweep: Sweep, thickness: float, density: float, area: float) -> 
     """Return starting constants of a free disk, best first. SI units.
 
     Every pair of a resonance and an antiresonance is tried with a few qualities; the permittivity follows from the
-    level
-    of the whole curve. Raises FitError if the sweep shows no such pair.
+    level of the whole curve. Raises FitError if the sweep shows no such pair.
     """
     few = slice(None, None, max(1, sweep.frequency.size // _ENOUGH))
     f, Z = sweep.frequency[few], sweep.impedance[few]

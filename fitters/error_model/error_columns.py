@@ -13,6 +13,7 @@ from ...models.effects.base.scale import active, reactance, resonance
 from ...models.stack import Elastic, Piezo, Stack
 from ..engine.recording import Recording
 from . import prior_scales as scales
+from .instrument_share import accuracy_of
 from .point_covariance import PointErrors
 from .smooth_basis import smooth
 
@@ -135,7 +136,11 @@ def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid, *
         of = _at(places, functions)
         for k in range(functions[0].shape[1]):
             for unit in (1.0, 1j):
-                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(scales.INSTRUMENT * unit * of[id(p)][:, k]))
+                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(_gain(p) * unit * of[id(p)][:, k]))
+
+
+def _gain(place: LinearisedRecording) -> float:
+    return accuracy_of(place.recording.sweep)
 
 
 def _fixture(add: _Add) -> None:

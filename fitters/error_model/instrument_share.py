@@ -5,24 +5,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...models.base.arrays import Complexes
+from ...models.sweep import Sweep
 from ..engine.recording import Recording
 from . import prior_scales as scales
 from .smooth_basis import smooth
+
+
+def accuracy_of(sweep: Sweep) -> float:
+    """Return the accuracy of ln |Z| and of the phase in rad: `accuracy` of the sweep's settings, else a 4294A's."""
+    return float(sweep.settings.get("accuracy") or scales.INSTRUMENT)
 
 
 def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Complexes], parameters: int) -> float:
     """Return chi2 per degree of freedom of `ratios`, ln(Z_model/Z) of each recording, shape (N,).
 
     Gain and phase errors of the analyzer are smooth in frequency, common to the recordings of a session, and as large
-    as
-    specified (`prior_scales.INSTRUMENT`). Their likeliest values are subtracted, together with their effective number
-    of
-    degrees of freedom. Points of infinite noise are ignored. `parameters`: number of fitted parameters.
+    as specified (`accuracy_of`). Their likeliest values are subtracted, together with their effective number of degrees
+    of freedom. Points of infinite noise are ignored. `parameters`: number of fitted parameters.
     """
     logs = [np.log(recording.sweep.frequency) for recording in recordings]
     ends = float(min(own[0] for own in logs)), float(max(own[-1] for own in logs))
     weights = [1 / recording.noise for recording in recordings]
-    basis = [scales.INSTRUMENT * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for own in logs]
+    sizes = [accuracy_of(recording.sweep) for recording in recordings]
+    basis = [size * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for size, own in zip(sizes, logs, strict=True)]
     B = np.concatenate([own * weight[:, None] for own, weight in zip(basis, weights, strict=True)])
     r = np.concatenate([own * weight for own, weight in zip(ratios, weights, strict=True)])
     normal = B.T @ B

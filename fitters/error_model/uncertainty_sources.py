@@ -42,8 +42,8 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     """Return the covariance at a minimum by source.
 
     Recordings often do not determine how much of a smooth error is the instrument's, but constants depend on it. The
-    result
-    is therefore that of the mixture over sizes of the instrument's error, weighted by their posterior probability.
+    result is therefore that of the mixture over sizes of the instrument's error, weighted by their posterior
+    probability.
     """
     instead = [chosen(found.gram, (found.sizes.at("slow", size),), _BESIDE_THE_INSTRUMENT) for size in GRIDS["slow"]]
     log_p = np.array([value.log_evidence for _, value in instead])

@@ -123,8 +123,7 @@ def box_of(coordinates: Coordinates, priors: Sequence[Prior]) -> Box:
     """Return the bounds: four standard uncertainties, and at least a factor of 1.5 to either side.
 
     Losses range from 1e-4 to 0.3, the quality of a passive layer over a factor of ten to either side, a load from zero
-    to
-    three times its value.
+    to three times its value.
     """
     x, values = coordinates.x, coordinates.forward(coordinates.x)[0]
     spread = {prior.parameter.removesuffix(".re"): 4 * prior.u / abs(prior.mean) for prior in priors if prior.mean}

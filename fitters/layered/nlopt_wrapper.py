@@ -99,8 +99,7 @@ def search(
     """Return the best point that the algorithm finds inside the box; the same for the same seed.
 
     `cost` returns the value alone, `slope` value and gradient; the algorithm determines which is called. Raises
-    whatever
-    these raise, and FitError for a start outside the box or an objective that is finite nowhere.
+    whatever these raise, and FitError for a start outside the box or an objective that is finite nowhere.
     """
     box.check()
     _nlopt.srand(seed)

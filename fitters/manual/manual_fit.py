@@ -2,8 +2,7 @@
 
 `look` computes the model's curve at chosen values, without fitting. `fit` fits with exactly these choices: one descent
 from exactly there, on the model of `mason` (all chosen steps jointly), of `radial` or of `disk`, with the chosen
-effects
-of the catalogue. (E. S. Tjelde, thesis 2012, chapter 9, asks for this control.)
+effects of the catalogue. (E. S. Tjelde, thesis 2012, chapter 9, asks for this control.)
 """
 
 import time

@@ -78,9 +78,8 @@ def fit_on_dask(
     """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
 
     The results equal those of `fit_on_cores` to the last bit (except `seconds`) if the workers have the same processor
-    and
-    the same versions. Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers there,
-    PluginError if the fitter is not installed here.
+    and the same versions. Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers
+    there, PluginError if the fitter is not installed here.
     """
     load_fitter(fitter)
     if not _ADDRESS.fullmatch(address):

@@ -69,12 +69,10 @@ def outliers(x: Reals, u: Reals) -> dict[int, float]:
     Each value is compared with what the others predict for it (leave one out, Student's t; with `u` 0 this is Grubbs's
     test), the most extreme is set aside, and so on up to a third of them: a second outlier cannot hide behind the first
     (B. Rosner, Technometrics 25 (1983) 165). Probabilities are for the most extreme of all (Bonferroni). The usual
-    median
-    rule (3.5 MAD) is not used: it rejects a good sample in one of six populations of four. Nor is the normal
-    distribution
-    where the others scatter no more than their uncertainties: three samples cannot show that, and it rejects a good one
-    in
-    up to a third of the populations. Among four samples, only a far outlier is therefore detected.
+    median rule (3.5 MAD) is not used: it rejects a good sample in one of six populations of four. Nor is the normal
+    distribution where the others scatter no more than their uncertainties: three samples cannot show that, and it
+    rejects a good one in up to a third of the populations. Among four samples, only a far outlier is therefore
+    detected.
     """
     x, u, _, _ = _standard(x, u)
     left = list(range(x.size))

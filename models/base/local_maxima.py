@@ -13,9 +13,8 @@ def prominent_peaks(values: Reals, least: Reals | float) -> tuple[NDArray[np.int
     """Return the interior maxima of `values`, shape (N,), of at least some prominence, and the prominence of each.
 
     Indices increase; a flat top counts once, at its middle. The prominence of a maximum is its height over the higher
-    of
-    its two valleys, each the minimum of the curve until it rises above the maximum or ends. `least`: of shape (N,), or
-    one value for all.
+    of its two valleys, each the minimum of the curve until it rises above the maximum or ends. `least`: of shape (N,),
+    or one value for all.
     """
     begin = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])  # of each run of equal values
     level, middle = values[begin], (begin + np.append(begin[1:], values.size) - 1) // 2

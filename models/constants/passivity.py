@@ -2,9 +2,8 @@
 
 Holland (IEEE Trans. Sonics Ultrason. SU-14 (1967) 18): -Im [[sE, d^T], [d, epsT]] is positive semidefinite. For its
 inverse, [[cD, -h^T], [-h, 1/epsS]], +Im is. Coordinates: every symmetric complex matrix with positive definite real
-part
-and loss is K (1 - j A A^T) K^T for exactly one pair of lower triangular matrices K and A with positive diagonals; an
-optimiser may therefore choose any (K, A) and remains stable and passive.
+part and loss is K (1 - j A A^T) K^T for exactly one pair of lower triangular matrices K and A with positive diagonals;
+an optimiser may therefore choose any (K, A) and remains stable and passive.
 """
 
 import math

@@ -22,8 +22,7 @@ class RadialDisk:
     """A thin disk at frequencies far below its thickness mode. Satisfies `Model`.
 
     The radial arm in parallel with the capacitance of the disk clamped in its plane, eps33p = eps33T - 2 d31^2/(s11E +
-    s12E),
-    including the contribution of the motion through the thickness, mu d33f^2.
+    s12E), including the contribution of the motion through the thickness, mu d33f^2.
     """
 
     arm: RadialArm
@@ -102,25 +101,18 @@ class RadialDisk:
 class BothModes:
     """A disk whose recording runs from the radial through the thickness mode. Satisfies `Model`.
 
-    Y = Y_stack + Y_radial arm. In the expansion of the admittance over the disk's short-circuited modes, every mode
-    is a branch in parallel with the fully clamped capacitance; modes of pure thickness motion and of pure radial motion
-    are
-    different modes, so their branches add. The capacitances need no further constant: far below its resonance the stack
-    is
-    the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the arm adds eps33T - eps33p.
-    So
-    eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
+    Y = Y_stack + Y_radial arm. In the expansion of the admittance over the disk's short-circuited modes, every mode is
+    a branch in parallel with the fully clamped capacitance; modes of pure thickness motion and of pure radial motion
+    are different modes, so their branches add. The capacitances need no further constant: far below its resonance the
+    stack is the disk clamped in its plane, eps33S/(1 - kt^2) = eps33p, and below the radial modes the arm adds eps33T -
+    eps33p. So eps33T follows, and eps33S = eps33T (1 - kp^2)(1 - kt^2) holds exactly.
 
     Near the thickness mode the motion is no longer uniform through the thickness, and a uniform field excites the
-    overtones
-    less and less. The arm therefore decays as 1/[1 + (f/0.45 fp)^6], fp the antiresonance of the plate: an empirical
-    rule
-    from two-dimensional solutions (Pz27 and PIC255, D/t 10 to 40; `tests/benchmarks`). It keeps the sum passive, which
-    with
-    weight w is (1 - w) of one passive disk and w of another. Edge and shear modes are missing, as in any radial model:
-    at
-    D/t = 20 (Pz27) the error of ln Z is 0.4 % over the first radial modes, 10 % up to half fp, 15 to 30 % from there
-    through the thickness mode, 0.2 % above it.
+    overtones less and less. The arm therefore decays as 1/[1 + (f/0.45 fp)^6], fp the antiresonance of the plate: an
+    empirical rule from two-dimensional solutions (Pz27 and PIC255, D/t 10 to 40; `tests/benchmarks`). It keeps the sum
+    passive, which with weight w is (1 - w) of one passive disk and w of another. Edge and shear modes are missing, as
+    in any radial model: at D/t = 20 (Pz27) the error of ln Z is 0.4 % over the first radial modes, 10 % up to half fp,
+    15 to 30 % from there through the thickness mode, 0.2 % above it.
     """
 
     stack: Stack

@@ -35,8 +35,7 @@ class Cable(Effect):
         """Return its inductance in henry, characteristic impedance in ohm, attenuation in Np/m at 1 MHz.
 
         A short line is little more than its inductance, so a fit finds the inductance more easily than the length,
-        whatever the
-        other parameters are. Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
+        whatever the other parameters are. Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
         """
         return (
             EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),

@@ -23,8 +23,7 @@ def one_minus_exp(growth: Reals, half_turn: Reals) -> Complexes:
     """Return 1 - exp(growth - 2j half_turn), accurate to rounding for arguments of any size, in their shape.
 
     Uses real functions of the half angle: NumPy vectorises np.tan and np.expm1 but not np.exp of complex numbers, and
-    sin
-    and cos of the full angle follow without cancellation. At a pole of the tangent it is large but finite.
+    sin and cos of the full angle follow without cancellation. At a pole of the tangent it is large but finite.
     """
     tangent = np.tan(half_turn)
     square = tangent * tangent
@@ -66,10 +65,8 @@ class Line:
         """Return the sensitivity of the terminals to the layer: d Z_el / d ln of its quantities, ohm m2.
 
         `v` and `F` are those of the back (1) and front (2) face per unit current density. By reciprocity every
-        derivative of
-        the terminal impedance is a quadratic form of this field; written in the two waves that enter the layer, one at
-        each
-        face, nothing cancels.
+        derivative of the terminal impedance is a quadratic form of this field; written in the two waves that enter the
+        layer, one at each face, nothing cancels.
         """
         yc = 1.0 / self.Zc
         forward = v1 + F1 * yc

@@ -2,9 +2,8 @@
 
 A lossy constant is one complex number `M = M' + jM''` at the reference frequency. Its loss tangent `M''/M'` is positive
 for a stiffness (1/Q) and negative for a permittivity (-tan d); every law below applies to both. A law with arbitrary
-loss
-and a constant real part is not causal (Q = 80 requires c' to rise by 0.88 % from f to 3f); the other laws contain the
-Kramers-Kronig companion, without an additional constant.
+loss and a constant real part is not causal (Q = 80 requires c' to rise by 0.88 % from f to 3f); the other laws contain
+the Kramers-Kronig companion, without an additional constant.
 """
 
 import math

@@ -1,8 +1,7 @@
 """Interfaces without thickness: limits of a layer much thinner than the wavelength.
 
 A thin layer is its compliance t/c33 between two halves of its mass rho t. If one of the two dominates, it remains
-alone:
-a soft glue line is a spring, an electrode on a free face is a mass.
+alone: a soft glue line is a spring, an electrode on a free face is a mass.
 """
 
 import math

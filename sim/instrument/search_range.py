@@ -44,8 +44,11 @@ def analysed(instrument: "Instrument") -> Indices:
 
 
 def _between(instrument: "Instrument", low: float | None, high: float | None) -> Indices:
+    """Return the points between two borders, of which None is no border."""
     values = instrument.sweeper.axis.values
     inside = (values >= (-np.inf if low is None else low)) & (values <= (np.inf if high is None else high))
+    if not inside.any():  # borders between two points: the nearest one
+        return np.array([int(np.argmin(np.abs(values - (low if low is not None else high or 0.0))))], dtype=np.intp)
     return np.flatnonzero(inside)
 
 

@@ -73,7 +73,7 @@ def _next_peak(kind: str) -> Ask:
 def _take_peak(instrument: Instrument, kind: str) -> bytes:
     x, y = _trace(instrument)
     left = instrument.peaks_left.get(kind, [])
-    if not left:
+    if not left or left[0] >= y.size:  # none left, or the range has changed since
         return _answer(instrument, 0.0, 0.0)
     k = left.pop(0)
     return _answer(instrument, float(y[k]), float(x[k]))

@@ -6,6 +6,8 @@ command (PM p.262); so they hold up the client that sent them, and no other.
 
 from collections.abc import AsyncIterator, Callable
 
+import numpy as np
+
 from ..instrument.instrument import Instrument
 from ..instrument.list_table import FIELDS
 from .command_entry import Entry
@@ -58,7 +60,8 @@ def execute(instrument: Instrument, unit: Unit, message_available: bool = False)
         found = entry(instrument, unit)
         if not (unit.query or unit.mnemonic in OF_THE_TABLE or unit.mnemonic.startswith("*")):
             _scratch(instrument)
-        return found(instrument, unit)
+        with np.errstate(all="ignore"):  # settings without sense may make numbers without sense
+            return found(instrument, unit)
     except CommandError as error:
         instrument.status.error(error)
         return None

@@ -89,7 +89,7 @@ def _program_entries() -> tuple[dict[str, Entry], dict[str, Entry]]:
             continue
         last = short_tree(row.mnemonic)
         if row.query != "only":
-            commands[last] = Entry(_program(last), 0, 255)
+            commands[last] = Entry(_program(last), 1 if last.endswith("NAME") else 0, 255)
         if row.query != "none":
             queries[last] = Entry(_of_program(last, first.get(last.rsplit(":", 1)[-1], "")), 0, 2)
     return commands, queries

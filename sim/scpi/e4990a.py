@@ -121,10 +121,10 @@ def _own(header: str, setting: Setting, key: str, then: Callable[[Instrument], N
 
 def _short_token(setting: Setting, argument: bytes) -> bytes:
     """Return a token in its short form, where it was sent in the long one."""
-    word = argument.decode("latin-1").upper()
-    if isinstance(setting, Choice) and word not in setting.tokens:
-        word = next((token for token in setting.tokens if word.startswith(token)), word)
-    return word.encode("latin-1")
+    word = argument.upper()
+    if isinstance(setting, Choice) and word.decode("latin-1") not in setting.tokens:
+        return next((token.encode() for token in setting.tokens if word.startswith(token.encode())), word)
+    return word
 
 
 def _edge(which: int) -> Node:
@@ -175,8 +175,11 @@ def _set_segments(instrument: Instrument, unit: Unit) -> None:
         or len(values) != 9 + 3 * int(values[8])
     ):
         raise CommandError(-220)
+    rows = [values[k : k + 3] for k in range(9, len(values), 3)]
+    if not all(LOWEST_HZ <= start <= stop <= HIGHEST_HZ and 2 <= count <= POINTS for start, stop, count in rows):
+        raise CommandError(-222)
     instrument.state.table.segments = [
-        ListSegment(values[k], values[k + 1], int(values[k + 2]), 1, 0.5, 0.0, 1) for k in range(9, len(values), 3)
+        ListSegment(start, stop, int(count), 1, 0.5, 0.0, 1) for start, stop, count in rows
     ]
     _restart(instrument, True)
 

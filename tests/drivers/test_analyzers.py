@@ -33,8 +33,9 @@ def test_what_does_not_load_is_named_and_the_others_are_found(play) -> None:
         open_analyzer(play({"*IDN?": [b"ACME,Z1000,7,1.0\n"]}).resource)
     says = str(caught.value).replace(" Keysight E4990A,", "")  # an installation from before it does not know it
     assert says.endswith(
-        "*IDN? is answered by 'ACME,Z1000,7,1.0'; known are HP, Agilent or Keysight 4294A, a recording "
-        "(recording:FILE); a of acme does not load: No module named 'no_such_module'; b of acme is no driver, but float"
+        "the answer to *IDN? is 'ACME,Z1000,7,1.0'; known are HP, Agilent or Keysight 4294A, a recording "
+        "(recording:FILE); a of acme does not load: No module named 'no_such_module'; b of acme is not a driver but "
+        "float"
     )
 
 

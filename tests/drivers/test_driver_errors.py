@@ -183,7 +183,7 @@ def test_an_archive_of_another_format(tmp_path: Path, monkeypatch: pytest.Monkey
         ),
         (
             lambda folder: write_netcdf(replace(SWEEP, id="a\0b"), folder / "a.nc"),
-            "recording 'a?b' cannot be written: a NUL is no text",
+            "recording 'a?b' cannot be written: a text contains a NUL character",
         ),
         (
             lambda folder: read_data_trace(traced(folder), np.array([1e6]), "ABCD"),

@@ -45,7 +45,7 @@ class Z1000(Analyzer):
         answer = self._link.ask("*IDN?").strip()
         found = IDN.fullmatch(answer)
         if not found:
-            raise InstrumentError(f"{self._link.name}: *IDN? is answered by {answer!r}; this is no ACME Z1000")
+            raise InstrumentError(f"{self._link.name}: the answer to *IDN? is {answer!r}; this is no ACME Z1000")
         return Identity(self._link.name, answer, "Z1000", found[1], found[2])
 
     def make_safe(self) -> None:

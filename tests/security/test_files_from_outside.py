@@ -91,7 +91,7 @@ ODD: dict[str, Callable[[h5py.File], object]] = {
 def test_an_hdf5_file_of_another_layout_is_refused_with_a_sentence(tmp_path: Path, how: str) -> None:
     path = tmp_path / "a.h5"
     path.write_bytes(hdf5(ODD[how]))
-    with pytest.raises(RecordingError, match=r"a\.h5: this is no recording: \S"):
+    with pytest.raises(RecordingError, match=r"a\.h5: not a recording: \S"):
         read_recording(path)
 
 

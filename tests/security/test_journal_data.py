@@ -206,7 +206,7 @@ def test_arrays_that_cannot_be_indexed_are_left_where_they_are(tmp_path: Path) -
     arrays = tmp_path / "journal" / "arrays"
     arrays.mkdir(parents=True)
     (arrays / "old.bin").write_bytes(b"1234")
-    with pytest.raises(JournalError, match=r"none of the 1 recording\(s\) in arrays/ says what it is; nothing was"):
+    with pytest.raises(JournalError, match=r"none of the 1 recording\(s\) in arrays/ has a valid index; nothing was"):
         repair_folder(tmp_path / "journal")
     assert (arrays / "old.bin").read_bytes() == b"1234"
 

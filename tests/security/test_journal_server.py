@@ -100,7 +100,7 @@ def test_a_seal_holds_and_breaks_on_a_server(url: str, build: Build, tmp_path: P
     with psycopg.connect(url, autocommit=True) as db:
         db.execute("UPDATE chain SET link = 'x' WHERE number = %s", (seal.number,))
     (fault,) = seal_faults(journal.store, [seal], read_public_key(public))
-    assert "the chain was written anew since" in fault
+    assert "the chain was rewritten since" in fault
     journal.close()
 
 

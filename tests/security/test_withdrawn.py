@@ -115,7 +115,7 @@ def test_a_station_withdraws_only_what_it_measured(tmp_path: Path, build: Build)
     one = put(journal, build, 50.0)
     journal.close()
     other = JournalReader(tmp_path, "bench2")
-    with pytest.raises(WithdrawalError, match="of station 'bench1'"):
+    with pytest.raises(WithdrawalError, match="belongs to station 'bench1'"):
         withdrawal_event(other, one, "why", "local", "Ana")
     other.close()
 

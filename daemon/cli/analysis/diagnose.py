@@ -32,6 +32,15 @@ def diagnose(
         list[Path] | None,
         typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to test the findings on."),
     ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            min=1e-4,
+            max=10,
+            help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
+        ),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -59,7 +68,7 @@ def diagnose(
     device = read_build(build)
     others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
-    task = FitTask(device, read_steps(recordings))
+    task = FitTask(device, read_steps(recordings, accuracy))
     with screen.status("diagnosing") as status:
         diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others)
     if unseen:

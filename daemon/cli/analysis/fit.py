@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,14 +33,23 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
     return files
 
 
-def read_steps(given: list[str]) -> "dict[str, tuple[Sweep, ...]]":
-    """Read the recordings named by `STEP=FILE` arguments, by step; print their notes on standard error."""
+def read_steps(given: list[str], accuracy_percent: float | None = None) -> "dict[str, tuple[Sweep, ...]]":
+    """Read the recordings named by `STEP=FILE` arguments, by step; print their notes on standard error.
+
+    `accuracy_percent`: of the analyzer, in per cent of |Z|; None for what the file says or a 4294A's.
+    """
     sweeps = {step: tuple(map(read_trace, paths)) for step, paths in parse_recordings(given).items()}
     for of_step in sweeps.values():
         for sweep in of_step:
             for note in sweep.notes:
                 print(shown(f"note: {sweep.id}: {note}"), file=sys.stderr)
-    return sweeps
+    if accuracy_percent is None:
+        return sweeps
+    told = {"accuracy": accuracy_percent / 100}
+    return {
+        step: tuple(replace(sweep, settings={**sweep.settings, **told}) for sweep in of_step)
+        for step, of_step in sweeps.items()
+    }
 
 
 def read_trace(path: Path) -> "Sweep":
@@ -78,6 +88,15 @@ def fit(
     freeze: Annotated[
         bool, typer.Option(help="Step by step, with the earlier constants frozen (as in the thesis).")
     ] = False,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            min=1e-4,
+            max=10,
+            help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
+        ),
+    ] = None,
     budget: Annotated[bool, typer.Option(help="Show what contributes to the uncertainties.")] = False,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     every: Annotated[
@@ -98,7 +117,9 @@ def fit(
     wanted = FitSelection(frees, arguments.amendments(frees), arguments.options())
     if every or dask or with_withdrawn or not recordings:
         needs_all = "--dask" if dask else "--with-withdrawn" if with_withdrawn else None
-        _check_all(every, needs_all, {"build": build, "picture": picture, "budget": budget or None})
+        _check_all(
+            every, needs_all, {"build": build, "picture": picture, "accuracy": accuracy, "budget": budget or None}
+        )
         from .fit_all import fit_all
 
         fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json, with_withdrawn=with_withdrawn)
@@ -107,7 +128,7 @@ def fit(
         from ...report.pictures.picture_file import check_picture
 
         check_picture(picture)
-    results, known = _fitted(recordings, build, fitter or [], wanted)
+    results, known = _fitted(recordings, build, fitter or [], wanted, accuracy)
     if as_json:
         from ...report.json_output.fit_json import fit_json
 
@@ -130,7 +151,7 @@ def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") 
 
 
 def _fitted(
-    recordings: list[str], build: Path | None, names: list[str], wanted: FitSelection
+    recordings: list[str], build: Path | None, names: list[str], wanted: FitSelection, accuracy: float | None
 ) -> "tuple[list[FitResult], Build | None]":
     """Return the result of each fitter, and the build with the amendments. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended
@@ -146,7 +167,7 @@ def _fitted(
         known = amended(known, wanted.amendments)
     elif wanted.amendments != Amendments():
         raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
-    task = FitTask(known, read_steps(recordings), wanted.free, wanted.options)
+    task = FitTask(known, read_steps(recordings, accuracy), wanted.free, wanted.options)
     return [fitter.fit(task) for fitter in fitters], known
 
 

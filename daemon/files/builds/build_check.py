@@ -65,8 +65,8 @@ def _check_layers(build: Build, source: str) -> None:
     _check_unique((layer.name for layer in build.layers), source, "layers")
     piezos = [layer.name for layer in build.layers if layer.kind == "piezo"]
     if len(piezos) != 1:
-        found = f"{len(piezos)} piezo layers ({', '.join(piezos)})" if piezos else "no piezo layer"
-        raise BuildError(f'{source}: layers has {found}; exactly one layer of kind = "piezo" is needed')
+        number = f"{len(piezos)} piezo layers ({', '.join(piezos)})" if piezos else "no piezo layer"
+        raise BuildError(f'{source}: layers has {number}; exactly one layer of kind = "piezo" is needed')
 
 
 def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:

@@ -47,9 +47,9 @@ def read_materials(path: Path) -> tuple[Material, ...]:
 
 def all_materials() -> tuple[Material, ...]:
     """Return the user's materials, then those of the library that they do not replace."""
-    own = own_materials()
-    replaced = {material.name.casefold() for material in own}
-    return (*own, *(material for material in MATERIALS if material.name.casefold() not in replaced))
+    user_materials = own_materials()
+    replaced = {material.name.casefold() for material in user_materials}
+    return (*user_materials, *(material for material in MATERIALS if material.name.casefold() not in replaced))
 
 
 def find_material(name: str) -> Material:

@@ -73,6 +73,6 @@ class Lease:
         )
 
     def _own(self, client: str, lease: str) -> None:
-        held = self._held
-        if self.holder is None or held is None or (held.client, held.lease) != (client, lease):
+        current = self._held
+        if self.holder is None or current is None or (current.client, current.lease) != (client, lease):
             raise RequestError("no-such-lease", "this lease has expired, was returned, or never existed")

@@ -154,20 +154,20 @@ class RequestServer:
         if (done := self._done.get(place)) is not None:
             return done.said if done.digest == digest else self._why_not(request.id, _id_in_use(request.id))
         if isinstance(request, LONG):
-            said = asyncio.ensure_future(self._arrange(request, client))
+            outcome = asyncio.ensure_future(self._arrange(request, client))
         else:
             try:
                 answer, more = self._handlers.answer(request, frames[1:], client)
-                said = [to_json(answer), *more]
+                outcome = [to_json(answer), *more]
             except Exception as error:
-                said = self._why_not(request.id, error)
+                outcome = self._why_not(request.id, error)
                 if isinstance(error, JournalError):  # a repetition may succeed
-                    return said
+                    return outcome
         if isinstance(request, ONCE):
-            self._done[place] = _Done(digest, said)
+            self._done[place] = _Done(digest, outcome)
             if len(self._done) > REMEMBERED:
                 self._done.popitem(last=False)
-        return said
+        return outcome
 
     async def _arrange(
         self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest, client: str

@@ -53,8 +53,8 @@ def _sweeps_fault(journal: JournalWriter, known: JournalMeasurement, sweeps: Seq
                 f"sweep {sweep!r} is of {of.name!r} at step {of.step!r}; measurement {known.id!r} is of "
                 f"{known.sample.name!r} at step {known.sample.step!r}"
             )
-    own = {*sweeps} & {*journal.sweep_ids(known.id)}
-    return "" if own else f"no sweep of measurement {known.id!r} is named"
+    own_sweeps = {*sweeps} & {*journal.sweep_ids(known.id)}
+    return "" if own_sweeps else f"no sweep of measurement {known.id!r} is named"
 
 
 def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | DiagnosisEvent:

@@ -78,6 +78,9 @@ Kind = NumberSetting | FlagSetting | ChoiceSetting
 # The order is that of restoring: what a later value depends on stands before it.
 SETTINGS: dict[str, Kind] = {
     "SWPP": ChoiceSetting("sweep parameter", ("FREQ", "OLEV", "DCB")),
+    # Both say in which unit a sweep of level or bias starts and stops.
+    "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
+    "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "SWPT": ChoiceSetting("sweep type", ("LIN", "LOG", "LIST")),
     "STAR": NumberSetting("start", "Hz", absolute=6e-4),
     "STOP": NumberSetting("stop", "Hz", absolute=6e-4),
@@ -90,10 +93,8 @@ SETTINGS: dict[str, Kind] = {
     "PAVERFACT": NumberSetting("point averaging factor", relative=0),
     "AVER": FlagSetting("sweep averaging"),
     "AVERFACT": NumberSetting("sweep averaging factor", relative=0),
-    "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
     # The level is set in steps of 1 mV (Programming Manual p.403); the recording keeps what was read back.
     "POWE": NumberSetting("oscillator level", absolute=6e-4),
-    "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "DCRNG": ChoiceSetting("bias range", ("M1", "M10", "M100")),
     "DCV": NumberSetting("bias", "V", absolute=6e-4),
     "DCO": FlagSetting("bias output"),
@@ -138,6 +139,22 @@ def put(link: Connection, mnemonic: str, value: Value) -> Value:
             f"{text_of(got)}{unit}; the instrument did not take it"
         )
     return got
+
+
+def check_corrections(link: Connection) -> None:
+    """Raise InstrumentError where a sweep of another range would cost the instrument its correction.
+
+    Standards measured at the points of one sweep (`CALP USER`) are dropped, with error 13, as soon as its range, points
+    or type is changed (Programming Manual p.275).
+    """
+    if query(link, "CALP") != "USER":
+        return
+    measured = [CONDITIONS[name].words for name in CONDITIONS if name not in ("CALP", "E4TP") and query(link, name)]
+    if measured:
+        raise InstrumentError(
+            f"{link.name}: {' and '.join(measured)} holds for the points of the sweep that is set (CALP USER) and "
+            "would be lost; measure it at the fixed points with pzctl compensate, or give it up with CALP FIXED"
+        )
 
 
 def snapshot(link: Connection, mnemonics: Iterable[str]) -> dict[str, Value]:

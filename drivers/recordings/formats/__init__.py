@@ -1,1 +1,1 @@
-"""Recording formats, one file each."""
+"""The formats of recordings, one module each."""

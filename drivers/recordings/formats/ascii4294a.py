@@ -1,7 +1,7 @@
 """The 4294A's own ASCII export (`SAVDASC`, `.TXT`): a quoted header, then trace A, then trace B.
 
-Layout from real exports and the operation manual, p. 283-287. Columns are found by their names, since a memory trace
-adds two and a saved data array two more.
+The layout is that of real exports and of the operation manual, p. 283-287. Columns are found by name, since a memory
+trace adds two and a saved data array two more.
 """
 
 import re
@@ -27,14 +27,14 @@ ARRAYS = {"data": "Data Trace", "memory": "Memory Trace", "raw": "Data"}
 
 @dataclass
 class ExportTrace:
-    """One of the two traces, as the file has it."""
+    """One of the two traces, as in the file."""
 
     names: list[str] = field(default_factory=list[str])
     numbers: list[list[float]] = field(default_factory=list[list[float]])
     lines: list[int] = field(default_factory=list[int])
 
     def has(self, array: str) -> bool:
-        """Return whether both columns of an array are there."""
+        """Return whether the trace has both columns of an array."""
         return {f"{ARRAYS[array]} {part}" for part in ("Real", "Imag")} <= set(self.names)
 
     def frequency(self) -> Reals:
@@ -48,12 +48,12 @@ class ExportTrace:
 
 
 def is_4294a(page: TextFile) -> bool:
-    """Return whether the content is an export of the 4294A."""
+    """Return whether the file is an export of the 4294A."""
     return FIRST_LINE.match(page.lines[0]) is not None
 
 
 def read_4294a(page: TextFile) -> tuple[Sweep, Sweep | None]:
-    """Return the recording and, where one was saved, the memory trace. Raises RecordingError."""
+    """Return the recording, and the memory trace if one was saved. Raises RecordingError."""
     header, traces = _parsed(page)
     settings = settings_of(page, header)
     time, notes = time_of(header)
@@ -85,11 +85,11 @@ def _parsed(page: TextFile) -> tuple[dict[str, str], dict[str, ExportTrace]]:
         elif trace is None and line.startswith('"') and len(cells) == 1:
             header.setdefault("TITLE", cells[0])
         elif trace is None:
-            raise page.error(n, f"{clipped(line.strip())!r} stands where the header of a 4294A export should be")
+            raise page.error(n, f"{clipped(line.strip())!r} found where the header of a 4294A export should be")
         elif cells[0] == "Frequency" and not trace.names:
             trace.names = cells
         elif not trace.names:
-            raise page.error(n, "numbers without column names; the line before the first point names them")
+            raise page.error(n, "numbers without column names; the line before the first point has to name them")
         else:
             trace.numbers.append(page.row(cells, trace.names, n, range(len(cells))))
             trace.lines.append(n)
@@ -101,7 +101,7 @@ def _written_lines(page: TextFile) -> Iterator[tuple[int, str]]:
 
 
 def _checked(page: TextFile, traces: Mapping[str, ExportTrace], name: str, header: Mapping[str, str]) -> ExportTrace:
-    """Return a trace that is whole. Raises RecordingError."""
+    """Return a trace after checking that it is complete. Raises RecordingError."""
     if name not in traces:
         raise page.error(None, f"trace {name} is missing; a 4294A export holds both traces")
     trace = traces[name]
@@ -115,7 +115,7 @@ def _checked(page: TextFile, traces: Mapping[str, ExportTrace], name: str, heade
 def _impedance(page: TextFile, traces: Mapping[str, ExportTrace], header: Mapping[str, str], array: str) -> Impedances:
     """Return Z in ohm, shape (N,), of the data or the memory trace."""
     a = traces["A"]
-    if array == "data" and a.has("raw") and np.any(a.complex_of("raw")):  # parts that are not in use hold zeros
+    if array == "data" and a.has("raw") and np.any(a.complex_of("raw")):  # unused arrays hold zeros
         return a.complex_of("raw")
     if not a.has(array):
         raise page.error(None, f"no columns {ARRAYS[array]} Real and Imag found in trace A")

@@ -1,4 +1,4 @@
-"""The 4294A's binary data trace (`data_dt.dat` of its FTP server). It holds two traces and no frequency at all."""
+"""The 4294A's binary data trace (`data_dt.dat` of its FTP server), which holds two traces and no frequencies."""
 
 from pathlib import Path
 
@@ -18,15 +18,15 @@ _PREAMBLE, _GAP, _POINT = 29, 10, 16
 def read_data_trace(path: Path, frequency: Frequencies, parameter: str) -> Sweep:
     """Return the recording in a binary data trace.
 
-    `frequency` in Hz, shape (N,), and `parameter` (the 4294A's mnemonic, as `IMPH`) are what the instrument was set
-    to; the file does not hold them. Raises RecordingError.
+    The file does not hold `frequency` (Hz, shape (N,)) and `parameter` (the 4294A's mnemonic, such as `IMPH`), so they
+    are given as the instrument was set. Raises RecordingError.
     """
     page = TextFile(path, ())
     data = read_bytes(path)
     body = len(data) - _PREAMBLE - _GAP
     count = body // (2 * _POINT)
     if body <= 0 or body % (2 * _POINT):
-        raise RecordingError(f"{path}: {len(data)} bytes are not those of two whole traces; this is no data trace")
+        raise RecordingError(f"{path}: {len(data)} bytes cannot be two complete traces; this is not a data trace")
     if frequency.shape != (count,):
         raise RecordingError(f"{path}: {count} points found for {frequency.size} frequencies; both must agree")
     a, b = (

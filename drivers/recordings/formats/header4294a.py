@@ -20,8 +20,8 @@ _WORDS = {
     "IMLS": ("Z LS",), "IMCS": ("Z CS",), "IMLP": ("Z LP",), "IMCP": ("Z CP",),
     "IMRS": ("Z RS",), "IMQ": ("Z Q",), "IMD": ("Z D",),
 }  # fmt: skip
-"""What stands after MEASURE PARAMETER. Two wordings are known from real files (IMPH, AMPH); the others are the labels
-of the instrument's own menu, and the mnemonics of its command MEAS."""
+"""The texts after MEASURE PARAMETER. Two are known from real files (IMPH, AMPH); the others are the labels of the
+instrument's menu, and the mnemonics of its command MEAS."""
 PARAMETERS = {words: name for name, known in _WORDS.items() for words in (name, *known)}
 _SIZE = re.compile(r"([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*([mu]?)(Volt|Amp|V|A|Sec|s)\w*", re.IGNORECASE)
 _PREFIX = {"": 1.0, "m": 1e-3, "u": 1e-6}
@@ -29,18 +29,18 @@ _PREFIX = {"": 1.0, "m": 1e-3, "u": 1e-6}
 
 def parameter_of(page: TextFile, header: Mapping[str, str]) -> str:
     """Return the 4294A's mnemonic of the measurement parameter. Raises RecordingError."""
-    found = header.get("MEASURE PARAMETER")
-    if found is None:
-        raise page.error(None, "the header has no MEASURE PARAMETER; the file is no whole export of a 4294A")
-    plain = " ".join(re.sub(r"\((DEG|RAD)\)|[^A-Z ]", " ", found.upper()).split())
+    parameter = header.get("MEASURE PARAMETER")
+    if parameter is None:
+        raise page.error(None, "the header has no MEASURE PARAMETER; the file is not a complete export of a 4294A")
+    plain = " ".join(re.sub(r"\((DEG|RAD)\)|[^A-Z ]", " ", parameter.upper()).split())
     if plain not in PARAMETERS:
         allowed = ", ".join((*CONVERSIONS, "COMP", *SIGN_LOST))
-        raise page.error(None, f"MEASURE PARAMETER {clipped(found)!r} is not known; known are {allowed}")
+        raise page.error(None, f"MEASURE PARAMETER {clipped(parameter)!r} is not known; known are {allowed}")
     return PARAMETERS[plain]
 
 
 def settings_of(page: TextFile, header: Mapping[str, str]) -> dict[str, Any]:
-    """Return the settings that the header names. Raises RecordingError for a sweep that is none of frequency."""
+    """Return the settings in the header. Raises RecordingError if it is not a frequency sweep."""
     sweep = header.get("SWEEP TYPE", "")
     if "FREQ" not in sweep.upper():
         raise page.error(None, f"SWEEP TYPE is {clipped(sweep)!r}; a frequency sweep is needed")
@@ -63,7 +63,7 @@ def settings_of(page: TextFile, header: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _whole(page: TextFile, header: Mapping[str, str], key: str) -> int | None:
-    """Return a whole number, 1 for OFF, None where the file is silent."""
+    """Return a whole number, 1 for OFF, or None if the file does not give it."""
     text = header.get(key)
     if text is None:
         return None
@@ -75,25 +75,25 @@ def _whole(page: TextFile, header: Mapping[str, str], key: str) -> int | None:
 
 
 def _size(page: TextFile, header: Mapping[str, str], key: str) -> tuple[float | None, str]:
-    """Return a number in SI units with the unit's sign (0 for OFF, None where the file is silent)."""
+    """Return a number in SI units (0 for OFF, None if the file does not give it) and the symbol of its unit."""
     text = header.get(key)
     if text is None or text.upper() == "OFF":
         return None if text is None else 0.0, "V"
-    found = _SIZE.fullmatch(text)
+    size = _SIZE.fullmatch(text)
     try:
-        number = float(found[1]) if found else None
+        number = float(size[1]) if size else None
     except ValueError:
         number = None
-    if found is None or number is None:
+    if size is None or number is None:
         raise page.error(None, f"{key} is {clipped(text)!r}; a number with its unit, or OFF, is needed")
-    return number * _PREFIX[found[2].lower()], found[3][0].upper()
+    return number * _PREFIX[size[2].lower()], size[3][0].upper()
 
 
 def time_of(header: Mapping[str, str]) -> tuple[str | None, list[str]]:
-    """Return the date as RFC 3339, or None with a note where the instrument's clock had lost it."""
+    """Return the date as RFC 3339, or None with a note if the instrument's clock had lost it."""
     text = header.get("DATE", "")
     try:
         day = datetime.strptime(text, "%b %d %Y")
     except ValueError:
-        return None, [f"The date in the file is corrupt ({clipped(text)!r}); the time given is that of the file."]
+        return None, [f"The date in the file is corrupt ({clipped(text)!r}); the time of the file is used."]
     return day.isoformat(timespec="milliseconds") + "Z", []

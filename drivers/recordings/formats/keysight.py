@@ -1,4 +1,4 @@
-"""The CSV of Keysight's E4990A: comment lines `!`, one block from BEGIN to END, columns for data and memory traces."""
+"""The CSV of Keysight's E4990A: comment lines with `!`, one block from BEGIN to END, data and memory columns."""
 
 import re
 from datetime import datetime
@@ -13,13 +13,13 @@ _IDN = re.compile(r"(?:Keysight|Agilent)[^,]*,[^,]+,[^,]*,.*", re.IGNORECASE)
 
 
 def is_keysight(page: TextFile) -> bool:
-    """Return whether the content is such a file: an identity in the first comment, or a BEGIN line."""
+    """Return whether the file has an identity in a comment at its head, or a BEGIN line."""
     head = [line.strip() for line in page.lines[:20]]
     return any(line.startswith("BEGIN ") or (line.startswith("!") and _IDN.match(line[1:].strip())) for line in head)
 
 
 def read_keysight(page: TextFile) -> tuple[Sweep, Sweep | None]:
-    """Return the recording and, where there are `-mem` columns, the memory trace. Raises RecordingError."""
+    """Return the recording, and the memory trace if there are `-mem` columns. Raises RecordingError."""
     settings, time, notes = _head(page)
     first, last = _block(page)
     header = next((n for n in range(first + 1, last) if page.lines[n - 1].strip('"').startswith("Frequency")), None)
@@ -39,7 +39,7 @@ def read_keysight(page: TextFile) -> tuple[Sweep, Sweep | None]:
 
 
 def _head(page: TextFile) -> tuple[dict[str, object], str | None, list[str]]:
-    """Return settings, the time, and notes from the comment lines."""
+    """Return settings, time and notes from the comment lines."""
     settings: dict[str, object] = {}
     time, notes = None, list[str]()
     for line in page.lines:
@@ -49,20 +49,20 @@ def _head(page: TextFile) -> tuple[dict[str, object], str | None, list[str]]:
         if _IDN.match(text):
             settings["instrument"] = text
         if text.startswith("Date:"):
-            try:  # the analyzer's clock, of which no zone is known: taken as UTC and said so
+            try:  # the time zone of the analyzer's clock is unknown: UTC is assumed, and recorded as such
                 moment = datetime.strptime(text[5:].strip(), "%a %b %d %H:%M:%S %Y")
                 time, settings["clock"] = moment.isoformat(timespec="milliseconds") + "Z", "analyzer, zone unknown"
             except ValueError:
-                notes.append("The date in the file is corrupt; the time given is that of the file.")
+                notes.append("The date in the file is corrupt; the time of the file is used.")
     return settings, time, notes
 
 
 def _block(page: TextFile) -> tuple[int, int]:
-    """Return the lines of BEGIN and END. Raises RecordingError where there is not exactly one such block."""
+    """Return the line numbers of BEGIN and END. Raises RecordingError unless there is exactly one such block."""
     begins = [n for n, line in enumerate(page.lines, 1) if line.startswith("BEGIN")]
     ends = [n for n, line in enumerate(page.lines, 1) if line.strip() == "END"]
     if not begins:
-        raise page.error(None, "no BEGIN line found; the file is no whole export of an E4990A")
+        raise page.error(None, "no BEGIN line found; the file is not a complete export of an E4990A")
     if len(begins) > 1:
         raise page.error(begins[1], f"{len(begins)} channels found; save one channel to a file")
     if not ends or ends[0] < begins[0]:

@@ -1,7 +1,7 @@
-"""A recording as other sciences keep numbers: NetCDF 3 and HDF5, with units, settings and provenance.
+"""Recordings as NetCDF 3 and HDF5 files, with units, settings and provenance.
 
-Both hold `resistance` and `reactance` in ohm over `frequency` in Hz, and the attributes `format`, `time`, `id`,
-`settings` and `notes` of the file (the last two as JSON).
+Both hold `resistance` and `reactance` in ohm over `frequency` in Hz, and the file attributes `format`, `time`, `id`,
+`settings` and `notes` (the last two as JSON).
 """
 
 import io
@@ -27,7 +27,7 @@ _Content = tuple[Mapping[str, Reals], Mapping[str, str]]
 
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:
-    """Write NetCDF 3 (xarray, MATLAB, netCDF4 read it). Raises RecordingError."""
+    """Write NetCDF 3, which xarray, MATLAB and netCDF4 can read. Raises RecordingError."""
     from scipy.io import netcdf_file  # pyright: ignore[reportMissingTypeStubs]
 
     columns, attributes = _content(sweep)
@@ -47,7 +47,7 @@ def write_netcdf(sweep: Sweep, path: Path) -> None:
 
 
 def write_hdf5(sweep: Sweep, path: Path) -> None:
-    """Write HDF5 (MATLAB, xarray, Julia read it); `frequency` is the scale of the others. Raises RecordingError."""
+    """Write HDF5, which MATLAB, xarray and Julia can read; `frequency` is the scale. Raises RecordingError."""
     import h5py  # pyright: ignore[reportMissingTypeStubs]
 
     columns, attributes = _content(sweep)
@@ -63,26 +63,26 @@ def write_hdf5(sweep: Sweep, path: Path) -> None:
 
 
 def read_archive(path: Path) -> tuple[Sweep, None]:
-    """Return the recording in a NetCDF or HDF5 file that pzctl wrote, by its suffix. Raises RecordingError."""
+    """Return the recording in a NetCDF or HDF5 file of pzctl; its suffix says which. Raises RecordingError."""
     content = io.BytesIO(read_sealed(path))
     read: Callable[[io.BytesIO], _Content] = _netcdf if path.suffix.lower() == ".nc" else _hdf5
     try:
         return _sweep(path, *read(content)), None
     except RecordingError:
         raise
-    except Exception as error:  # whatever a library raises over bytes that it trusts
+    except Exception as error:  # libraries raise many kinds of errors for invalid bytes
         says = clipped(" ".join(str(error).split()) or type(error).__name__, 200)
-        raise RecordingError(f"{path}: this is no recording: {says}") from None
+        raise RecordingError(f"{path}: not a recording: {says}") from None
 
 
 def _sweep(path: Path, columns: Mapping[str, Reals], attributes: Mapping[str, str]) -> Sweep:
-    """Return the recording. Raises RecordingError, SweepError or ValueError for what is none."""
+    """Return the recording. Raises RecordingError, SweepError or ValueError if the content is not valid."""
     if attributes["format"] != FORMAT:
         raise RecordingError(f"{path}: its format is {clipped(attributes['format'])!r}; {FORMAT!r} is known")
     settings: Any = json.loads(attributes["settings"])
     notes: Any = json.loads(attributes["notes"])
     if not isinstance(settings, dict) or not isinstance(notes, list):
-        raise ValueError("its settings are no table, or its notes no list")
+        raise ValueError("its settings are not a table, or its notes not a list")
     settings, notes = cast("dict[str, Any]", settings), cast("list[object]", notes)
     if faults := list(filter(None, (setting_fault(key, value) for key, value in settings.items()))):
         raise ValueError(faults[0])
@@ -91,16 +91,16 @@ def _sweep(path: Path, columns: Mapping[str, Reals], attributes: Mapping[str, st
 
 
 def _content(sweep: Sweep) -> _Content:
-    provenance_lines(sweep, sweep.frequency.size)  # refuses what is no plain value
+    provenance_lines(sweep, sweep.frequency.size)  # refuses settings that are not plain values
     texts = (FORMAT, sweep.time, sweep.id, json.dumps(dict(sweep.settings)), json.dumps(sweep.notes))
     if any("\0" in text for text in texts):
-        raise RecordingError(f"recording {clipped(sweep.id)!r} cannot be written: a NUL is no text")
+        raise RecordingError(f"recording {clipped(sweep.id)!r} cannot be written: a text contains a NUL character")
     numbers = (sweep.frequency, np.ascontiguousarray(sweep.impedance.real), np.ascontiguousarray(sweep.impedance.imag))
     return dict(zip(COLUMNS, numbers, strict=True)), dict(zip(ATTRIBUTES, texts, strict=True))
 
 
 def _column(name: str, dataset: Any) -> Reals:
-    """Return the numbers of a data set; what it claims to hold is never allocated. Raises ValueError."""
+    """Return the numbers of a data set; check its shape before allocating memory. Raises ValueError."""
     shape = tuple(getattr(dataset, "shape", ()))
     if len(shape) != 1 or 8 * shape[0] > LARGEST:
         raise ValueError(f"{name} has the shape {shape}; one row of at most {LARGEST // 8} numbers is needed")

@@ -1,9 +1,10 @@
 """Touchstone 1 for one port: `.s1p`, `.z1p`, `.y1p`.
 
-Own reader and writer of some hundred lines rather than scikit-rf, which brings pandas with it and cannot say which
-line is wrong; scikit-rf reads what is written here, and reads the same files alike, in the tests.
-The trap of the format: Z and Y of Touchstone 1 are normalised to the R of the option line. So S is written, which
-every program reads alike, and Z or Y that was read is multiplied out and said.
+pzctl has its own reader and writer of some hundred lines, because scikit-rf requires pandas and does not report the
+line of an error. In the tests, scikit-rf reads the files written here, and both read the same files alike.
+
+Z and Y of Touchstone 1 are normalised to the R of the option line, which some programs ignore. So pzctl writes S, which
+all programs read alike. It multiplies Z or Y that it reads by R, and says so in a note.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ SUFFIXES = (".s1p", ".z1p", ".y1p")
 
 @dataclass(frozen=True)
 class TouchstoneOptions:
-    """The option line; where it is silent, the standard's own values."""
+    """The option line; missing entries have the standard's defaults."""
 
     unit: float = 1e9
     kind: str = "S"
@@ -36,7 +37,7 @@ def read_touchstone(page: TextFile) -> tuple[Sweep, None]:
     """Return the recording in a Touchstone file of one port. Raises RecordingError."""
     options: TouchstoneOptions | None = None
     comments: list[tuple[int, str]] = []
-    found: list[tuple[int, list[float]]] = []
+    rows: list[tuple[int, list[float]]] = []
     for n, line in enumerate(page.lines, 1):
         text, mark, comment = line.partition("!")
         if mark and not text.strip():
@@ -49,23 +50,23 @@ def read_touchstone(page: TextFile) -> tuple[Sweep, None]:
         elif text and options is None:
             raise page.error(n, "numbers before the option line; a line like `# Hz S RI R 50` comes first")
         elif text:
-            found.append((n, page.row(text.split(), ("frequency", "first number", "second number"), n, range(3))))
+            rows.append((n, page.row(text.split(), ("frequency", "first number", "second number"), n, range(3))))
     if options is None:
         raise page.error(None, "no option line found; a line like `# Hz S RI R 50` says what the numbers are")
-    said = _own_provenance(page, comments)
-    check_points(page, said.rows, len(found))
-    numbers = np.array([row for _, row in found], dtype=np.float64).reshape(len(found), 3)
-    points = Points([n for n, _ in found], options.unit * numbers[:, 0], _impedance(options, numbers))
-    notes = [] if options.kind == "S" else [_normalised(options)]
-    return assemble(page, points, said.settings, said.time, said.id, (*said.notes, *notes)), None
+    provenance = _own_provenance(page, comments)
+    check_points(page, provenance.rows, len(rows))
+    numbers = np.array([row for _, row in rows], dtype=np.float64).reshape(len(rows), 3)
+    points = Points([n for n, _ in rows], options.unit * numbers[:, 0], _impedance(options, numbers))
+    notes = (*provenance.notes, *([] if options.kind == "S" else [_normalised(options)]))
+    return assemble(page, points, provenance.settings, provenance.time, provenance.id, notes), None
 
 
 def _normalised(options: TouchstoneOptions) -> str:
-    return f"{options.kind} of Touchstone 1 is normalised to {options.reference:g} ohm; it was multiplied out."
+    return f"{options.kind} of Touchstone 1 is normalised to {options.reference:g} ohm; it was multiplied by that."
 
 
 def _own_provenance(page: TextFile, comments: list[tuple[int, str]]) -> Provenance:
-    """Return what our own comments say; those of other programs are for people."""
+    """Return the provenance in pzctl's own comments; comments of other programs are ignored."""
     if any(text.strip() == f"format: {FORMAT}" for _, text in comments):
         return read_provenance(page, comments)
     return Provenance()
@@ -85,11 +86,13 @@ def _options(page: TextFile, text: str, line: int) -> TouchstoneOptions:
         elif word == "R" and words:
             options["reference"] = page.number(words.pop(0), "the reference R", line)
         else:
-            raise page.error(line, f"{clipped(word)!r} in the option line is not understood; `# Hz S RI R 50` is")
-    made = TouchstoneOptions(**options)  # type: ignore[arg-type]
-    if made.reference <= 0:
-        raise page.error(line, f"the reference R is {made.reference:g} ohm; a positive one is needed")
-    return made
+            raise page.error(
+                line, f"{clipped(word)!r} in the option line is not known; a valid line is `# Hz S RI R 50`"
+            )
+    parsed = TouchstoneOptions(**options)  # type: ignore[arg-type]
+    if parsed.reference <= 0:
+        raise page.error(line, f"the reference R is {parsed.reference:g} ohm; a positive one is needed")
+    return parsed
 
 
 def _impedance(options: TouchstoneOptions, numbers: Reals) -> Impedances:
@@ -107,7 +110,7 @@ def _impedance(options: TouchstoneOptions, numbers: Reals) -> Impedances:
 
 
 def touchstone_text(sweep: Sweep) -> str:
-    """Return the recording as Touchstone 1, reflection at 50 ohm. Raises RecordingError where there is none."""
+    """Return the recording as Touchstone 1, reflection at 50 ohm. Raises RecordingError if Z is -50 ohm."""
     z = sweep.impedance
     if np.any(z == -_REFERENCE):
         raise RecordingError("an impedance of -50 ohm has no reflection at 50 ohm; write CSV instead")

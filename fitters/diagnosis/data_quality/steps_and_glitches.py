@@ -171,8 +171,8 @@ def _local_steps(sweep: Sweep, course: Complexes, noise: Reals, known: Sequence[
     """Return steps of ln Z that stand out against a cubic through eight points on either side, most significant first.
 
     `course`, shape (N,), is ln Z minus a smooth part: that of a capacitor at first, later that of a pole fit. This
-    local
-    test comes first because many steps, as from an analyzer that keeps switching its range, would spoil the pole fit.
+    local test comes first because many steps, as from an analyzer that keeps switching its range, would spoil the pole
+    fit.
     """
     n, size = sweep.frequency.size, 2 * _HALF
     windows: Complexes = sliding_window_view(course, size)

@@ -16,8 +16,7 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
 
     An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
-    all
-    steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
+    all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
     """
     wanted = None if names is None else set(names)
     considered = [effect for effect in catalogue() if wanted is None or effect.name in wanted]

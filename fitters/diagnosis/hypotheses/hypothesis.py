@@ -110,10 +110,8 @@ def probabilities(found: Sequence[Hypothesis]) -> Reals:
     """Return the posterior probability of each hypothesis, shape (H,), coarsened by the misfit of the best one.
 
     Where even the best hypothesis leaves more than noise, its likelihood is not exact and may favour a wrong hypothesis
-    by
-    as much evidence as is missing. Evidence is therefore raised to a power, which is 1 where nothing is missing
-    (coarsened
-    posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
+    by as much evidence as is missing. Evidence is therefore raised to a power, which is 1 where nothing is missing
+    (coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
     """
     temper = coarseness(max(found, key=lambda one: one.log_weight).fit.shortfall)
     weight = np.array([one.log_evidence / temper + one.log_odds for one in found])

@@ -103,8 +103,7 @@ class Problem:
         """Return the coordinates of a fit with these effects, starting at `values`.
 
         A layer whose thickness a wrong model has driven to zero restarts at a small part of its nominal thickness: a
-        fit
-        cannot return from 1e-100 m.
+        fit cannot return from 1e-100 m.
         """
         nominal = nominal_parameters(self.build)
         thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}

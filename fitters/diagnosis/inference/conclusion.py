@@ -8,9 +8,10 @@ import numpy as np
 
 from ....models.base.arrays import Reals
 from ....models.effects.base.effect import TERMINALS
+from ...error_model.instrument_share import accuracy_of
 from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import CLASS, CLASS_NATS, INSTRUMENT, LEFT, NAMED, RIVALS, TOLERATED
+from ..decision_rules import CLASS, CLASS_NATS, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.hypothesis import Hypothesis, coarseness
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -74,11 +75,12 @@ def conclude(search: GreedySearch) -> Conclusion:
     final = best
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
+    accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
     named: list[NamedEffect] = []
     for one in sorted(final.effects, key=lambda one: -moves[one]):
         without = search.without(final, one)
         sizes = final.fit.sizes
-        error = INSTRUMENT * max(sizes.slow, sizes.fast)
+        error = accuracy * max(sizes.slow, sizes.fast)
         matters = largest_of(search.problem, final, one) > error
         matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(one, final))
@@ -114,10 +116,8 @@ def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certai
     """Return the probability of each effect of a hypothesis.
 
     This is its posterior inclusion probability, times the probability that the change of ln Z is due to the effect and
-    not
-    to an unnamed cause. Between two causes of random shape the odds are the ratio of their squared sizes, where each
-    point
-    is weighted by the effect's squared size there.
+    not to an unnamed cause. Between two causes of random shape the odds are the ratio of their squared sizes, where
+    each point is weighted by the effect's squared size there.
     """
     other = _unexplained_at(one)
     found: dict[Candidate, _Certainty] = {}

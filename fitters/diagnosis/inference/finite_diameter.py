@@ -69,10 +69,8 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
 
     Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
-    effect,
-    evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a rim, and
-    the
-    only question is whether the recordings show it.
+    effect, evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a
+    rim, and the only question is whether the recordings show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)

@@ -14,8 +14,7 @@ def widened(diagnosis: Diagnosis) -> Diagnosis:
     """Return the diagnosis with inflated standard uncertainties of the final constants, and a sentence about it.
 
     Each undetectable effect may have any size up to its upper limit; the shift of the real and imaginary part of a
-    constant
-    that it could cause is added in quadrature as a further uncertainty.
+    constant that it could cause is added in quadrature as a further uncertainty.
     """
     constants = {name: _wider(name, own, diagnosis) for name, own in diagnosis.final.constants.items()}
     final = replace(diagnosis.final, constants=constants)

@@ -1,8 +1,7 @@
 """Score (Lagrange multiplier) tests: the part of the residual that an effect would explain, without fitting it.
 
 C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50. The derivatives of the residuals by an effect's parameters, with the
-free
-constants projected out, are compared with the residuals; only steps of the physical sign count.
+free constants projected out, are compared with the residuals; only steps of the physical sign count.
 """
 
 from collections.abc import Callable, Sequence
@@ -151,8 +150,7 @@ def _first_columns(
     """Return a function of the other parameters: d residual / d first parameter in typical sizes, shape (rows,).
 
     The derivative is a difference quotient from the state without the effect, which all of them share. Effects of the
-    sweep
-    are small, and are left out unless the candidate is one of them.
+    sweep are small, and are left out unless the candidate is one of them.
     """
     knob, name = candidate.effect_parameters[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0

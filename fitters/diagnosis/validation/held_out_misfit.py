@@ -17,8 +17,7 @@ def held_out_chi2(problem: Problem, found: Refit) -> float:
     The prediction has an uncertainty of its own (a held-out resonance is predicted less well), which is no fault of the
     model. The result is therefore the increase of the minimal chi2 when the held-out points are added (Chow's forecast
     test, Econometrica 28 (1960) 591): 1 if the model is right, whatever the other points determine. It is never less
-    than
-    the residual of the fit to everything, which can be larger where a fit far from the noise weights its points
+    than the residual of the fit to everything, which can be larger where a fit far from the noise weights its points
     differently.
     """
     rest = resoftened(problem, found).without(problem.proof)

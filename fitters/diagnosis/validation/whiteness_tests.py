@@ -27,8 +27,7 @@ def uneven(residual: Complexes, most: int) -> list[tuple[float, int, int]]:
     """Return up to `most` stretches of `residual` as (ln likelihood ratio, first point, one past the last).
 
     `residual` is in units of the noise of Re and Im each, shape (N,). A window of L points whose variance is s times
-    that
-    of noise has the ln ratio L (s - 1 - ln s). Stretches do not overlap; the most significant comes first.
+    that of noise has the ln ratio L (s - 1 - ln s). Stretches do not overlap; the most significant comes first.
     """
     squares = np.abs(residual) ** 2 / 2
     running = np.concatenate([[0.0], np.cumsum(squares)])
@@ -54,8 +53,7 @@ def period(residual: Complexes) -> float | None:
     """Return the period in points of a ripple in `residual`, shape (N,), or None if there is none.
 
     R. A. Fisher's test for the largest line of a periodogram (Proc. R. Soc. A 125 (1929) 54); the noise is the mean
-    power
-    of the other lines, so that it need not be known exactly.
+    power of the other lines, so that it need not be known exactly.
     """
     n = residual.size
     spectrum = np.abs(np.fft.fft(residual - np.mean(residual))) ** 2

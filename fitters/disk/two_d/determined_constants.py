@@ -64,8 +64,7 @@ def _together(after: Reals, before: Reals, layer: str) -> list[str]:
     """Return the undetermined directions: a constant changed by its standard uncertainty, and the others accordingly.
 
     The undetermined eigenvectors span a space; each sentence describes the direction in it in which one leading
-    constant
-    changes and the other leading ones do not, so that as few constants as possible are named.
+    constant changes and the other leading ones do not, so that as few constants as possible are named.
     """
     own = np.sqrt(np.diag(before))
     scaled = before / np.outer(own, own)

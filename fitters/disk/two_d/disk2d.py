@@ -59,8 +59,7 @@ class Disk2DFitter:
         """Fit the ten constants to all recordings of the bare disk.
 
         Raises FitError if none of the recordings is of a round bare disk of diameter/thickness 2 to 60 below 1.5 times
-        its
-        thickness resonance.
+        its thickness resonance.
         """
         return finite_disk(task, progress=progress)
 

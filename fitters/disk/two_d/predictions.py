@@ -25,14 +25,10 @@ def predictions(
     """Return resonances `fs1`, `fs2`, ... and antiresonances `fp1`, ... in Hz between two frequencies, by full name.
 
     Resonances are maxima of Re Y, antiresonances those of Re Z, counted from `low` upwards; all visible modes of the
-    disk
-    are included: radial, edge, thickness. `capacitance` is that at 1 kHz in F, complex, and `capacitance_at_F_kHz` that
-    at
-    the highest half octave above 10 kHz that is still well below the first resonance. Standard uncertainties follow
-    from
-    `covariance`, shape (P, P), of the parameters `names`: near a zero or a pole f0 of Z, ln Z is +-ln(f - f0) plus a
-    smooth
-    part, so df0/dp = -(d ln Z/dp)/(d ln Z/df).
+    disk are included: radial, edge, thickness. `capacitance` is that at 1 kHz in F, complex, and `capacitance_at_F_kHz`
+    that at the highest half octave above 10 kHz that is still well below the first resonance. Standard uncertainties
+    follow from `covariance`, shape (P, P), of the parameters `names`: near a zero or a pole f0 of Z, ln Z is +-ln(f -
+    f0) plus a smooth part, so df0/dp = -(d ln Z/dp)/(d ln Z/df).
     """
     at: Frequencies = np.linspace(low, high, _POINTS)
     Z = model.impedance(at)

@@ -108,10 +108,9 @@ def _loads(build: Build) -> dict[str, Quantity]:
     """Return the existing loads and their uncertainty, by parameter name.
 
     A face in air radiates into 413 Rayl only if nothing is near. The air between face and fixture forms a standing
-    wave,
-    and its load on the face lies anywhere between zero and more than that; the load of air therefore has its own size
-    as
-    uncertainty. It matters: it is 0.15 % of the loss of a Pz27 disk, ten times the uncertainty from noise alone.
+    wave, and its load on the face lies anywhere between zero and more than that; the load of air therefore has its own
+    size as uncertainty. It matters: it is 0.15 % of the loss of a Pz27 disk, ten times the uncertainty from noise
+    alone.
     """
     loads = {"back.z": build.back, "front.z": build.front}
     return {

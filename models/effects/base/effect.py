@@ -18,8 +18,7 @@ class Stage(IntEnum):
     """Stage at which an effect acts, from the inside outwards.
 
     A device applies its effects in this order (within a stage: by name), so that the result does not depend on the
-    order
-    in which they were found.
+    order in which they were found.
     """
 
     CONSTANTS = 0

@@ -39,8 +39,7 @@ class LossExponent(ModifiedLaw):
 
     The loss M'' grows as x^n. Its Kramers-Kronig companion cot(n pi/2) (x^n - 1) (Szabo, J. Acoust. Soc. Am. 96 (1994)
     491; for n -> 0: (2/pi) ln x) has the weight `companion`: 1 is the causal law, 0 keeps the real part constant as
-    most
-    papers do. If the base is causal already, its own companion, (2/pi) ln x, is subtracted first.
+    most papers do. If the base is causal already, its own companion, (2/pi) ln x, is subtracted first.
     """
 
     exponent: float = 0.0

@@ -213,7 +213,7 @@ def simulator_that_does_not_start() -> object:
         (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
         (
             lambda: copy_journal(no_record, Path("disk.csv")),
-            "disk.csv: this is a file; a journal is copied to a new folder",
+            "disk.csv: this is a file; a journal needs a new folder",
         ),
         (lambda: write_secret(Path("disk.csv/ana.key"), b""), "disk.csv: this folder cannot be made: "),
         (bad_key, "ana.key is not a key: message: "),

@@ -97,7 +97,7 @@ def test_damage_is_found_and_not_copied(start_daemon, build: Build, tmp_path: Pa
     found = pzctl(tmp_path, "journal", "verify")
     assert (found.returncode, "is not what was written" in found.stdout) == (1, True)
     archive = JournalReader(journal_folder(tmp_path))
-    with pytest.raises(JournalError, match="the copy is not whole: event"):
+    with pytest.raises(JournalError, match="the copy is damaged: event"):
         copy_journal(archive, tmp_path / "copy")
     archive.close()
 
@@ -121,7 +121,7 @@ def test_a_journal_of_version_1_is_copied_and_brought_up_to_date(tmp_path: Path,
     new.close()
     old.close()
     shutil.copy(tmp_path / "v1.sqlite", folder / "journal.sqlite")
-    with pytest.raises(JournalError, match="a journal of version 1; version 4 is read here; start the daemon once"):
+    with pytest.raises(JournalError, match="a journal of version 1; this pzctl reads version 4; start the daemon once"):
         JournalReader(folder)
     journal = JournalWriter(folder)
     assert [one.id for one in journal.measurements()] == [measurement]

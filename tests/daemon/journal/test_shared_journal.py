@@ -140,7 +140,7 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
             pass
         stop_server()
         wait_until(lambda: any((tmp_path / "unsaved").glob("*.event")))
-        with pytest.raises(DaemonError, match="the journal's server has gone, and nothing is measured until it is"):
+        with pytest.raises(DaemonError, match="the journal's server is away, and nothing is measured until it is"):
             lab.begin(build, "disk")
         with pytest.raises(DaemonError, match="the journal cannot be read"):
             lab.samples()
@@ -189,13 +189,13 @@ def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp
     journal.append(StateEvent(state="started"))
     with psycopg.connect(url, autocommit=True) as db:
         db.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid != pg_backend_pid()")
-    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@.*the journal's server has gone"):
+    with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@.*the journal's server is away"):
         journal.append(StateEvent(state="started"))
     other = JournalWriter(tmp_path / "other", url, "a")
     other.append(StateEvent(state="started"))
     other.close()
     assert journal.store.gone
-    with pytest.raises(JournalError, match="stood at event 1 when its server went, and stands at 2 now"):
+    with pytest.raises(JournalError, match="ended at event 1 when its server went away, and ends at 2 now"):
         journal.resume(journal.reopened())
     journal.close()
     with pytest.raises(JournalAway, match=r"pzctl:\*\*\*@/gone.*the journal cannot be read or written"):
@@ -236,10 +236,10 @@ def test_tables_change_when_nobody_writes_them_and_are_copied_first(
     monkeypatch.setattr(
         migrations, "_POSTGRES_STEPS", (*migrations._POSTGRES_STEPS, "ALTER TABLE runs ADD COLUMN x INT")
     )
-    with pytest.raises(JournalError, match="of version 4, and a daemon of an older pzctl writes it"):
+    with pytest.raises(JournalError, match="has version 4, and a daemon of an older pzctl writes it"):
         JournalWriter(tmp_path / "later", url, "b")
     journal.close()
-    with pytest.raises(JournalError, match="of version 4; version 5 is read here; start the daemon once"):
+    with pytest.raises(JournalError, match="of version 4; this pzctl reads version 5; start the daemon once"):
         JournalReader(url)
     later = JournalReader(url, write=True)
     assert [one.id for one in later.measurements()] == [measurement]

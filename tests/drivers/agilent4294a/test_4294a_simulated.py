@@ -180,8 +180,8 @@ KEPT = b'{"kind": "%s", "version": 1, "instrument": "", "adapter": "%s", "taken"
     ("content", "words"),
     [
         (None, "cannot be read: No such file"),
-        (b"not JSON", "this is no compensation: JSON is malformed"),
-        (b'{"kind": "something else"}', "this is no compensation: Object missing required field"),
+        (b"not JSON", "not a compensation: JSON is malformed"),
+        (b'{"kind": "something else"}', "not a compensation: Object missing required field"),
         (KEPT % (b"E4990A compensation", b"OFF"), "kind is 'E4990A compensation'; 4294A compensation is allowed"),
         (KEPT % (b"4294A compensation", b"N"), "adapter is 'N'; OFF, M1, M2, APC7, PROBE is allowed"),
     ],
@@ -247,4 +247,18 @@ def test_what_another_sweep_and_another_level_were_set_to_is_left_as_found_witho
     assert ask("SWPP FREQ;SWPT?") == "LOG"
     assert [float(ask(q)) for q in ("STAR?", "STOP?", "POWMOD VOLT;POWE?")] == [50, 60, 0.2]
     assert ask("OUTPERRO?") == '0,"No error"'
+    wire.close()
+
+
+def test_a_compensation_at_the_points_of_a_sweep_is_not_lost_to_another_sweep(sim):
+    wire = open_analyzer(sim.resource)
+    ask = wire._link.ask
+    ask("*RST;STAR 1E6;STOP 2E6;POIN 11;CALP USER;COMB;COMSTB?")
+    plan = SweepPlan((Segment(3e6, 4e6, 11),))
+    with pytest.raises(InstrumentError, match=r"short compensation holds for the points .*\(CALP USER\)"):
+        wire.measure(plan)
+    assert ask("COMSTB?") == "1"
+    ask("CALP FIXED;*CLS;COMSTB?")
+    (sweep,) = wire.measure(plan)
+    assert sweep.settings["compensation"] == []
     wire.close()

@@ -96,7 +96,7 @@ def test_no_resonance_and_no_time_are_said():
     with pytest.raises(AdaptiveError, match="no resonance between 50 and 8000 kHz"):
         adaptive_plan(BASE, (), 100.0, CAPABILITIES)
     one = Resonance(1e6, 1e4, 0.9, 100.0)
-    with pytest.raises(AdaptiveError, match="10 s are left, and one resonance alone"):
+    with pytest.raises(AdaptiveError, match="10 s are left, but a single resonance"):
         adaptive_plan(BASE, [one], 10.0, CAPABILITIES)
 
 

@@ -52,7 +52,7 @@ def test_what_was_not_recorded_is_not_played(recording):
 
 
 def test_no_file_and_no_recording_in_the_folder(tmp_path):
-    with pytest.raises(InstrumentError, match="there is no such file or folder"):
+    with pytest.raises(InstrumentError, match="no such file or folder"):
         open_analyzer(f"recording:{tmp_path / 'nothing.csv'}")
     with pytest.raises(InstrumentError, match="no recording in this folder"):
         open_analyzer(f"recording:{tmp_path}")

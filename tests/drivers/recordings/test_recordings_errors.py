@@ -46,14 +46,14 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
         ("a.csv", HEAD + "1000,1,2\n2000,1e999,2\n", ", line 4: R_ohm is 1e999, too large for a number"),
         ("a.csv", HEAD + "1000,1,2\n2000,one,2\n", ", line 4: R_ohm is 'one'; a number is needed"),
         ("a.csv", HEAD + "1000,1,2\n3000,1,2\n2000,1,2\n", ", line 5: the frequency 2000 Hz is below that of line 4"),
-        ("a.csv", HEAD + "1000,1,2\n1000,1,2\n", ", line 4: the frequency 1000 Hz doubles that of line 3"),
+        ("a.csv", HEAD + "1000,1,2\n1000,1,2\n", ", line 4: the frequency 1000 Hz repeats that of line 3"),
         ("a.csv", HEAD + "1000,1,2\n2000,1\n", ", line 4: 2 values found under 3 columns"),
         ("a.csv", HEAD + "1000,1,2\n2000,1", ", line 4: 2 values found under 3 columns; the file seems to be cut off"),
         ("a.csv", HEAD + "1000,5,1,5,2,5\n", ", line 3: 6 values found under 3 columns; if these are decimal commas"),
         ("a.csv", HEAD + "0,1,2\n1000,1,2\n", ", line 3: the frequency is 0 Hz; a positive one is needed"),
         ("a.csv", HEAD + "1000,1,2\n2000,0,0\n", ", line 4: these numbers give an impedance of 0 ohm"),
-        ("a.csv", HEAD + "0.5,1,2\n15,1,2\n", ", line 3: frequencies end at 15 Hz, where no analyzer measures"),
-        ("a.csv", "frequency_MHz,R_ohm,X_ohm\n1e6,1,2\n2e6,1,2\n", ", line 3: the frequency is 2e+12 Hz, above any"),
+        ("a.csv", HEAD + "0.5,1,2\n15,1,2\n", ", line 3: frequencies end at 15 Hz, but analyzers measure from 40 Hz"),
+        ("a.csv", "frequency_MHz,R_ohm,X_ohm\n1e6,1,2\n2e6,1,2\n", ", line 3: the frequency is 2e+12 Hz, beyond any"),
         (
             "a.csv",
             "frequency,R_ohm,X_ohm\n1000,1,2\n2000,1,2\n",
@@ -66,11 +66,11 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
             "'theta' has no unit; a unit such as deg",
         ),
         ("a.csv", "frequency_Hz,R_furlong,X_ohm\n1e3,1,2\n2e3,1,2\n", "'R_furlong' has the unit 'furlong'"),
-        ("a.csv", "frequency_Hz,|Z|_ohm,n\n1e3,1,2\n2e3,1,2\n", "do not determine an impedance (understood besides"),
+        ("a.csv", "frequency_Hz,|Z|_ohm,n\n1e3,1,2\n2e3,1,2\n", "do not determine an impedance (recognised besides"),
         ("a.csv", "frequency_Hz,|Z|_ohm,Rs_ohm\n1e3,1,2\n", "|Z| and Rs (IMRS) do not say whether"),
         ("a.csv", "frequency_Hz,R_ohm,Rs_ohm,X_ohm\n1e3,1,2,3\n", "two columns give R; one is needed"),
         ("a.csv", "Freq(Hz),SWR,Return Loss(dB),Phase(deg),|Z|(ohm)\n1e3,1,2,3,4\n", "do not determine an impedance"),
-        ("a.csv", "1000,1,2\n2000,1,2\n", "line 1: no frequency column among 1000, 1, 2; a header row names it"),
+        ("a.csv", "1000,1,2\n2000,1,2\n", "line 1: no frequency column among 1000, 1, 2; name it in the header row"),
         ("a.csv", "frequency_Hz;R_ohm;X_ohm\n1000;1,5;2\n", "line 2: R_ohm is '1,5', with a decimal comma"),
         ("a.csv", "# bandwidth: high\n" + HEAD, "line 1: bandwidth is high; a number is needed"),
         ("a.csv", OWN.replace("rows: 2", "rows: 3"), ": the file is cut off: 3 points announced, 2 found"),
@@ -89,7 +89,7 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
         ("b.csv", KEYSIGHT + KEYSIGHT, "line 12: 2 channels found; save one channel to a file"),
         ("d.s1p", "1 2 3\n", "line 1: numbers before the option line"),
         ("d.s1p", "! nothing\n", "no option line found"),
-        ("d.s1p", "# Hz H RI\n1e3 1 0\n", "line 1: 'H' in the option line is not understood"),
+        ("d.s1p", "# Hz H RI\n1e3 1 0\n", "line 1: 'H' in the option line is not known"),
         ("d.s1p", "# Hz S RI R 50\n1e3 1 0\n2e3 1 0\n", "line 2: these numbers give no finite impedance"),
         ("d.s1p", "[Version] 2.0\n", "line 1: '[Version] 2.0' belongs to Touchstone 2"),
     ],
@@ -115,7 +115,7 @@ def test_what_is_no_file_to_read(tmp_path: Path) -> None:
         read_recording(tmp_path / "wide.csv")
     with (tmp_path / "huge.csv").open("wb") as file:
         os.truncate(file.fileno(), LARGEST + 1)
-    with pytest.raises(RecordingError, match="is no recording; at most"):
+    with pytest.raises(RecordingError, match="bytes are too many; at most"):
         read_recording(tmp_path / "huge.csv")
 
 

@@ -241,5 +241,5 @@ def test_binary_data_trace_takes_its_frequencies_from_the_caller(tmp_path: Path)
     with pytest.raises(RecordingError, match="holds no frequencies"):
         read_recording(file)
     file.write_bytes(file.read_bytes()[:-1])
-    with pytest.raises(RecordingError, match="102 bytes are not those of two whole traces"):
+    with pytest.raises(RecordingError, match="102 bytes cannot be two complete traces"):
         read_data_trace(file, np.array([1e6, 2e6]), "IMPH")

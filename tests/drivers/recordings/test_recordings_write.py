@@ -133,14 +133,14 @@ def test_an_archive_that_is_not_as_it_was_written(tmp_path: Path, name: str) -> 
     (write_netcdf if name == "a.nc" else write_hdf5)(a_sweep(), file)
     whole = file.read_bytes()
     file.write_bytes(whole[:-900])
-    with pytest.raises(RecordingError, match="no seal at its end: it is cut off, or another program wrote it"):
+    with pytest.raises(RecordingError, match="no seal at its end: it is cut off, or from another program"):
         read_recording(file)
     for at in range(0, len(whole) - 200, 211):
         file.write_bytes(whole[:at] + bytes([whole[at] ^ 4]) + whole[at + 1 :])
         with pytest.raises(RecordingError, match="damaged, or was changed since pzctl wrote it"):
             read_recording(file)
     file.write_bytes(sealed(b"CDF\x01" + bytes(40) if name == "a.nc" else b"\x89HDF\r\n\x1a\n" + bytes(400)))
-    with pytest.raises(RecordingError, match="this is no recording: "):
+    with pytest.raises(RecordingError, match="not a recording: "):
         read_recording(file)
 
 
@@ -150,7 +150,7 @@ def test_what_no_file_can_hold_is_refused_and_nothing_is_written(tmp_path: Path,
     write_csv(a_sweep(), file)
     before = file.read_bytes()
     for write in (write_csv, write_touchstone, write_netcdf, write_hdf5):
-        with pytest.raises(RecordingError, match="no finite plain value"):
+        with pytest.raises(RecordingError, match="not a finite plain value"):
             write(a_sweep(settings={"x": value}), file)
     with pytest.raises(RecordingError, match="its name is not allowed"):
         write_csv(a_sweep(settings={"note": 1}), file)

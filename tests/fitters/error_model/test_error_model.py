@@ -1,11 +1,15 @@
 """The error model against dense linear algebra, the process it expands, and disks whose constants are known."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import factored
 from pzctl.fitters.error_model.marginal_fit import Marginal, MarginalFit, fit
@@ -20,6 +24,7 @@ from pzctl.models.sweep import Sweep
 from pzctl.sim.bench.sample import sample
 
 N = 60
+CASES = Path(__file__).parents[2] / "support" / "cases"
 
 
 def dense(points: PointErrors, colour: float, rough: tuple[float, float]) -> Reals:
@@ -114,3 +119,13 @@ def test_what_each_source_contributes_adds_up_and_the_instrument_shows() -> None
     u = spread.of(found.marginal.objective.coordinates.forward(found.x)[1])
     at = found.marginal.objective.coordinates.parameters.index("disk.eps33S.im")
     assert u["instrument"][at] > 3 * u["noise"][at]
+
+
+def test_the_accuracy_that_a_recording_states_replaces_that_of_a_4294a() -> None:
+    build, sweep = read_build(CASES / "null" / "build.toml"), read_recording(CASES / "null" / "disk.csv")
+    gain = np.exp(4e-3 * np.log(sweep.frequency / 3e6))
+    off = replace(sweep, impedance=sweep.impedance * gain)
+    told = replace(off, settings={**off.settings, "accuracy": 5e-3})
+    usual, stated = (Mason().fit(FitTask(build, {"disk": (one,)})) for one in (off, told))
+    parts = [result.budget.re["disk.eps33S"].instrument for result in (usual, stated) if result.budget]
+    assert parts[1] > 2 * parts[0] > 0
