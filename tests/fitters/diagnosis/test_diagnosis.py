@@ -32,11 +32,20 @@ CASES = (
 )
 
 
+HALVED = ("glue-missing", "void", "lead-and-taper")
+"""Cases that need the longest: what they hide shows in every other of their 801 points, too, in half the time."""
+
+
+def recorded(file: Path) -> Sweep:
+    sweep = read_recording(file)
+    if file.parent.name not in HALVED:
+        return sweep
+    return replace(sweep, frequency=sweep.frequency[::2], impedance=sweep.impedance[::2])
+
+
 def given(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
     truth = json.loads((cases / "truth.json").read_text())[name]
-    sweeps = {
-        step: tuple(read_recording(cases / name / file) for file in files) for step, files in truth["files"].items()
-    }
+    sweeps = {step: tuple(recorded(cases / name / file) for file in files) for step, files in truth["files"].items()}
     return FitTask(read_build(cases / name / "build.toml"), sweeps), truth
 
 
