@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.base.arrays import Reals
+from ...models.base.true_runs import true_runs
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
@@ -273,8 +274,7 @@ def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int
 def _bands(pair: Pair, effect: "np.ndarray[tuple[int], np.dtype[np.complex128]]") -> Bands:
     """Return where a change moves ln Z by more than half of the most that it does, three bands at most."""
     size = np.abs(effect)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], size > 0.5 * size.max(), [False]]).astype(np.int8)))
-    pairs = sorted(edges.reshape(-1, 2).tolist(), key=lambda edge: -float(np.sum(size[edge[0] : edge[1]])))[:3]
+    pairs = sorted(true_runs(size > 0.5 * size.max()), key=lambda edge: -float(np.sum(size[edge[0] : edge[1]])))[:3]
     return tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in pairs)
 
 

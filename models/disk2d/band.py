@@ -13,6 +13,7 @@ Three steps, each exact up to higher orders:
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import orth
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .full import Shape
@@ -84,7 +85,7 @@ def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -
         column = answer(column, squared)
         column = column / np.maximum(np.linalg.norm(column, axis=0), _TINY)
         static.append(column)
-    still = _orthonormal(np.hstack(static))
+    still = orth(np.hstack(static), _DEPENDENT)
     near = modes.squared[inside]
     coordinates = np.zeros((own.size, near.size + still.shape[1]), still.dtype)
     if modes.losses is not None:
@@ -103,11 +104,6 @@ def _dispersed(there: Complexes, here: Complexes) -> float:
     imaginary, moved = there.imag / size, (here - there).real / size
     norm = float(imaginary @ imaginary)
     return float(imaginary @ moved) / norm if norm > 0 else 0.0
-
-
-def _orthonormal(columns: Numbers) -> Numbers:
-    vectors, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return vectors[:, values > _DEPENDENT * values[0]]
 
 
 @dataclass(frozen=True, eq=False)

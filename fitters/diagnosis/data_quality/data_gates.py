@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ....models.base.true_runs import true_runs
 from ....models.sweep import Sweep
 from ...engine.noise import noise_from_smoothness
 from .data_issues import DataCheck, DataIssue
@@ -119,6 +120,5 @@ def _not_causal(sweep: Sweep, noise: Reals, fit: PoleFit) -> list[tuple[float, f
     kernel = np.ones(_SMOOTH) / _SMOOTH
     relative = np.convolve(excess * noise**2, kernel, mode="same")
     guilty = (np.convolve(excess, kernel, mode="same") > _EXCESS) & (relative > _LEAST_RMS**2)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8))).reshape(-1, 2)
-    ranked = sorted(edges.tolist(), key=lambda edge: -float(np.sum(excess[edge[0] : edge[1]])))[:3]
+    ranked = sorted(true_runs(guilty), key=lambda edge: -float(np.sum(excess[edge[0] : edge[1]])))[:3]
     return [(float(sweep.frequency[a]), float(sweep.frequency[b - 1])) for a, b in ranked]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ....models.base.true_runs import true_runs
 from ....models.sweep import Sweep
 
 _OVER = 9
@@ -16,6 +17,5 @@ def active_bands(sweep: Sweep, noise: Reals) -> list[tuple[float, float]]:
     R = np.convolve(sweep.impedance.real, kernel, mode="valid")
     variance = np.convolve((noise * np.abs(sweep.impedance)) ** 2, kernel, mode="valid") / _OVER
     active = -_BEYOND * np.sqrt(variance) > R
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], active, [False]]).astype(np.int8))).reshape(-1, 2)
     f = sweep.frequency
-    return [(float(f[a]), float(f[min(b + _OVER - 2, f.size - 1)])) for a, b in edges.tolist()]
+    return [(float(f[a]), float(f[min(b + _OVER - 2, f.size - 1)])) for a, b in true_runs(active)]

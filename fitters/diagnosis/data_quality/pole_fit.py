@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import orth
 
 from ....models.base.arrays import Complexes, Reals
 from ....models.sweep import Sweep
@@ -55,8 +56,9 @@ class Frame:
         weight = inverse / Y
         low, high = s[0].imag / _REACH, s[-1].imag * _REACH
         real_poles = [1 / (1 + s / a) for a in _spaced(low, high, _GROUND)]
-        columns = [stacked(column * weight) for column in (np.ones_like(s), s, 1 / s, *real_poles)]
-        return cls(s, inverse, weight, _orthonormal(np.column_stack(columns)))
+        columns = np.column_stack([stacked(column * weight) for column in (np.ones_like(s), s, 1 / s, *real_poles)])
+        ground = np.asarray(orth(columns / np.linalg.norm(columns, axis=0), 1e-12), np.float64)
+        return cls(s, inverse, weight, ground)
 
     @property
     def points(self) -> int:
@@ -201,8 +203,3 @@ def _columns(frame: Frame, poles: Complexes) -> tuple[Reals, Reals]:
 def _spaced(low: float, high: float, count: int) -> Reals:
     part = np.arange(count) / (count - 1)
     return low * (high / low) ** part
-
-
-def _orthonormal(columns: Reals) -> Reals:
-    u, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    return np.asarray(u[:, size > 1e-12 * size[0]], np.float64)

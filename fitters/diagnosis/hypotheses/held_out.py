@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ....models.base.true_runs import true_runs
 from ....models.effects import Device
 from ....models.effects.base.scale import resonance
 from ....models.sweep import Sweep
@@ -57,8 +58,8 @@ def held_out(recordings: Sequence[Recording], what: str) -> Masks:
 
 def bands_of(recording: Recording, mask: NDArray[np.bool_]) -> Bands:
     """Return the held-out bands in Hz, from the first to the last point of each."""
-    f, edges = recording.sweep.frequency, np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    return tuple((float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2))
+    f = recording.sweep.frequency
+    return tuple((float(f[a]), float(f[b - 1])) for a, b in true_runs(mask))
 
 
 def blocks(sweep: Sweep) -> NDArray[np.bool_]:

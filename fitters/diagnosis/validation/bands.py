@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies, Reals
+from ....models.base.true_runs import true_runs
 
 _SMOOTH = 15
 _GUILTY = 4.0
@@ -18,10 +19,8 @@ def guilty_bands(frequency: Frequencies, excess: Reals) -> tuple[tuple[float, fl
     kernel = np.ones(_SMOOTH) / _SMOOTH
     smooth = np.convolve(excess, kernel, mode="same")
     guilty = smooth > max(_GUILTY, _OF_WORST * float(np.max(smooth, initial=0.0)))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], guilty, [False]]).astype(np.int8)))
-    bands = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
     merged: list[tuple[int, int]] = []
-    for a, b in bands:
+    for a, b in true_runs(guilty):
         if merged and a - merged[-1][1] < _SMOOTH:
             merged[-1] = (merged[-1][0], b)
         else:

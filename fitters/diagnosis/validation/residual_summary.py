@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.linalg import orth
 
 from ....models.base.arrays import Complexes, Reals
 from ...engine.recording import Recording
@@ -58,18 +59,12 @@ def _rests(found: Refit) -> list[_Rest]:
     for recording, ratio in zip(objective.recordings, ratios, strict=True):
         n = ratio.size
         rows = J[at : at + 2 * n] * np.tile(recording.sigma / recording.noise, 2)[:, None]
-        rests.append(_Rest(recording, ratio / recording.noise, _orthonormal(rows)))
+        size = np.linalg.norm(rows, axis=0)
+        felt = rows[:, size > 0] / size[size > 0]
+        tangent = np.asarray(orth(felt, 1e-8), np.float64)
+        rests.append(_Rest(recording, ratio / recording.noise, tangent))
         at += 2 * n
     return rests
-
-
-def _orthonormal(columns: Reals) -> Reals:
-    size = np.linalg.norm(columns, axis=0)
-    felt = columns[:, size > 0] / size[size > 0]
-    if not felt.size:
-        return felt
-    u, s, _ = np.linalg.svd(felt, full_matrices=False)
-    return np.asarray(u[:, s > 1e-8 * s[0]], np.float64)
 
 
 def _excess(residual: Complexes) -> float:
