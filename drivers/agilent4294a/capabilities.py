@@ -45,5 +45,6 @@ CAPABILITIES = Capabilities(
     accuracy=_accuracy,
     points_seconds=_points_seconds,
     setup_seconds=0.5,  # some eighty questions, which a LAN answers in 5 to 10 ms
+    low_impedance=(0.5, 48.0),  # beyond, error 134: reduce the oscillator level (programming manual, p. 498)
     adapters={"OFF": "none", "M1": "4TP 1 m", "M2": "4TP 2 m", "APC7": "7 mm", "PROBE": "probe"},
 )

@@ -47,6 +47,15 @@ class Capabilities:
     """Seconds for setting up, checking and reading a segment."""
     adapters: Mapping[str, str] = field(default_factory=dict[str, str])
     """Adapters between analyzer and fixture: their names for `compensate`, and those in a sweep's settings."""
+    low_impedance: tuple[float, float] | None = None
+    """(V, ohm): highest oscillator level at which an impedance below this is measured; None without such a limit."""
+
+    def highest_level_V(self, impedance: Impedances) -> float:
+        """Return the highest oscillator level, V rms, at which a device of this impedance (N,) can be measured."""
+        highest = self.oscillator_V[1]
+        if self.low_impedance is None or float(np.min(np.abs(impedance))) >= self.low_impedance[1]:
+            return highest
+        return min(highest, self.low_impedance[0])
 
     def seconds(self, plan: SweepPlan) -> float:
         """Return the seconds that `plan` takes, including the set-up of its segments."""

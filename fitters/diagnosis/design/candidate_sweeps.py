@@ -30,6 +30,10 @@ class InstrumentLimits(Protocol):
         """Lowest and highest level, V rms."""
         ...
 
+    def highest_level_V(self, impedance: Impedances) -> float:
+        """Return the highest level, V rms, at which a device of this impedance (N,) can be measured."""
+        ...
+
     @property
     def bandwidths(self) -> tuple[int, ...]:
         """Bandwidth settings, from fast to precise."""
@@ -66,7 +70,7 @@ def experiments(sweeps: Sequence[Sweep], can: InstrumentLimits) -> tuple[Experim
     sweep = min(sweeps, key=lambda one: float(one.frequency[-1] / one.frequency[0]))
     base = plan_of(sweep)
     found = [_other_bandwidth(base, can), _other_direction(base), _wider(base, can), _finer(base, sweep)]
-    found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base, can)]
+    found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base, sweep, can)]
     return tuple(one for one in found if one is not None)
 
 
@@ -100,11 +104,11 @@ def frequencies(plan: SweepPlan) -> Frequencies:
     return np.asarray(space(segment.start_Hz, segment.stop_Hz, segment.points), np.float64)
 
 
-def _other_levels(base: SweepPlan, can: InstrumentLimits) -> list[Experiment]:
+def _other_levels(base: SweepPlan, sweep: Sweep, can: InstrumentLimits) -> list[Experiment]:
     if base.oscillator_A is not None:
         return []
     V = base.oscillator_V
-    lowest, highest = can.oscillator_V
+    lowest, highest = can.oscillator_V[0], can.highest_level_V(sweep.impedance)
     made: list[Experiment] = []
     if lowest <= V / _LEVEL_STEP:
         low = round(V / _LEVEL_STEP, 4)

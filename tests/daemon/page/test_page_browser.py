@@ -159,7 +159,7 @@ def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, bro
     browser.run("document.getElementById('diagnose').click()")
     browser.wait("document.querySelectorAll('#stack .marked').length === 1")
     assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
-    assert "left out" in browser.run("document.getElementById('words').textContent")
+    assert "explain the whole difference" in browser.run("document.getElementById('words').textContent")
     browser.run("window.scrollTo(0, 0)")
     browser.picture(pictures / "page-diagnosed.png")
     assert browser.problems == []
