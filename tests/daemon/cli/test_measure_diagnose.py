@@ -65,18 +65,6 @@ def test_what_one_sweep_leaves_open_is_decided_by_a_wider_one(start_daemon, tmp_
     assert abs(size["value"] - 5e-12) < max(5 * size["u"], 0.03 * 5e-12)
 
 
-def test_a_lead_is_told_from_a_cable_by_what_is_measured_besides(start_daemon, tmp_path: Path) -> None:
-    start_daemon(simulator={"hidden": {"lead-inductance": 3e-9}, "jig": "ideal"})
-    done = measured(tmp_path, "--yes")
-    found = the_diagnosis(done)
-    (finding,) = found["findings"]
-    others = {one["effect"] for one in [*finding["alternatives"], *finding["same_as"]] if one["probability"] > 0.01}
-    assert finding["effect"] == "lead-inductance"
-    assert others <= {"cable"}, "a short cable is an inductance"
-    assert found["decided_by"], "a wider sweep tells them apart"
-    assert not [one for one in finding["alternatives"] if one["probability"] > 0.05]
-
-
 def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> None:
     start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
     done = measured(tmp_path)

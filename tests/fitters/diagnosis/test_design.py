@@ -161,6 +161,23 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
     assert value is None or abs(found.value - value) < max(5 * found.u, 0.03 * value)
 
 
+def test_a_lead_is_told_from_a_cable_by_a_wider_sweep() -> None:
+    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 3e-9})
+    considered = ("lead-inductance", "cable", "series-resistance", *STILL)
+    with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
+        bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
+        own = analyzer.measure(SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5))
+        task = FitTask(BUILD, {"disk": own})
+        asked = [one.experiment for one in proposals(task, diagnose(task, considered), INSTRUMENT)]
+        further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]
+    assert any("wider" in one.kind for one in asked)
+    (finding,) = diagnose(replace(task, sweeps={"disk": (*own, *further)}), considered).findings
+    others = {one.effect for one in (*finding.alternatives, *finding.same_as) if one.probability > 0.01}
+    assert finding.effect == "lead-inductance"
+    assert others <= {"cable"}, "a short cable is an inductance"
+    assert not [one for one in finding.alternatives if one.probability > 0.05]
+
+
 def test_recordings_are_compared_without_a_model() -> None:
     low = swept(Conditions(level_V=0.1), 2, oscillator_V=0.1)
     same, other, band = compared([swept()], [swept(seed=3), low, swept(seed=4, f=np.linspace(3.5e6, 6e6, 301))])
