@@ -9,7 +9,7 @@ demo: .venv/ready ## the whole story: a simulated transducer measured and fitted
 	$(BIN)/pzctl measure --fit
 
 test: .venv/ready ## run the tests
-	$(BIN)/pytest -n auto --dist loadscope
+	$(BIN)/pytest -n auto --dist worksteal
 
 check: .venv/ready ## lint, format, types, floors
 	$(BIN)/ruff check .
@@ -28,7 +28,7 @@ docs: .venv/ready ## what is generated from code (thesis, schemas, errors), and 
 
 errors: .venv/ready ## run the tests and write down, in docs/errors.md, every sentence that one of them provokes
 	rm -f docs/provoked.jsonl
-	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist loadscope
+	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal
 	$(BIN)/python docs/tools/errors_page.py docs/errors.md
 
 pictures: .venv/ready ## the screenshots of page and terminal in docs/pictures, made anew by their tests

@@ -30,6 +30,12 @@ PROCESS_MODULES = frozenset({"subprocess", "multiprocessing", "postgres", "Brows
 """Names that a test module imports to start processes itself: the last two a browser and a daemon."""
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Return two workers more than there are cores: a third of the time of tests that start daemons is waiting."""
+    return (os.cpu_count() or 1) + 2
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark as `system` the tests that start processes: by a fixture, or in a module that imports what starts them."""
     for item in items:
