@@ -21,7 +21,6 @@ from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..client.protocol import DaemonError
 from ..report.document.html_report import report_html
-from ..report.document.pdf_report import report_pdf
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
@@ -236,6 +235,8 @@ class _PageRequestHandlers:
 
     def pdf(self, words: dict[str, str], user: PageUser) -> Response:
         """Return the report of a sample as PDF."""
+        from ..report.document.pdf_report import report_pdf  # a third of a second, which the page's start need not take
+
         return Response(report_pdf(report_html(_record(words["name"]))), media_type="application/pdf")
 
 

@@ -12,7 +12,6 @@ from math import comb
 from typing import cast
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ...models.base.arrays import Complexes, Reals
 from ...models.sweep import Sweep
@@ -55,6 +54,8 @@ def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]
 
     Iteratively reweighted nonnegative least squares; squares of complex Gaussian numbers are exponentially distributed.
     """
+    from scipy.optimize import nnls  # who draws a picture need not wait for it: importing takes a quarter of a second
+
     taken = terms[:, chosen]
     variance = np.full(squares.size, max(float(np.median(squares)) / np.log(2), _FLOOR**2))
     estimate = np.zeros(len(chosen))

@@ -55,9 +55,13 @@ def report(
 
 def _write(target: Path, html: str) -> None:
     from ....models.base.errors import PzctlError
-    from ...report.document.pdf_report import report_pdf
 
-    data = report_pdf(html) if target.suffix.lower() == ".pdf" else html.encode()
+    if target.suffix.lower() == ".pdf":
+        from ...report.document.pdf_report import report_pdf
+
+        data = report_pdf(html)
+    else:
+        data = html.encode()
     try:
         target.write_bytes(data)
     except OSError as error:
