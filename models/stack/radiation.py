@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy import special
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .laws import ComplexLike, require_positive
@@ -19,6 +18,8 @@ from .loads import Load
 
 def piston(x: Reals) -> Complexes:
     """Return R1 + j X1 for x = 2 k a > 0."""
+    from scipy import special  # slow to load, and only for a face in a fluid
+
     square = -0.25 * x * x
     # below x = 1 the difference 1 - 2 J1(x)/x loses digits; there its series -sum square^k/(k! (k+1)!) has few terms
     series = sum(-(square**k) / (special.factorial(k) * special.factorial(k + 1)) for k in range(1, 9))
@@ -28,6 +29,8 @@ def piston(x: Reals) -> Complexes:
 
 def piston_slope(x: Reals) -> Complexes:
     """Return d/dx of R1 + j X1."""
+    from scipy import special
+
     reactance = 2 * special.struve(0, x) / x - 4 * special.struve(1, x) / x**2
     return np.add(2 * special.jv(2, x) / x, 1j * reactance)
 
