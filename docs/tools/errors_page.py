@@ -19,6 +19,7 @@ from error_sites import Site, sites
 
 import pzctl
 from pzctl.models.base.errors import CannotError, PzctlError
+from pzctl.models.base.names import shown
 
 _ROOT = Path(pzctl.__file__).parent
 _HEAD = """# Error messages
@@ -115,7 +116,7 @@ def _why(site: Site, reasons: Mapping[str, Mapping[str, str]]) -> str:
 
 def _plain(says: str) -> str:
     """Return a sentence as it can stand in a table."""
-    says = " ".join(says.split())
+    says = shown(" ".join(says.split()))
     says = says if len(says) <= _LONGEST else f"{says[:_LONGEST]} ..."
     return re.sub(r"([|<>*_`\[\]\\$])", r"\\\1", says)
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from .session import Session
 
 ALLOWED = (
-    "GPIB0::17::INSTR, TCPIP0::HOST::5025::SOCKET, HOST:5025, PROLOGIX::HOST:1234::17, PROLOGIX::/dev/ttyUSB0::17 "
-    "or recording:FILE"
+    "GPIB0::17::INSTR, TCPIP0::HOST::5025::SOCKET, HOST:5025, USB0::0x2A8D::0x5F01::SERIAL::INSTR, "
+    "PROLOGIX::HOST:1234::17, PROLOGIX::/dev/ttyUSB0::17 or recording:FILE"
 )
 """The forms of a resource, for error messages and help."""
 
@@ -35,6 +35,7 @@ _PROLOGIX = re.compile(
     r"PROLOGIX::(?:(?P<serial>/[\w./-]+|COM\d+)|(?P<host>[A-Za-z0-9][\w.-]*)(?::(?P<port>\d{1,5}))?)::(?P<address>\d{1,2})",
     re.IGNORECASE,
 )
+_USB = re.compile(r"USB\d*(::(0x[0-9A-F]{1,4}|\d{1,5})){2}::[^:\s]+(::\d+)?::INSTR", re.IGNORECASE)
 _NETWORK = re.compile(r"(?:TCPIP|PRLGX-TCPIP)\d*::([^:,\s]+)::(\d{1,5})::(?:SOCKET|INTFC)", re.IGNORECASE)
 _GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECASE)
 
@@ -54,7 +55,7 @@ def resource_name(given: str) -> str:
                 f"resource {given!r}: GPIB address {bus['address']} does not exist; 0 to 30 is allowed"
             )
         return text
-    if _GATEWAY.fullmatch(text):
+    if _GATEWAY.fullmatch(text) or _USB.fullmatch(text):
         return text
     raise InstrumentError(f"resource {given!r}: not an instrument's address; allowed are {ALLOWED}")
 

@@ -19,6 +19,7 @@ from pzctl.drivers.visa.resources import resource_name
         ("TCPIP0::10.0.0.7::5025::SOCKET", "TCPIP0::10.0.0.7::5025::SOCKET"),
         (" GPIB0::17::INSTR ", "GPIB0::17::INSTR"),
         ("TCPIP0::10.0.0.7::gpib0,17::INSTR", "TCPIP0::10.0.0.7::gpib0,17::INSTR"),
+        ("USB0::0x2A8D::0x5F01::MY52100123::INSTR", "USB0::0x2A8D::0x5F01::MY52100123::INSTR"),
         ("PROLOGIX::10.0.0.7::17", "PROLOGIX::10.0.0.7::17"),
         ("PROLOGIX::/dev/ttyUSB0::17", "PROLOGIX::/dev/ttyUSB0::17"),
     ],
