@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import families, layered
-from .alike import with_other_names
+from .devices.random_specimen import random_specimen
+from .devices.specimen import AIR, Specimen
 from .distributions import Random, loguniform
-from .imperfections import imperfections
-from .plant import Hideout, LabWorld, Plant
-from .random_specimen import random_specimen
+from .planting import families, layered
+from .planting.alike import with_other_names
+from .planting.imperfections import imperfections
+from .planting.plant import Hideout, LabWorld, Plant
+from .planting.visible import Seen, View
 from .recording import ErringAnalyzer, Take
 from .session import analyzer_of, plan
-from .specimen import AIR, Specimen
-from .visible import Seen, View
 
 KINDS = {
     "instrument": 0.14,

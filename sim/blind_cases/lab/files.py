@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ..waves import Complexes
+from .devices.specimen import AIR, Coat, Specimen
 from .draw import LabSession, draw_case
-from .plant import Plant
+from .planting.plant import Plant
 from .recording import Take, shown
-from .specimen import AIR, Coat, Specimen
 
 
 def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:

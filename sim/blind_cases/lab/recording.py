@@ -6,10 +6,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..waves import Complexes, Reals
-from .device import STILL, Instant, admittance, strain
-from .flaws import FixtureResidue, Flaws
-from .specimen import Specimen
-from .terminals import at_analyzer
+from .devices.device import STILL, Instant, admittance, strain
+from .devices.flaws import FixtureResidue, Flaws
+from .devices.specimen import Specimen
+from .devices.terminals import at_analyzer
 
 _BETWEEN = 8
 """Steps of time from one point to the next where the detector lags."""

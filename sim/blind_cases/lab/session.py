@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..waves import Reals
+from .devices.flaws import FixtureResidue
+from .devices.specimen import Specimen
 from .distributions import Random, loguniform
-from .flaws import FixtureResidue
-from .plant import Plant
+from .planting.plant import Plant
 from .recording import ErringAnalyzer, Take
-from .specimen import Specimen
 
 
 def plan(rng: Random, specimen: Specimen, plants: Sequence[Plant]) -> tuple[Take, ...]:

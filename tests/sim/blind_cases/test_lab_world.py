@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from pzctl.models.stack import Elastic, HalfSpace, Piezo
-from pzctl.sim.blind_cases.lab import families, layered
-from pzctl.sim.blind_cases.lab.device import _spread, admittance
+from pzctl.sim.blind_cases.lab.devices.device import _spread, admittance
+from pzctl.sim.blind_cases.lab.devices.flaws import NOTHING, FixtureResidue, Flaws
+from pzctl.sim.blind_cases.lab.devices.random_specimen import random_specimen
+from pzctl.sim.blind_cases.lab.devices.specimen import AIR, Specimen, lossy
+from pzctl.sim.blind_cases.lab.devices.terminals import at_analyzer
 from pzctl.sim.blind_cases.lab.draw import FAMILIES, LabSession, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
-from pzctl.sim.blind_cases.lab.flaws import NOTHING, FixtureResidue, Flaws
-from pzctl.sim.blind_cases.lab.imperfections import imperfections
-from pzctl.sim.blind_cases.lab.plant import Hideout, LabWorld, Plant
-from pzctl.sim.blind_cases.lab.random_specimen import random_specimen
+from pzctl.sim.blind_cases.lab.planting import families, layered
+from pzctl.sim.blind_cases.lab.planting.imperfections import imperfections
+from pzctl.sim.blind_cases.lab.planting.plant import Hideout, LabWorld, Plant
+from pzctl.sim.blind_cases.lab.planting.visible import View
 from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, Take, shown
 from pzctl.sim.blind_cases.lab.session import plan
-from pzctl.sim.blind_cases.lab.specimen import AIR, Specimen, lossy
-from pzctl.sim.blind_cases.lab.terminals import at_analyzer
-from pzctl.sim.blind_cases.lab.visible import View
 
 OUTSIDE_KINDS = 24
 

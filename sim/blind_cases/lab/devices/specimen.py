@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..waves import Complexes, Reals
+from ...waves import Complexes, Reals
 
 AIR = 413.0
 """Rayl."""

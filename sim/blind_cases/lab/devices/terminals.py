@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..waves import Complexes, Reals
+from ...waves import Complexes, Reals
 from .flaws import FixtureResidue, Wiring
 
 _HALVINGS = 9

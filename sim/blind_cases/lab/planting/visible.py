@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..waves import Complexes, Reals
+from ...waves import Complexes, Reals
+from ..devices.specimen import AIR, Coat
+from ..recording import ErringAnalyzer, Take, shown
 from .plant import Hideout, LabWorld, Plant
-from .recording import ErringAnalyzer, Take, shown
-from .specimen import AIR, Coat
 
 _POINTS = 150
 """Points of a sweep that are looked at."""

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .distributions import Random, lognormal
+from ..devices.specimen import Specimen
+from ..distributions import Random, lognormal
 from .plant import LabWorld, Plant
-from .specimen import Specimen
 
 _NEIGHBOUR = ("spurious-resonance", "thickness-variation", "local-mass")
 """What a second ceramic of another thickness may be called as well."""

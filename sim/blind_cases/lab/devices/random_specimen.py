@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .distributions import lognormal, loguniform
+from ..distributions import lognormal, loguniform
 from .specimen import AIR, EPS0, Ceramic, Coat, Kind, Specimen, Told
 
 _MATERIALS: dict[str, tuple[Kind, float, float, float, float, float, float, float]] = {

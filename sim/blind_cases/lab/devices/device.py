@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.special import iv, kv
 
-from ..device_under_test import DeviceUnderTest, DiskShape
-from ..ritz import finite_disk_admittance
-from ..waves import Complexes, LayerColumn, Part, Reals, Slice, respond
+from ...device_under_test import DeviceUnderTest, DiskShape
+from ...ritz import finite_disk_admittance
+from ...waves import Complexes, LayerColumn, Part, Reals, Slice, respond
 from .flaws import Flaws, Side
 from .specimen import AIR, Ceramic, Coat, Specimen, lossy
 

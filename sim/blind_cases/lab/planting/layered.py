@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .distributions import Random, lognormal, loguniform
-from .flaws import Side
+from ..devices.flaws import Side
+from ..devices.specimen import AIR, Specimen
+from ..distributions import Random, lognormal, loguniform
 from .plant import LabWorld, Plant
-from .specimen import AIR, Specimen
 
 
 def _side(rng: Random) -> Side:

@@ -7,8 +7,8 @@ more than the largest imperfection does, or gains so little that noise could do 
 from collections.abc import Callable
 from dataclasses import replace
 
+from ..devices.specimen import Specimen
 from .plant import Hideout, LabWorld, Plant
-from .specimen import Specimen
 from .visible import View
 
 Put = Callable[[LabWorld, float], LabWorld]

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .distributions import Random, lognormal
+from ..devices.specimen import Specimen
+from ..distributions import Random, lognormal
 from .layered import anywhere
 from .plant import LabWorld, Plant
-from .specimen import Specimen
 
 
 def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from .flaws import NOTHING, FixtureResidue, Flaws
-from .specimen import Ceramic, Specimen
+from ..devices.flaws import NOTHING, FixtureResidue, Flaws
+from ..devices.specimen import Ceramic, Specimen
 
 Needs = Literal["nothing", "up and down", "levels", "a plain disk", "a backing", "a bond"]
 
