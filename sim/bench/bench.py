@@ -43,6 +43,8 @@ class Bench:
     sample: BenchSample = field(init=False)
     _random: np.random.Generator = field(init=False)
     _idle_random: np.random.Generator = field(init=False)
+    _latest: tuple[object, Impedances] | None = field(init=False, default=None)
+    """What the last sweep of the device depended on, and its impedance: most sweeps of CONT are the same again."""
 
     def __post_init__(self) -> None:
         self.new_sample(self.seed)
@@ -100,8 +102,12 @@ class Bench:
             return np.zeros(axis.values.size, dtype=np.complex128)
         if self.content == "load":
             return np.full(axis.values.size, 1 / LOAD_STANDARD_OHM, dtype=np.complex128)
-        device = self.sample.device(self.step, self.radial)
-        return 1 / device_impedance(device, self.effects, axis, when, point_seconds, order)
+        arrays = tuple(array.tobytes() for array in (axis.frequency, axis.level, when, point_seconds, order))
+        asked = (self.sample, self.step, self.radial, self.effects, arrays)
+        if self._latest is None or self._latest[0] != asked:
+            device = self.sample.device(self.step, self.radial)
+            self._latest = asked, device_impedance(device, self.effects, axis, when, point_seconds, order)
+        return 1 / self._latest[1]
 
     def _as_read(self, z: Impedances, axis: Axis, random: np.random.Generator) -> Impedances:
         level = np.where(axis.level > 0, axis.level, 1e-3)

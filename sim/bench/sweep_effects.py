@@ -3,6 +3,7 @@
 They are computed point by point in the order of the sweep, on the parameters of the model.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -82,8 +83,7 @@ def warmed(device: Model, kelvin: float) -> Model:
 
 def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
     have = device.parameters()
-    c33D = complex(have["disk.c33D.re"], have["disk.c33D.im"]) * stiffness
-    eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"]) * permittivity
+    c33D, eps33S = _complex(have, "c33D") * stiffness, _complex(have, "eps33S") * permittivity
     return device.replace(
         {
             "disk.c33D.re": c33D.real,
@@ -92,6 +92,10 @@ def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
             "disk.eps33S.im": eps33S.imag,
         }
     )
+
+
+def _complex(parameters: Mapping[str, float], constant: str) -> complex:
+    return complex(parameters[f"disk.{constant}.re"], parameters[f"disk.{constant}.im"])
 
 
 def _softened(
@@ -104,24 +108,25 @@ def _softened(
     z = complex(device.impedance(frequency)[0])
     if not softening:
         return z, 0.0
+    have = device.parameters()
+    c33D = _complex(have, "c33D")
     for _ in range(40):
-        bent = _scaled(device, 1 - softening * strain * (1 - 1j * RAYLEIGH), 1.0)
+        softer = c33D * (1 - softening * strain * (1 - 1j * RAYLEIGH))
+        bent = device.replace({"disk.c33D.re": softer.real, "disk.c33D.im": softer.imag})
         z = complex(bent.impedance(frequency)[0])
-        now = mean_strain(bent, z, float(frequency[0]), level)
+        now = mean_strain(have, z, float(frequency[0]), level)
         if abs(now - strain) <= 1e-4 * max(now, 1e-12):
             break
         strain = (strain + now) / 2
     return z, strain
 
 
-def mean_strain(device: Model, z: complex, frequency: float, level: float) -> float:
+def mean_strain(parameters: Mapping[str, float], z: complex, frequency: float, level: float) -> float:
     """Return the amplitude of the disk's mean strain under `level` volts rms behind the source resistance.
 
     V = I/(j w C0) - h t S for the mean strain S, so |S| = |I| |Z - 1/(j w C0)| / (|h| t).
     """
-    have = device.parameters()
-    thickness = have["disk.thickness"]
-    eps33S = complex(have["disk.eps33S.re"], have["disk.eps33S.im"])
-    clamped = thickness / (2j * np.pi * frequency * eps33S * have["area"])
+    thickness = parameters["disk.thickness"]
+    clamped = thickness / (2j * np.pi * frequency * _complex(parameters, "eps33S") * parameters["area"])
     current = np.sqrt(2) * level / abs(z + SOURCE_OHM)
-    return float(current * abs(z - clamped) / (abs(complex(have["disk.h33.re"], have["disk.h33.im"])) * thickness))
+    return float(current * abs(z - clamped) / (abs(_complex(parameters, "h33")) * thickness))
