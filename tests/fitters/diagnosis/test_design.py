@@ -133,7 +133,7 @@ def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosi
     ("hidden", "size", "at_first", "kind", "parameter", "value"),
     [
         ("drive-nonlinearity", 60.0, ["drive-nonlinearity"], "level", "softening", 60.0),
-        ("sweep-lag", 4e-3, [], "", "lag", 4e-3 * 2e6 / (160 * 0.16)),
+        ("sweep-lag", 4e-3, [], "", "lag", 4e-3 * 2e6 / (80 * 0.16)),
         ("temperature-drift", 1e-3, [], "", "relative", None),
     ],
 )
@@ -141,7 +141,7 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
     hidden: str, size: float, at_first: list[str], kind: str, parameter: str, value: float | None
 ) -> None:
     """The first sweep shows it by its shape alone, or nothing."""
-    plan = SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5)
+    plan = SweepPlan((Segment(3e6, 5e6, 81),), oscillator_V=0.5, bandwidth=5)
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})
     considered = CONSIDERED if hidden != "drive-nonlinearity" else ("drive-nonlinearity", "sweep-lag", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
@@ -166,7 +166,7 @@ def test_a_lead_is_told_from_a_cable_by_a_wider_sweep() -> None:
     considered = ("lead-inductance", "cable", "series-resistance", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
         bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
-        own = analyzer.measure(SweepPlan((Segment(3e6, 5e6, 161),), oscillator_V=0.5, bandwidth=5))
+        own = analyzer.measure(SweepPlan((Segment(3e6, 5e6, 81),), oscillator_V=0.5, bandwidth=5))
         task = FitTask(BUILD, {"disk": own})
         asked = [one.experiment for one in proposals(task, diagnose(task, considered), INSTRUMENT)]
         further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]
