@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from ..files.paths import daemon_file, home, journal_folder
-from ..journal.folder_lock import is_written
+from ..journal.stores.folder_lock import is_written
 from ..wire.curve_keys import ClientKey, read_client_key, write_secret
 from ..wire.frames import WireError, from_json, to_json
 from .protocol import DaemonError

@@ -9,10 +9,10 @@ import msgspec
 from ...models.build import Build
 from ..wire.events import SampleStep
 from ..wire.replies import MissingEvents
-from .array_file import split_array
+from .integrity.verification import faults_of
 from .opening import open_store
 from .store import JournalError, Place, digest_of
-from .verification import faults_of
+from .stores.array_file import split_array
 
 MOST_REPLAYED = 16 << 20
 """Bytes of events after which one answer to a replay ends; the last event may exceed them."""

@@ -15,13 +15,13 @@ from ...models.sweep import now_utc
 from ..wire.events import Event, Payload, encode
 from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
-from .array_file import with_index
-from .chain import chain_found
-from .event_rows import Answer, answer_key, index_of, insert_event, succeeded
-from .folder_lock import take_lock
 from .journal_reader import JournalMeasurement, JournalReader
 from .opening import open_store
 from .store import JournalError, Store, digest_of
+from .stores.array_file import with_index
+from .stores.chain import chain_found
+from .stores.event_rows import Answer, answer_key, index_of, insert_event, succeeded
+from .stores.folder_lock import take_lock
 
 E = TypeVar("E", bound=Event)
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from .folder_store import FolderStore
 from .store import JournalError, Place, Store
+from .stores.folder_store import FolderStore
 
 
 def open_store(place: Place, *, write: bool) -> Store:
@@ -11,7 +11,7 @@ def open_store(place: Place, *, write: bool) -> Store:
     if isinstance(place, Path):
         return FolderStore(place, write=write)
     try:
-        from .postgres_store import PostgresStore
+        from .stores.postgres_store import PostgresStore
     except ModuleNotFoundError as error:
         raise JournalError(
             f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install 'pzctl[postgres]'"

@@ -6,15 +6,15 @@ import msgspec
 
 from ...models.sweep import now_utc
 from ..files.database_url import without_password
-from .array_file import split_array, with_index
-from .array_folder import copy_file
-from .chain import chain_found, chain_removed
-from .database_file import SEALS
-from .folder_store import FolderStore
 from .journal_reader import JournalReader
 from .journal_writer import JournalWriter
-from .migrations import TABLES
 from .store import JournalError, Place
+from .stores.array_file import split_array, with_index
+from .stores.array_folder import copy_file
+from .stores.chain import chain_found, chain_removed
+from .stores.database_file import SEALS
+from .stores.folder_store import FolderStore
+from .stores.migrations import TABLES
 
 COLUMNS = {
     "builds": "hash, json",

@@ -16,7 +16,7 @@ from ..client.location import Location, find, same_resource
 from ..client.protocol import DaemonError
 from ..files.daemon_options import DaemonOptions
 from ..files.paths import home, journal_folder, log_file, writable_home
-from ..journal.folder_lock import is_written
+from ..journal.stores.folder_lock import is_written
 from ..wire.frames import to_json
 from .logs import begin_log
 from .service import run

@@ -13,7 +13,7 @@ from keyed import asked
 
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import home, journal_folder, keys_folder
-from pzctl.daemon.journal.audit import audit_entries
+from pzctl.daemon.journal.integrity.audit import audit_entries
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.page.page_client import PageClient
 from pzctl.daemon.wire.curve_keys import make_client, make_server

@@ -15,12 +15,12 @@ from keyed import unlocked
 from pzctl import connect
 from pzctl.daemon.client.conversations import MissingEventsWarning
 from pzctl.daemon.files.paths import journal_folder
-from pzctl.daemon.journal.chain import COLUMNS, GENESIS, link_after, row_digest, row_key
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
-from pzctl.daemon.journal.migrations import _STEPS
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
+from pzctl.daemon.journal.stores.chain import COLUMNS, GENESIS, link_after, row_digest, row_key
+from pzctl.daemon.journal.stores.migrations import _STEPS
 from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 

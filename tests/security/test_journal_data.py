@@ -15,12 +15,12 @@ import pytest
 
 from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
-from pzctl.daemon.journal.array_file import find_index, split_array
+from pzctl.daemon.journal.integrity.repair import repair_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
-from pzctl.daemon.journal.repair import repair_folder
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
+from pzctl.daemon.journal.stores.array_file import find_index, split_array
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport
 from pzctl.models.build import Build

@@ -7,12 +7,12 @@ from pathlib import Path
 import postgres
 import pytest
 
-from pzctl.daemon.journal import migrations
-from pzctl.daemon.journal.chain import head_of
+from pzctl.daemon.journal.integrity.seals import keep_public_key, make_key, read_public_key, seal_faults, seal_head
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
-from pzctl.daemon.journal.seals import keep_public_key, make_key, read_public_key, seal_faults, seal_head
+from pzctl.daemon.journal.stores import migrations
+from pzctl.daemon.journal.stores.chain import head_of
 from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 

@@ -29,8 +29,8 @@ def verify(
     Example: pzctl journal verify
     """
     from ...files.paths import home, journal_folder, seal_key
-    from ...journal.database_file import SEALS
-    from ...journal.seals import read_public_key, read_seals, seal_faults
+    from ...journal.integrity.seals import read_public_key, read_seals, seal_faults
+    from ...journal.stores.database_file import SEALS
     from ...samples.sample_selection import open_journal
 
     trusted = public_key or seal_key(home())[1]
@@ -70,10 +70,10 @@ def seal(
     pzctl journal seal --key /media/stick/private.pem
     """
     from ...files.paths import home, journal_folder, seal_key
-    from ...journal.chain import head_of
-    from ...journal.database_file import SEALS
-    from ...journal.seals import add_seal, keep_public_key, make_key, seal_head
+    from ...journal.integrity.seals import add_seal, keep_public_key, make_key, seal_head
     from ...journal.store import JournalError
+    from ...journal.stores.chain import head_of
+    from ...journal.stores.database_file import SEALS
     from ...samples.sample_selection import open_journal
     from ...wire.frames import to_json
 
@@ -109,7 +109,7 @@ def audit(
     """
     import msgspec
 
-    from ...journal.audit import audit_entries
+    from ...journal.integrity.audit import audit_entries
     from ...samples.sample_selection import open_journal
 
     journal = open_journal()
@@ -193,7 +193,7 @@ def repair(
     from ...files.config import journal_of, settings
     from ...files.database_url import without_password
     from ...files.paths import home, journal_folder
-    from ...journal.repair import repair_folder
+    from ...journal.integrity.repair import repair_folder
     from ...journal.store import JournalError
 
     url, _ = journal_of(settings({}))

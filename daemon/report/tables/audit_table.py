@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ....models.base.names import shown
-from ...journal.audit import AuditEntry
+from ...journal.integrity.audit import AuditEntry
 
 
 def print_audit(screen: Console, entries: Iterable[AuditEntry]) -> None:

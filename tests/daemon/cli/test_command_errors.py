@@ -305,7 +305,7 @@ def test_what_is_not_installed(
     monkeypatch: pytest.MonkeyPatch, module: str, work: Callable[[], object], says: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.delitem(sys.modules, "pzctl.daemon.journal.postgres_store", raising=False)
+    monkeypatch.delitem(sys.modules, "pzctl.daemon.journal.stores.postgres_store", raising=False)
     with pytest.raises(PzctlError, match=says):
         work()
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.files.paths import FolderError
-from pzctl.daemon.journal.folder_lock import is_written
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
+from pzctl.daemon.journal.stores.folder_lock import is_written
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport

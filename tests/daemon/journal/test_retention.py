@@ -14,9 +14,9 @@ from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
-from pzctl.daemon.journal.migrations import _STEPS
 from pzctl.daemon.journal.retention import COLUMNS, JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
+from pzctl.daemon.journal.stores.migrations import _STEPS
 from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.daemon.wire.replies import MissingEvents
 from pzctl.models.build import Build

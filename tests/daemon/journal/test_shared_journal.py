@@ -13,11 +13,11 @@ import pytest
 from pzctl import connect
 from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.daemon_options import DaemonOptions
-from pzctl.daemon.journal import migrations
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalAway, JournalError
+from pzctl.daemon.journal.stores import migrations
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.wire.curve_keys import write_secret
 from pzctl.daemon.wire.events import SampleStep, StateEvent

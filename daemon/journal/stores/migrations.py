@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..store import JournalError
 from .chain import chain_existing
-from .store import JournalError
 
 _FIRST = """
 CREATE TABLE runs (id TEXT PRIMARY KEY, time TEXT NOT NULL);

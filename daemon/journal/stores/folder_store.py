@@ -12,10 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ..store import JournalError, Store
 from .array_folder import ORPHANS, ArrayFolder
 from .database_file import DATABASE, check_beside_arrays
 from .migrations import check_version, migrate_sqlite
-from .store import JournalError, Store
 
 log = logging.getLogger(__name__)
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import msgspec
 
-from ..wire.events import SampleStep
-from .store import Store
+from ...wire.events import SampleStep
+from ..store import Store
 
 
 class AuditEntry(msgspec.Struct, frozen=True, kw_only=True):

@@ -8,8 +8,8 @@ digest, so that a copy under another name keeps the chain.
 
 from typing import Any, Protocol
 
-from ..wire.frames import to_json
-from .store import digest_of
+from ...wire.frames import to_json
+from ..store import digest_of
 
 COLUMNS = {
     "runs": "id, time",

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from .store import JournalError
+from ..store import JournalError
 
 DATABASE = "journal.sqlite"
 

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from .array_file import ArrayIndex, split_array
-from .chain import COLUMNS, GENESIS, link_after, row_digest, row_key
-from .store import JournalError, Store, digest_of
+from ..store import JournalError, Store, digest_of
+from ..stores.array_file import ArrayIndex, split_array
+from ..stores.chain import COLUMNS, GENESIS, link_after, row_digest, row_key
 
 EventRow = tuple[Any, ...]
 """An event's hashed columns: seq, kind, id, measurement, topic, header, lengths, hash."""

@@ -3,7 +3,7 @@
 import sqlite3
 from pathlib import Path
 
-from .store import JournalError
+from ..store import JournalError
 
 LOCK = "writer.lock"
 """File that the writing process locks."""

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from ..wire.events import DiagnosisEvent, Event, FitEvent, Sampled, StateEvent
+from ...wire.events import DiagnosisEvent, Event, FitEvent, Sampled, StateEvent
+from ..store import Store
 from .array_file import ArrayIndex, IndexedMeasurement
 from .chain import chain_found, chain_row
-from .store import Store
 
 Answer = FitEvent | DiagnosisEvent
 """The answer of a fitter to a measurement."""

@@ -16,9 +16,9 @@ from typing import Any
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
 
-from ..files.database_url import without_password
+from ...files.database_url import without_password
+from ..store import JournalAway, JournalError, Store
 from .migrations import check_version, migrate_postgres
-from .store import JournalAway, JournalError, Store
 
 PATIENCE = 5.0
 """Seconds that a writer waits for the previous one to end."""

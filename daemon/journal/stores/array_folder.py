@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from ..store import JournalError
 from .array_file import ArrayIndex, read_index
-from .store import JournalError
 
 ARRAYS = "arrays"
 ORPHANS = "orphans"

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import msgspec
 
-from ...models.sweep import now_utc
-from ..wire.events import DiagnosisEvent, Event, FitEvent, Sampled, SweepEvent, decode
-from ..wire.frames import WireError
-from .array_file import ArrayIndex, find_index, split_array
-from .array_folder import ArrayFolder, free_name
-from .chain import chain_found
-from .database_file import DATABASE, database_fault
-from .event_rows import insert_answer, insert_event_row, set_state
-from .folder_lock import take_lock
-from .folder_store import FolderStore
-from .store import JournalError, digest_of
+from ....models.sweep import now_utc
+from ...wire.events import DiagnosisEvent, Event, FitEvent, Sampled, SweepEvent, decode
+from ...wire.frames import WireError
+from ..store import JournalError, digest_of
+from ..stores.array_file import ArrayIndex, find_index, split_array
+from ..stores.array_folder import ArrayFolder, free_name
+from ..stores.chain import chain_found
+from ..stores.database_file import DATABASE, database_fault
+from ..stores.event_rows import insert_answer, insert_event_row, set_state
+from ..stores.folder_lock import take_lock
+from ..stores.folder_store import FolderStore
 
 TAIL = 1000
 """Event numbers left unused after the last array, because events without an array may have been published there."""

@@ -19,9 +19,9 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_public_key,
 )
 
-from ...models.sweep import now_utc
-from ..wire.frames import to_json
-from .store import JournalError, Store
+from ....models.sweep import now_utc
+from ...wire.frames import to_json
+from ..store import JournalError, Store
 
 
 class Seal(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from ..wire.frames import to_json
+from ...wire.frames import to_json
 
 MAGIC = b"PZCTLIX1"
 """The last bytes of a file that has an index."""
