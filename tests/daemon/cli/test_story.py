@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD
+
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 
@@ -22,10 +24,11 @@ def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The whole story on the simulated bench, fitted by both fitters."""
+    """The whole story on the simulated bench, with fewer points than usual, fitted by both fitters."""
     home = tmp_path_factory.mktemp("home")
-    words = ("measure", "--fit", "--json", "--time-scale", "0", "--fitter", "mason", "--fitter", "mason-nelder-mead")
-    done = pzctl(*words, home=home)
+    (home / "S4.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 201"))
+    words = ("measure", "--build", "S4.toml", "--fit", "--json", "--time-scale", "0")
+    done = pzctl(*words, "--fitter", "mason", "--fitter", "mason-nelder-mead", home=home)
     assert done.returncode == 0, done.stderr
     assert "no daemon runs: starting one" in done.stderr
     assert not (home / "daemon.json").exists(), "the daemon of the story is still there"
