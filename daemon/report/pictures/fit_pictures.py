@@ -31,7 +31,7 @@ def fit_picture(result: FitResult, path: Path) -> Path:
     figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
     for k, curve in enumerate(result.curves):
         _column(axes[:, k], curve, result.noise.relative)
-        axes[0, k].set_title(as_label(curve.step))
+        axes[0, k].set_title(as_label(curve.step), y=1.0)  # a place that is given need not be looked for
         axes[-1, k].set_xlabel("frequency (MHz)")
     for row, label in enumerate(_ROWS):
         axes[row, 0].set_ylabel(label)
