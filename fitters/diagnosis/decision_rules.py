@@ -28,6 +28,10 @@ RIVALS = 6
 """Budget: hypotheses with another effect in place of a named one that are compared with it."""
 MOST = 4
 """Budget: largest number of effects at once."""
+LINES = 8
+"""Budget: weak lines of one step that become part of the error model."""
+RECHECKED = 12
+"""Budget: hypotheses fitted again when the error model has changed."""
 TOLERATED = 2.0
 """Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is
 attributed to the fixture, if the recordings show instrument errors; one fixture in twenty has more."""

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...models.base.model import Model
 from ...models.effects import Device
-from ...models.effects.base.scale import active, reactance, resonance
+from ...models.effects.base.branch import branch
+from ...models.effects.base.scale import active, capacitance, reactance, resonance
 from ...models.stack import Elastic, Piezo, Stack
 from ..engine.recording import Recording
 from . import prior_scales as scales
@@ -18,7 +19,27 @@ from .point_covariance import PointErrors
 from .smooth_basis import smooth
 
 Part = str
-"""Part of the error of a column: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses` or `shape`."""
+"""Part of the error of a column: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `shape` or `line`."""
+
+
+@dataclass(frozen=True)
+class WeakLine:
+    """A further resonance in the recordings of one step, too small to be named."""
+
+    step: str
+    frequency: float
+    """Hz."""
+    q: float
+
+    def columns(self, frequency: Frequencies, Z: Impedances, capacitance: float) -> Complexes:
+        """Return d ln Z per unit of its prior, in phase and in quadrature, shape (N, 2).
+
+        `capacitance` is the clamped one, F; the line is a branch in parallel with the device.
+        """
+        jw = j_omega(frequency)
+        residue = scales.LINE / self.q * capacitance
+        change = -Z * residue * branch(jw, 2 * np.pi * self.frequency, self.q)
+        return np.stack([change, 1j * change], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +109,11 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> Linearise
 
 
 def columns_of(
-    places: Sequence[LinearisedRecording], held: Sequence[Sequence[Complexes]], *, fast: bool = True
+    places: Sequence[LinearisedRecording],
+    held: Sequence[Sequence[Complexes]],
+    lines: Sequence[WeakLine] = (),
+    *,
+    fast: bool = True,
 ) -> ErrorColumns:
     """Return all columns over all recordings of a session, which has one instrument and one fixture.
 
@@ -116,6 +141,7 @@ def columns_of(
     for column in held:
         of = {id(place): own for place, own in zip(places, column, strict=True)}
         add("held", 0.0, lambda p, of=of: of[id(p)])
+    _lines(add, places, lines)
     blocks = tuple(np.stack(own, axis=1) for own in made)
     return ErrorColumns(tuple(parts), np.array(of_losses), blocks, tuple(_points(place) for place in places))
 
@@ -218,6 +244,21 @@ def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequenc
         for k in range(functions[0].shape[1]):
             for unit in (1.0, 1j):
                 add("shape", 0.0, lambda p, k=k, unit=unit, own=own: scales.SHAPE * unit * own[id(p)] * of[id(p)][:, k])
+
+
+def _lines(add: _Add, places: Sequence[LinearisedRecording], lines: Sequence[WeakLine]) -> None:
+    """Add the residues of weak lines."""
+    for line in lines:
+        own = {id(p): line_columns(p.recording, p.Z, line) for p in places}
+        for k in range(2):
+            add("line", 0.0, lambda p, own=own, k=k: own[id(p)][:, k])
+
+
+def line_columns(recording: Recording, Z: Impedances, line: WeakLine) -> Complexes:
+    """Return the columns of a weak line in a recording, shape (N, 2); zero in another step's."""
+    if recording.step != line.step:
+        return np.zeros((Z.size, 2), np.complex128)
+    return line.columns(recording.sweep.frequency, Z, capacitance(stack_of(recording.model)))
 
 
 def _points(place: LinearisedRecording) -> PointErrors:

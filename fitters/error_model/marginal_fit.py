@@ -10,12 +10,14 @@ import numpy as np
 from ...models.base.arrays import Complexes, Reals
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
-from .error_columns import ErrorColumns, LinearisedRecording, columns_of, place_of
+from .error_columns import ErrorColumns, LinearisedRecording, WeakLine, columns_of, place_of
 from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
-from .point_covariance import PointErrors
+from .point_covariance import PointErrors, spread_of_variance
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
+_ONE_IN_TWENTY = 1.645
+"""Standard deviations that a normal number exceeds in one case of twenty."""
 _CLOSE = 0.02
 """Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
@@ -58,13 +60,20 @@ class Marginal:
     """Weighted by noise alone."""
     known: Known = field(default_factory=Nothing)
     shapes: Shapes = field(default_factory=dict[str, tuple[tuple[str, Callable[[float], float]], ...]])
+    lines: tuple[WeakLine, ...] = ()
 
     @classmethod
-    def of(cls, objective: Objective, known: Known | None = None, shapes: Shapes | None = None) -> "Marginal":
+    def of(
+        cls,
+        objective: Objective,
+        known: Known | None = None,
+        shapes: Shapes | None = None,
+        lines: tuple[WeakLine, ...] = (),
+    ) -> "Marginal":
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
-        return cls(bare, known or Nothing(), shapes or {})
+        return cls(bare, known or Nothing(), shapes or {}, lines)
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
@@ -80,7 +89,7 @@ class Marginal:
                 for name, sizes in self.shapes.items()
             }
             places.append(place_of(replace(recording, model=model), shapes))
-        return columns_of(places, self._held(x), fast=fast)
+        return columns_of(places, self._held(x), self.lines, fast=fast)
 
     def _held(self, x: Reals) -> list[list[Complexes]]:
         """Return d ln Z per tolerance in each recording, shape (N,), for each held value that may be off."""
@@ -178,12 +187,15 @@ class MarginalFit:
     def shortfall(self) -> float:
         """Missing ln likelihood compared with an explanation that leaves only noise and the usual errors.
 
-        The usual errors are those of a good device and instrument, where this fit has any; 0 if it is as good.
+        The usual errors are those of a good device and instrument, where this fit has any. What chance and the
+        uncertain size of the noise alone exceed in one recording of twenty is not missing; 0 if no more is.
         """
         columns = self.gram.columns
         numbers = 2 * sum(int(np.count_nonzero(np.isfinite(own.noise))) for own in columns.points)
         usual = Held.of(columns, self.sizes.at_most(USUAL))
-        return max(0.0, 0.5 * (self.value.here - numbers - usual.log_S - usual.kernel.log_det))
+        excess = self.value.here - numbers - usual.log_S - usual.kernel.log_det
+        by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
+        return float(max(0.0, 0.5 * (excess - _ONE_IN_TWENTY * by_chance)))
 
     @property
     def values(self) -> dict[str, float]:

@@ -41,6 +41,15 @@ def under_colour(colour: float) -> float:
     return float(np.sqrt(signs @ colour**lags @ signs / comb(2 * _ORDER, _ORDER)))
 
 
+def spread_of_variance(points: float) -> float:
+    """Return the relative standard deviation of a white noise's variance, estimated from differences of many points.
+
+    Neighbouring differences share points: their correlations rho at all lags leave only 1 / (sum of rho^2) as many.
+    """
+    shared = comb(4 * _ORDER, 2 * _ORDER) / comb(2 * _ORDER, _ORDER) ** 2
+    return float(np.sqrt(shared / max(points, 1.0)))
+
+
 RealColumns = list[Reals]
 """Columns in units of white noise, for each recording, shape (P, 2, N): Re and Im of the points that count."""
 

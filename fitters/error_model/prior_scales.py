@@ -21,6 +21,8 @@ FALL = 2e-3
 SHAPE = 0.1
 """Smooth error of an effect's formula, relative to the effect: skin effect in a lead, loss in a stray capacitance."""
 SHAPE_LENGTH = 1.0
+LINE = 5e-3
+"""Height of a weak line, a further resonance too small to be named, where |Z| is that of the clamped capacitance."""
 ROUGH_LENGTH = 0.015
 """Correlation length in ln f of the rough error: weak lines and scatter."""
 ROUGH_FLOOR = 0.5

@@ -13,6 +13,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Prior, Recording
+from ...error_model.error_columns import WeakLine
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
 
@@ -79,6 +80,8 @@ class Problem:
     free: tuple[str, ...] | None
     proof: Masks = ()
     """Held-out points of every recording, as masks."""
+    lines: tuple[WeakLine, ...] = ()
+    """Further resonances that are part of the error model."""
 
     @property
     def steps(self) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Greedy search by log evidence: single effects first, then further ones beside the best, then substitutes."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..decision_rules import (
     NEAR,
     PARENTS,
     POLISHED,
+    RECHECKED,
     SOFT,
     SUBSTITUTES,
     UNFINISHED,
@@ -22,6 +23,7 @@ from ..decision_rules import (
 from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
+from .weak_lines import weak_lines
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
@@ -61,6 +63,7 @@ class GreedySearch:
         null = self.begin()
         self.grow(null, FITTED_FIRST)
         self.polish()
+        self.account_for_lines()
         for _ in range(MOST - 1):
             before = self.best
             for parent in self._parents():
@@ -68,10 +71,32 @@ class GreedySearch:
             self.polish()
             if self.best is before:
                 break
+        self.account_for_lines()
         self.relocate(self.best)
         self.thin(self.best)
         self.substitute(self.best)
         return self.best
+
+    def account_for_lines(self) -> None:
+        """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
+        lines = weak_lines(self.best)
+        if set(lines) == set(self.problem.lines):
+            return
+        self.progress(f"accounting for {len(lines)} weak resonances")
+        self.problem = replace(self.problem, lines=lines)
+        again = dict.fromkeys((self.found[frozenset()], *self.ranked[:RECHECKED]))
+        self.found = {}
+        for one in again:
+            self._refit(one)
+
+    def _refit(self, one: Hypothesis) -> None:
+        try:
+            self._take(
+                fitted(self.problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, fast=self._fast)
+            )
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            if not one.effects:
+                raise
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""

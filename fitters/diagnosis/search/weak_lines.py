@@ -1,0 +1,179 @@
+"""Weak lines of a device, found in what a hypothesis leaves: part of the error model, not findings.
+
+Every device has further resonances much too weak to matter. A rough error of the same size at all frequencies describes
+them badly: it is too large everywhere else. Each line that a recording shows therefore gets two columns of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....models.base.arrays import Complexes, Reals
+from ...error_model.error_columns import WeakLine, line_columns
+from ...error_model.error_sizes import ErrorSizes
+from ...error_model.point_covariance import Kernel
+from ..decision_rules import LINES
+from ..hypotheses.hypothesis import Hypothesis
+
+_QS = (20.0, 40.0, 80.0, 160.0)
+"""Quality factors tried; what is broader is smooth."""
+_SPACING = 0.5
+"""Spacing of the trial frequencies in line widths."""
+_EXPECTED = 3.0
+"""Lines expected in a recording before it is seen: two ceramics in three have one to five."""
+
+
+def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
+    """Return the lines that the residual of a hypothesis shows, strongest first in each step."""
+    steps = dict.fromkeys(recording.step for recording in parent.objective.recordings)
+    return tuple(line for step in steps for line in _lines_of(parent, step))
+
+
+def _lines_of(parent: Hypothesis, step: str) -> list[WeakLine]:
+    """Return the better of two sets: beside the hypothesis's own rough errors, and instead of them."""
+    own = parent.fit.sizes
+    without = own.at("rho", 0.0).at("bend", 0.0)
+    sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, without))]
+    return max(sets, key=lambda found: found[1])[0]
+
+
+@dataclass(eq=False)
+class _Residual:
+    """What a hypothesis leaves of the recordings of one step, with everything that it can still absorb."""
+
+    parent: Hypothesis
+    step: str
+    at: list[int]
+    """Indices of the step's recordings."""
+    kernel: Kernel
+    beside: list[Complexes]
+    """Columns of errors in units of their prior, and derivatives, for each of these recordings, shape (N, E)."""
+    prior: Reals
+    """Precision of these, shape (E, E), and minus the gradient of their ln prior, shape (E,)."""
+    pull: Reals
+    r: list[Complexes]
+    log_K: float
+
+    @classmethod
+    def of(cls, parent: Hypothesis, step: str, sizes: ErrorSizes) -> "_Residual":
+        """Return the residual with errors of these sizes."""
+        gram = parent.fit.gram
+        recordings = parent.objective.recordings
+        at = [k for k, recording in enumerate(recordings) if recording.step == step]
+        own = np.array([part != "line" for part in gram.columns.parts], dtype=bool)
+        scale = gram.columns.scaled(sizes.of_columns()) * own
+        on = np.flatnonzero(scale > 0)
+        beside = [np.concatenate([gram.columns.blocks[k][:, on] * scale[on], gram.J[k]], axis=1) for k in at]
+        prior = np.zeros((beside[0].shape[1],) * 2)
+        prior[: on.size, : on.size] = np.eye(on.size)
+        prior[on.size :, on.size :] = gram.before.P
+        pull = np.concatenate([np.zeros(on.size), gram.before.g])
+        kernel = Kernel([gram.columns.points[k] for k in at], sizes.colour, sizes.rough)
+        return cls(parent, step, at, kernel, beside, prior, pull, [gram.r[k] for k in at], kernel.log_det)
+
+    def lines(self) -> tuple[list[WeakLine], float]:
+        """Return the lines, found one after the other, and ln evidence with them up to a constant of the step."""
+        trials = self._trials()
+        if not trials:
+            return [], self._evidence([])
+        found: list[WeakLine] = []
+        white = self.kernel.white(self._columns(trials))
+        lengths = _pairs(white.plain, white.rough, white.solved)
+        width = self._width()
+        price = 0.0
+        for _ in range(LINES):
+            there = self._joined(found)
+            seen = self.kernel.white(
+                [np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)]
+            )
+            cross = seen.times(white)
+            gains = self._gains(seen.squared(), cross, lengths)
+            best = int(np.argmax(gains - [log(line.q) for line in trials]))
+            cost = log(trials[best].q * width / _EXPECTED * np.sqrt(max(1.0, 2 * gains[best])))
+            if gains[best] < cost:
+                break
+            found.append(trials[best])
+            price += cost
+        return found, self._evidence(found) - price
+
+    def _trials(self) -> list[WeakLine]:
+        f = np.unique(np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at]))
+        low, high = float(np.log(f[0])), float(np.log(f[-1]))
+        step = float(np.median(np.diff(np.log(f)))) if f.size > 1 else 1.0
+        made: list[WeakLine] = []
+        for q in _QS:
+            if 1 / q < 3 * step:
+                continue  # fewer than three points on the line
+            places = np.arange(low + 1 / q, high - 1 / q, _SPACING / q)
+            made += [WeakLine(self.step, float(np.exp(u)), q) for u in places]
+        return made
+
+    def _width(self) -> float:
+        f = np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at])
+        return float(np.log(np.max(f) / np.min(f)))
+
+    def _columns(self, lines: Sequence[WeakLine]) -> list[Complexes]:
+        curves = self.parent.objective.curves(self.parent.fit.x)
+        recordings = self.parent.objective.recordings
+        return [
+            np.concatenate([line_columns(recordings[k], curves[k], line) for line in lines], axis=1)
+            if lines
+            else np.zeros((curves[k].size, 0), np.complex128)
+            for k in self.at
+        ]
+
+    def _joined(self, found: Sequence[WeakLine]) -> list[Complexes]:
+        more = self._columns(found)
+        return [np.concatenate([E, W], axis=1) for E, W in zip(self.beside, more, strict=True)]
+
+    def _system(self, G: Reals) -> tuple[Reals, Reals]:
+        """Return the precision of all that is present, and minus the gradient, from products with the residual last."""
+        count = len(G) - 1
+        A, g = G[:-1, :-1].copy(), G[:-1, -1].copy()
+        known = len(self.prior)
+        A[:known, :known] += self.prior
+        g[:known] += self.pull
+        A[range(known, count), range(known, count)] += 1.0
+        return A, g
+
+    def _gains(self, G: Reals, cross: Reals, lengths: Reals) -> Reals:
+        """Return the increase of ln evidence by each trial, shape (T,)."""
+        A, g = self._system(G)
+        unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
+        solved = np.linalg.solve(
+            A / unit / unit[:, None] + 1e-11 * np.eye(len(A)), np.column_stack([cross[:-1], g]) / unit[:, None]
+        )
+        right = cross[:-1] / unit[:, None]
+        b = (cross[-1] - right.T @ solved[:, -1]).reshape(-1, 2)
+        first, second = right[:, 0::2], right[:, 1::2]
+        s1, s2 = solved[:, :-1][:, 0::2], solved[:, :-1][:, 1::2]
+        a11 = 1 + lengths[:, 0] - np.sum(first * s1, axis=0)
+        a22 = 1 + lengths[:, 1] - np.sum(second * s2, axis=0)
+        a12 = lengths[:, 2] - np.sum(first * s2, axis=0)
+        det = np.maximum(a11 * a22 - a12**2, 1e-12)
+        quadratic = (a22 * b[:, 0] ** 2 - 2 * a12 * b[:, 0] * b[:, 1] + a11 * b[:, 1] ** 2) / det
+        return np.asarray(0.5 * quadratic - 0.5 * np.log(det), np.float64)
+
+    def _evidence(self, found: Sequence[WeakLine]) -> float:
+        there = self._joined(found)
+        seen = self.kernel.white([np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)])
+        G = seen.squared()
+        A, g = self._system(G)
+        unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
+        S = A / unit / unit[:, None] + 1e-11 * np.eye(len(A))
+        _, log_det = np.linalg.slogdet(S)
+        fall = float((g / unit) @ np.linalg.solve(S, g / unit))
+        return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
+
+
+def _pairs(plain: Sequence[Reals], rough: Sequence[Reals], solved: Sequence[Reals]) -> Reals:
+    """Return, for each pair of neighbouring columns, their two squared lengths and their product, shape (T, 3)."""
+
+    def of(X: Sequence[Reals], Y: Sequence[Reals], i: int, j: int) -> NDArray[np.float64]:
+        return np.asarray(sum(np.einsum("tn,tn->t", x[i::2], y[j::2]) for x, y in zip(X, Y, strict=True)), np.float64)
+
+    parts = [of(plain, plain, i, j) - (of(rough, solved, i, j) if rough else 0.0) for i, j in ((0, 0), (1, 1), (0, 1))]
+    return np.stack(parts, axis=1)

@@ -1,0 +1,1 @@
+"""Physics that no catalogue lists: corrections as functions of frequency, and the laws they follow."""

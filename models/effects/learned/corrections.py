@@ -1,0 +1,175 @@
+"""Places at which a function of frequency can correct a device.
+
+Every correction is a dimensionless function g(f): a constant becomes M (1 + g), and an impedance or admittance
+g times its natural size is added to a path, a face or an interface.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...base.arrays import Complexes, Frequencies, Impedances
+from ...stack import Elastic, Piezo, Stack
+from ...stack.laws import ComplexLike
+from ...stack.layers import Gradient
+from ...stack.loads import AnyLoad
+from ...stack.lumps import Gap, Weight
+from ...stack.row import Joins
+from ...stack.stack import Layer
+from ..base.assembly import Assembly
+from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
+from ..base.modified_laws import ModifiedLaw
+from ..base.modified_loads import SupportedLoad
+from ..base.scale import acoustic_impedance, reactance, resonance
+
+Quantity = Literal["stiffness", "permittivity", "coupling", "compliance", "inertia", "impedance", "series", "shunt"]
+Correction = Callable[[Frequencies], Complexes]
+"""Maps Hz, shape (N,), to the dimensionless correction, shape (N,)."""
+
+CONSTANTS = ("stiffness", "permittivity", "coupling")
+"""Quantities that are corrected by a factor; the others have an impedance or an admittance added."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A quantity of a device that can be corrected."""
+
+    where: str
+    quantity: Quantity
+
+    @property
+    def stage(self) -> Stage:
+        """The stage at which the correction acts."""
+        if self.quantity in CONSTANTS:
+            return Stage.CONSTANTS
+        return Stage.TERMINALS if self.where == TERMINALS else Stage.LAYERS
+
+    @property
+    def says(self) -> str:
+        """The quantity in words."""
+        return _SAYS[self.quantity].format(where=self.where.partition(":")[2].replace("|", " and ") or self.where)
+
+
+_SAYS: Mapping[Quantity, str] = {
+    "stiffness": "the stiffness of {where}",
+    "permittivity": "the permittivity of {where}",
+    "coupling": "the piezoelectric coupling of {where}",
+    "compliance": "the compliance between {where}",
+    "inertia": "the mass between {where}",
+    "impedance": "the acoustic load of the {where}",
+    "series": "the impedance in series with the device",
+    "shunt": "the admittance across the device",
+}
+
+
+def places(stack: Stack) -> tuple[Place, ...]:
+    """Return every place of a stack at which a correction can act."""
+    found: list[Place] = []
+    for layer in stack.layers:
+        if isinstance(layer, Piezo):
+            found += [Place(f"layer:{layer.name}", quantity) for quantity in CONSTANTS]
+        elif isinstance(layer, Elastic):
+            found.append(Place(f"layer:{layer.name}", "stiffness"))
+    for where in interfaces(stack):
+        found += [Place(where, "compliance"), Place(where, "inertia")]
+    found += [Place(where, "impedance") for where in FACES]
+    return (*found, Place(TERMINALS, "series"), Place(TERMINALS, "shunt"))
+
+
+def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
+    """Return the device with this correction."""
+    if place.quantity == "series":
+        z0 = reactance(assembly.nominal)
+        return assembly.behind(lambda jw, Z: (Z + z0 * g(jw.imag / (2 * np.pi)), np.ones_like(Z)))
+    if place.quantity == "shunt":
+        return assembly.behind(_across(reactance(assembly.nominal), g))
+    if place.where in FACES:
+        size = acoustic_impedance(assembly.nominal)
+        load = AnyLoad("correction", lambda f: np.asarray(size * g(f), np.complex128))
+        end = place.where.partition(":")[2]
+        return assembly.each_stack(lambda stack: replace(stack, **{end: SupportedLoad(getattr(stack, end), load)}))
+    if place.quantity in CONSTANTS:
+        return assembly.each_stack(lambda stack: _with_constant(stack, place, g, resonance(assembly.nominal)))
+    size = acoustic_impedance(assembly.nominal)
+    part = CorrectedInterface(place.quantity == "compliance", size, g)
+    _, before = interface_at(place.where)
+
+    def joined(stack: Stack) -> Stack:
+        names = [layer.name for layer in stack.layers]
+        if before not in names:
+            return stack
+        k = names.index(before)
+        return replace(stack, layers=(*stack.layers[:k], part, *stack.layers[k:]))
+
+    return assembly.each_stack(joined)
+
+
+def _across(z0: float, g: Correction) -> Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]:
+    def shunt(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
+        share = 1 / (1 + Z * g(jw.imag / (2 * np.pi)) / z0)
+        return Z * share, share**2
+
+    return shunt
+
+
+def _with_constant(stack: Stack, place: Place, g: Correction, reference: float) -> Stack:
+    def corrected_layer(layer: Layer) -> Layer:
+        if layer.name != layer_at(place.where):
+            return layer
+        if isinstance(layer, Elastic):
+            return replace(layer, law=CorrectedLaw(layer.law, reference, g))
+        if not isinstance(layer, Piezo):
+            return layer
+        if place.quantity == "stiffness":
+            return replace(layer, c_law=CorrectedLaw(layer.c_law, reference, g))
+        if place.quantity == "coupling":
+            return replace(layer, h_law=CorrectedLaw(layer.h_law, reference, g))
+        return replace(layer, eps_law=CorrectedLaw(layer.eps_law, reference, g))
+
+    return replace(stack, layers=tuple(map(corrected_layer, stack.layers)))
+
+
+@dataclass(frozen=True)
+class CorrectedLaw(ModifiedLaw):
+    """A law times 1 + g(f)."""
+
+    g: Correction
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) * (1 + self.g(frequency))
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        factor = 1 + self.g(frequency)
+        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
+
+
+@dataclass(frozen=True)
+class CorrectedInterface(Joins):
+    """An interface without thickness that yields (`compliant`) or has mass, by a function of frequency."""
+
+    compliant: bool
+    size: float
+    """Rayl."""
+    g: Correction
+    name: str = "correction"
+
+    def parameters(self) -> dict[str, float]:
+        """Return nothing: the function's parameters belong to an effect."""
+        return {}
+
+    def replace(self, values: Mapping[str, float]) -> "CorrectedInterface":
+        """Return the interface itself: it has no parameter."""
+        return self
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, Gradient]:
+        """Return nothing."""
+        return {}
+
+    def section(self, jw: Complexes) -> Gap | Weight:
+        """Return the interface at angular frequencies jw (rad/s, times j), shape (N,)."""
+        g = self.g(jw.imag / (2 * np.pi))
+        return Gap(g / self.size) if self.compliant else Weight(jw, self.size * g)
