@@ -39,8 +39,9 @@ LINES = 8
 RECHECKED = 12
 """Budget: hypotheses fitted again when the error model has changed."""
 TOLERATED = 2.0
-"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is
-attributed to the fixture, if the recordings show instrument errors; one fixture in twenty has more."""
+"""Standard deviations of a fixture's residual (`prior_scales.FIXTURE`) up to which an effect at the terminals is
+attributed to the fixture, if the recordings show instrument errors, and of the analyzer's accuracy up to which an
+artefact is an error that it may have; one in twenty has more."""
 LEFT = 1.5e-3
 """Rms of ln Z that the imperfections of a good device cause together: weak lines, scatter of thickness, losses that
 change over the band. A larger model error has a cause of its own."""

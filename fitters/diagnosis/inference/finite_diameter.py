@@ -129,7 +129,6 @@ def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | Non
     values, _ = alone.descent.objective.coordinates.forward(alone.descent.x)
     known = [one for one in effects if one.parameters[0] in values]
     new = [one for one in effects if one not in known]
-    bare = _without(alone, known)
     made: list[FittedDisk] = []
     for z in _STARTS:
         start = {name: value for one in known for name, value in values.items() if name in one.parameters}
@@ -141,7 +140,7 @@ def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | Non
         added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
         blocks = [block for one in effects for block in one.blocks(start)]
         try:
-            made.append(with_effects(bare, added, blocks, start))
+            made.append(with_effects(_without(alone, known), added, blocks, start))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             continue
     return min(made, key=_chi2_alone, default=None)
