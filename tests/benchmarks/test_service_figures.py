@@ -217,7 +217,8 @@ def test_price_of_the_chain_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
                 taken[name].append(time.perf_counter() - began)
     ratio = statistics.median(taken["chained"]) / statistics.median(taken["plain"])
     print(
-        f"\na sweep kept with the chain: {spread(taken['chained'])}, {ratio:.2f} times without: {spread(taken['plain'])}"
+        f"\na sweep kept with the chain: {spread(taken['chained'])}, {ratio:.2f} times that without: "
+        f"{spread(taken['plain'])}"
     )
 
 
