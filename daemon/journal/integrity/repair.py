@@ -23,10 +23,9 @@ from ..stores.array_file import ArrayIndex, find_index, split_array
 from ..stores.array_folder import ArrayFolder, free_name
 from ..stores.chain import chain_found
 from ..stores.database_file import DATABASE, database_fault
-from ..stores.event_rows import insert_answer, insert_event_row, set_state
+from ..stores.event_rows import WITHDRAWN, insert_answer, insert_event_row, set_state
 from ..stores.folder_lock import take_lock
 from ..stores.folder_store import FolderStore
-from ..withdrawal import WITHDRAWN
 from .salvage import Salvage, last_states, salvage
 
 TAIL = 1000
