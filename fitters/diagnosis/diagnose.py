@@ -113,7 +113,7 @@ def _in_two_dimensions(
 ) -> Diagnosis:
     """Return the diagnosis of a disk whose finite diameter explains what a plate model does not."""
     null, held_before = baseline
-    own = [lateral.finding_of(wide, null, held_before)]
+    own = lateral.findings_of(wide, null, held_before)
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *own]
     verdict = verdict_with(gated, "explained" if wide.described else "partly-explained")
     before = curves_of(null.objective, null.descent.x, null.descent.x)

@@ -82,6 +82,11 @@ class ErrorSizes:
         return scales.NONE[name]
 
     @property
+    def exact(self) -> bool:
+        """Whether there are no errors but white noise."""
+        return not any(getattr(self, name) for name in GRIDS)
+
+    @property
     def rough(self) -> Rough:
         """Sizes of the rough errors."""
         return self.rho, self.bend

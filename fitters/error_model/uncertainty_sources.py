@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from .error_columns import ErrorColumns
 from .error_sizes import GRIDS, ErrorSizes, Value, chosen
 from .marginal_fit import MarginalFit
 from .point_covariance import Kernel
+from .prior_scales import IMAGINARY
 
 SOURCES = ("noise", "instrument", "model", "dimensions")
 _INSTRUMENT = ("slow", "fast", "fixture")
@@ -103,8 +105,10 @@ class AttributedErrors:
 
     instrument: tuple[Complexes, ...]
     model: tuple[Complexes, ...]
+    usual: tuple[Complexes, ...]
+    """Imperfections that every device has: weak lines, and losses that change over the band."""
     left: tuple[Complexes, ...]
-    """ln(Z_model/Z) minus both."""
+    """ln(Z_model/Z) minus all of these."""
 
 
 def taken_up(found: MarginalFit) -> AttributedErrors:
@@ -115,15 +119,29 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     columns, d = made.columns.only(on), scale[on]
     none = tuple(np.zeros_like(r) for r in made.r)
     if not on.size:
-        return AttributedErrors(none, none, tuple(made.r))
+        return AttributedErrors(none, none, none, tuple(made.r))
     kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, r = kernel.white(columns.blocks), kernel.white([own[:, None] for own in made.r])
     S = np.eye(on.size) + d[:, None] * c.squared() * d
     a = d * np.linalg.solve(S, d * c.times(r)[:, 0])
-    instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
-    parts = [tuple(b @ np.where(which, a, 0.0) for b in columns.blocks) for which in (instrument, ~instrument)]
-    left = tuple(own - p - q for own, p, q in zip(made.r, *parts, strict=True))
-    return AttributedErrors(parts[0], parts[1], left)
+    instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=np.float64)
+    usual = _usual_share(columns, sizes)
+
+    def share(part: Reals) -> tuple[Complexes, ...]:
+        return tuple(b @ (part * a) for b in columns.blocks)
+
+    left = tuple(own - b @ a for own, b in zip(made.r, columns.blocks, strict=True))
+    return AttributedErrors(share(instrument), share(1 - instrument - usual), share(usual), left)
+
+
+def _usual_share(columns: ErrorColumns, sizes: ErrorSizes) -> Reals:
+    """Return the part of each column's prior variance that is an imperfection every device has, shape (C,)."""
+    losses = (columns.losses * sizes.losses) ** 2
+    of_imaginary = losses / np.maximum(losses + (IMAGINARY * sizes.tau) ** 2, 1e-300)
+    known = {"line": 1.0, "losses": 1.0}
+    return np.array(
+        [of_imaginary[k] if part == "imaginary" else known.get(part, 0.0) for k, part in enumerate(columns.parts)]
+    )
 
 
 EXACT = ErrorSizes()

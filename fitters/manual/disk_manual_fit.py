@@ -13,7 +13,9 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ...models.constants.piezo_constants import Radial
 from ...models.disk.round_disk import BothModes, RadialDisk
+from ...models.effects import outside_effects
 from ...models.effects.base.device import Added
+from ...models.effects.base.terminal_effects import TerminalEffects
 from ...models.stack import Stack
 from ..diagnosis.hypotheses.problem import Candidate
 from ..disk.bare_disk import BareDisk, bare_disk
@@ -31,7 +33,6 @@ from ..engine.parameters.coordinates import Block, Coordinates, thickness_consta
 from ..engine.recording import Prior, Recording
 from ..interface import FitError, FitResult, FitTask
 from .manual_choices import NAME, Bands, Kept
-from .terminal_effects import TerminalEffects, outside_effects
 
 _BY = Named(NAME, "1")
 _EVERYTHING: Bands = ((0.0, np.inf),)

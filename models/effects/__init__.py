@@ -24,6 +24,7 @@ __all__ = [
     "Stage",
     "catalogue",
     "find_effect",
+    "outside_effects",
 ]
 
 
@@ -45,3 +46,12 @@ def find_effect(name: str) -> Effect:
         if effect.name == name:
             return effect
     raise EffectError(f"effect {name!r} is not known; {among(name, [effect.name for effect in catalogue()])}")
+
+
+def outside_effects() -> tuple[Effect, ...]:
+    """Return the effects that need no stack, only an impedance: any model can have them."""
+    return tuple(effect for effect in catalogue() if effect.stage in _OUTSIDE or effect.name == _BESIDE)
+
+
+_OUTSIDE = (Stage.TERMINALS, Stage.CABLE)
+_BESIDE = "spurious-resonance"

@@ -11,7 +11,10 @@ from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
 class LeadInductance(Effect):
-    """Z + R + R_s (1+j) sqrt(f/MHz) + jwL: grows with frequency; largest relative effect where |Z| is smallest."""
+    """Z + R + R_s (1+j) sqrt(f/MHz) + jwL, with a little capacitance C across it at the analyzer's side.
+
+    It grows with frequency; its relative effect is largest where |Z| is smallest.
+    """
 
     name = "lead-inductance"
     stage = Stage.TERMINALS
@@ -27,19 +30,22 @@ class LeadInductance(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return L in henry, the resistance in ohm, and the skin effect's resistance at 1 MHz in ohm."""
+        """Return L (H), the resistance (ohm), the skin effect's resistance at 1 MHz (ohm), and C (F)."""
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0)),
             EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0)),
+            EffectParameter("capacitance", "F", typical=1e-13, prior=(5e-13, 1.5)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device behind a wire."""
-        L, R, skin = values["inductance"], values["resistance"], values["skin"]
+        L, R, skin, C = values["inductance"], values["resistance"], values["skin"], values["capacitance"]
 
         def wire(jw: Complexes, Z: Impedances) -> tuple[Impedances, Complexes]:
-            return Z + R + skin * (1 + 1j) * np.sqrt(jw.imag / (2e6 * np.pi)) + jw * L, np.ones_like(Z)
+            far = Z + R + skin * (1 + 1j) * np.sqrt(jw.imag / (2e6 * np.pi)) + jw * L
+            share = 1 / (1 + jw * C * far)
+            return far * share, share**2
 
         return assembly.behind(wire)
 

@@ -8,7 +8,7 @@ from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, layer_at
 
 _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
-"""Constants that the dead layer shares with the live one."""
+"""Constants of the dead layer that follow from the live one's."""
 _DEAD = (4e-6, 1.5)
 """Prior depth: median in m, standard deviation of the logarithm; ground and lapped ceramics are dead to some um."""
 _MOST = 0.8
@@ -19,7 +19,7 @@ class SurfaceLayer(Effect):
     """h33 = 0 down to a depth: even overtones appear if one face is dead, the overtones' coupling falls if both are.
 
     It also represents graded piezoelectricity: h33 (1 - exp(-z/d)) equals a dead layer of sqrt(2) d, to 2e-5 of Z for
-    d = 10 um in 0.5 mm.
+    d = 10 um in 0.5 mm. Without polarisation a ceramic is softer and its permittivity along the thickness another.
     """
 
     name = "surface-layer"
@@ -41,23 +41,31 @@ class SurfaceLayer(Effect):
         return tuple(f"layer:{layer.name}" for layer in piezos if layer.h33 != 0)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the dead thickness under the back and under the front face in metre."""
+        """Return the dead thickness under the back and under the front face in metre, and the dead ceramic's constants.
+
+        Stiffness and permittivity are relative to the live ceramic's c33D and eps33S.
+        """
         thickness = stack.parameters()[f"{layer_at(where)}.thickness"]
         typical, most = 0.005 * thickness, 0.4 * thickness
         return (
             EffectParameter("back", "m", typical, upper=most, prior=_DEAD),
             EffectParameter("front", "m", typical, upper=most, prior=_DEAD),
+            EffectParameter("stiffness", "1", typical=0.1, lower=0.7, upper=1.2, null=1.0),
+            EffectParameter("permittivity", "1", typical=0.1, lower=0.6, upper=1.7, null=1.0),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the layer divided into dead and live ones with the same other constants."""
+        """Return the device with the layer divided into dead and live ones."""
         name, depths = layer_at(where), {side: values[side] for side in ("back", "front")}
         if sum(depths.values()) <= 0:
             return assembly
-        return replace(assembly, parts=tuple(_with_dead(part, name, depths) for part in assembly.parts))
+        ratios = {"c33D": values.get("stiffness", 1.0), "eps33S": values.get("permittivity", 1.0)}
+        return replace(assembly, parts=tuple(_with_dead(part, name, depths, ratios) for part in assembly.parts))
 
 
-def _with_dead(part: ParallelSection, name: str, depths: Mapping[str, float]) -> ParallelSection:
+def _with_dead(
+    part: ParallelSection, name: str, depths: Mapping[str, float], ratios: Mapping[str, float]
+) -> ParallelSection:
     """Return the part with dead layers of these depths, at most `_MOST` of the layer, under its faces."""
     layers = part.stack.layers
     k = next(k for k, layer in enumerate(layers) if layer.name == name)
@@ -65,8 +73,9 @@ def _with_dead(part: ParallelSection, name: str, depths: Mapping[str, float]) ->
     if not isinstance(whole, Piezo):
         return part
     scale = min(1.0, _MOST * whole.thickness / sum(depths.values()))
+    unpoled = replace(whole, c33D=whole.c33D * ratios["c33D"], eps33S=whole.eps33S * ratios["eps33S"], h33=0j)
     dead = {
-        side: replace(whole, name=f"{name}-dead-{side}", thickness=depth * scale, h33=0j)
+        side: replace(unpoled, name=f"{name}-dead-{side}", thickness=depth * scale)
         for side, depth in depths.items()
         if depth > 0
     }
@@ -77,7 +86,18 @@ def _with_dead(part: ParallelSection, name: str, depths: Mapping[str, float]) ->
     linked_parameters = {
         f"{name}.{key}": tuple(f"{layer.name}.{key}" for layer in dead.values()) for key in (*_SHARED, *laws)
     }
-    return replace(part, stack=stack, linked_parameters={**part.linked_parameters, **linked_parameters})
+    scales = {
+        f"{layer.name}.{constant}.{key}": part.scale.get(f"{name}.{constant}.{key}", 1.0) * ratio
+        for layer in dead.values()
+        for constant, ratio in ratios.items()
+        for key in ("re", "im")
+    }
+    return replace(
+        part,
+        stack=stack,
+        scale={**part.scale, **scales},
+        linked_parameters={**part.linked_parameters, **linked_parameters},
+    )
 
 
 EFFECT = SurfaceLayer()

@@ -13,7 +13,7 @@ from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Marginal, MarginalFit, fit, plain
-from ..decision_rules import COARSENED, ODDS
+from ..decision_rules import APPROXIMATE, COARSENED, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, slopes_by_size
 
@@ -48,6 +48,11 @@ class Hypothesis:
     def values(self) -> dict[str, float]:
         """Every model parameter."""
         return self.fit.values
+
+    @property
+    def coarseness(self) -> float:
+        """How much ln evidence counts as one nat if this is the best explanation."""
+        return coarseness(self.fit.shortfall, self.fit.sizes.exact)
 
     @property
     def objective(self) -> Objective:
@@ -101,19 +106,23 @@ def fitted(
     return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
 
 
-def coarseness(shortfall: float) -> float:
-    """Return how much ln evidence counts as one nat, given how far the best explanation falls short."""
-    return 1 + COARSENED * max(0.0, shortfall)
+def coarseness(shortfall: float, exact: bool = False) -> float:
+    """Return how much ln evidence counts as one nat, given how far the best explanation falls short.
+
+    `exact`: whether the recording has no errors but white noise, so that its likelihood is no approximation.
+    """
+    return 1 + (0.0 if exact else APPROXIMATE) + COARSENED * max(0.0, shortfall)
 
 
 def probabilities(found: Sequence[Hypothesis]) -> Reals:
     """Return the posterior probability of each hypothesis, shape (H,), coarsened by the misfit of the best one.
 
-    Where even the best hypothesis leaves more than noise, its likelihood is not exact and may favour a wrong hypothesis
-    by as much evidence as is missing. Evidence is therefore raised to a power, which is 1 where nothing is missing
-    (coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
+    A likelihood with smooth and rough errors is an approximation, and where even the best hypothesis leaves more than
+    noise, it may favour a wrong one by as much evidence as is missing. Evidence is therefore raised to a power, 1 only
+    where nothing is missing of an exact recording (coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114
+    (2019) 1113).
     """
-    temper = coarseness(max(found, key=lambda one: one.log_weight).fit.shortfall)
+    temper = max(found, key=lambda one: one.log_weight).coarseness
     weight = np.array([one.log_evidence / temper + one.log_odds for one in found])
     part = np.exp(weight - np.max(weight))
     return part / np.sum(part)

@@ -13,11 +13,12 @@ from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import CLASS, CLASS_NATS, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
-from ..hypotheses.hypothesis import Hypothesis, coarseness
+from ..hypotheses.changes import change_by, projected
+from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
-from .effect_size import change_by, constants_of, largest_of, moves_a_constant, powers_of, projected, sizes_of
+from .effect_size import constants_of, largest_of, moves_a_constant, powers_of, sizes_of
 
 Kind = Literal["finding", "remark"]
 
@@ -148,8 +149,8 @@ def _unexplained(one: Hypothesis) -> float:
 def _unexplained_at(one: Hypothesis) -> Reals:
     """Return the squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,).
 
-    The rough part contains the noise, whose variance is subtracted: sums over many points are meaningful, single values
-    may be negative.
+    What every device has does not count. The rough part contains the noise, whose variance is subtracted: sums over
+    many points are meaningful, single values may be negative.
     """
     taken = taken_up(one.fit)
     both = projected(one, [list(taken.model), list(taken.left)])
@@ -193,7 +194,7 @@ def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tu
 def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
     """Return the effects whose change of ln Z is nearly the same, and which the recordings do not rule out instead."""
     own = change_by(search.problem, one, effect)
-    within = CLASS_NATS * coarseness(one.fit.shortfall)
+    within = CLASS_NATS * one.coarseness
     alike: set[Candidate] = set()
     for rival, other in _rivals(search, one, effect):
         behind = one.log_evidence - rival.log_evidence

@@ -4,21 +4,28 @@ Radial overtones and the edge mode are no small addition to the thickness mode, 
 model describes them to the noise. The whole disk is therefore fitted anew, with all ten constants, by `disk2d`.
 """
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
 
+from ....models.base.errors import PzctlError
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.effects import find_effect
+from ....models.effects import Added, find_effect, outside_effects
+from ....models.effects.base.terminal_effects import TerminalEffects
 from ...disk.bare_disk import bare_disk
-from ...disk.two_d.disk2d import finite_disk
+from ...disk.two_d.disk2d import FittedDisk, disk_result, fitted_disk, with_effects
 from ...disk.two_d.tensor_start import implausibility
+from ...engine.covariance import estimate
+from ...engine.objective import Objective
+from ...engine.parameters.assembly import stack_of
+from ...engine.parameters.coordinates import Coordinates
 from ...interface import Curve, FitError, FitResult, FitTask
-from ..decision_rules import NAMED
+from ..decision_rules import NAMED, ODDS
 from ..findings import Finding, Size
-from ..hypotheses.hypothesis import coarseness
+from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
 
@@ -30,8 +37,23 @@ _DESCRIBED = 6e-3
 """Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
+_TERMINALS = 2
+"""Budget: effects at the terminals beside the finite diameter."""
+_STARTS = (-1.0, 1.0)
+"""Start sizes of an effect, in standard deviations of ln size."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
+
+
+@dataclass(frozen=True, eq=False)
+class BesideTheRim:
+    """An effect at the terminals of a finite disk."""
+
+    candidate: Candidate
+    probability: float
+    sizes: Mapping[str, Size]
+    chi2_without: float
+    """Misfit per degree of freedom without it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +62,7 @@ class FiniteDisk:
 
     result: FitResult
     probability: float
+    beside: tuple[BesideTheRim, ...] = ()
 
     @property
     def described(self) -> bool:
@@ -50,39 +73,153 @@ class FiniteDisk:
 def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
     """Fit the two-dimensional disk; return it if it is more probable than the `best` one-dimensional explanation.
 
-    Return None otherwise: also if there is no recording of a round bare disk, if the disk is too wide for its rim to
-    matter, or if the best explanation leaves too little for lateral modes.
+    Effects at the terminals are looked for on it as on a plate. Return None otherwise: also if there is no recording of
+    a round bare disk, if the disk is too wide for its rim to matter, or if the best explanation leaves too little for
+    lateral modes.
     """
     left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
     if left < _SHOWS:
         return None
     progress("fitting the disk in two dimensions")
+    began = time.perf_counter()
     try:
-        result = finite_disk(task, _ROUNDS, enough=_DESCRIBED)
+        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED)
+        whole, added = _with_terminals(alone, progress)
+        result = disk_result(whole, time.perf_counter() - began)
     except FitError:
         return None
-    probability = _probability(task, result, null, best)
-    return FiniteDisk(result, probability) if probability > NAMED else None
+    probability = _probability(task, result, _independent(whole), null, best)
+    return FiniteDisk(result, probability, added) if probability > NAMED else None
 
 
-def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> float:
-    """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
+def _with_terminals(alone: FittedDisk, progress: Callable[[str], None]) -> tuple[FittedDisk, tuple[BesideTheRim, ...]]:
+    """Return the disk with the effects at its terminals that its recordings show, largest gain first."""
+    nominal = stack_of(alone.disk.build, alone.disk.build.step(alone.disk.step))
+    steps = (alone.disk.step,)
+    left = [
+        Candidate(effect, where, steps, effect.effect_parameters(nominal, where))
+        for effect in outside_effects()
+        for where in effect.places(nominal)
+        if effect.effect_parameters(nominal, where)
+    ]
+    best, taken, found = alone, list[Candidate](), list[BesideTheRim]()
+    for _ in range(_TERMINALS):
+        trials: list[tuple[float, FittedDisk, Candidate]] = []
+        for one in left:
+            progress(f"trying {one.effect.name} beside the finite diameter")
+            made = _beside(best, [*taken, one])
+            if made is not None:
+                trials.append((_log_odds(best, made, one), made, one))
+        if not trials:
+            break
+        trials.sort(key=lambda trial: -trial[0])
+        odds, made, one = trials[0]
+        others = float(np.sum(np.exp(np.array([trial[0] for trial in trials]) - odds)))
+        probability = float(expit(odds)) / others
+        if probability < NAMED:
+            break
+        found.append(BesideTheRim(one, probability, _effect_sizes(made, one), _chi2_alone(best)))
+        best, left = made, [other for other in left if other is not one]
+        taken.append(one)
+    return best, tuple(found)
 
-    Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
-    effect, evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a
-    rim, and the only question is whether the recordings show it.
+
+def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | None:
+    """Return the best of the fits from a few sizes of the last effect."""
+    values, _ = alone.descent.objective.coordinates.forward(alone.descent.x)
+    known = [one for one in effects if one.parameters[0] in values]
+    new = [one for one in effects if one not in known]
+    bare = _without(alone, known)
+    made: list[FittedDisk] = []
+    for z in _STARTS:
+        start = {name: value for one in known for name, value in values.items() if name in one.parameters}
+        start |= {
+            name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
+            for one in new
+            for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+        }
+        added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
+        blocks = [block for one in effects for block in one.blocks(start)]
+        try:
+            made.append(with_effects(bare, added, blocks, start))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    return min(made, key=_chi2_alone, default=None)
+
+
+def _without(found: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk:
+    """Return the fit with the coordinates of these effects taken away; its values stay where they are."""
+    if not effects:
+        return found
+    names = {name for one in effects for name in one.parameters}
+    before = found.descent.objective
+    coordinates = before.coordinates
+    values, _ = coordinates.forward(found.descent.x)
+    blocks = tuple(block for block in coordinates.blocks if not names & set(block.parameters))
+    free = tuple(name for name in coordinates.free if name not in names)
+    kept = Coordinates(blocks, {n: v for n, v in values.items() if n not in names}, free)
+    bare = [
+        replace(one, model=one.model.device if isinstance(one.model, TerminalEffects) else one.model)
+        for one in before.recordings
+    ]
+    objective = Objective(bare, kept, before.priors)
+    return replace(found, descent=replace(found.descent, objective=objective, start=kept.x, x=kept.x))
+
+
+def _chi2_alone(found: FittedDisk) -> float:
+    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise."""
+    objective = found.descent.objective
+    ratios = objective.log_ratios(found.descent.x)
+    squares = [
+        np.abs(ratio / one.noise)[np.isfinite(one.noise)] ** 2 / 2
+        for one, ratio in zip(objective.recordings, ratios, strict=True)
+    ]
+    return max(1.0, float(np.mean(np.concatenate(squares))))
+
+
+def _log_odds(before: FittedDisk, after: FittedDisk, one: Candidate) -> float:
+    """Return ln odds of an effect beside the rim, with the residual counted as noise of its size and correlation."""
+    points = _independent(after)
+    gain = points * float(np.log(_chi2_alone(before) / _chi2_alone(after)))
+    return gain - len(one.parameters) / 2 * float(np.log(2 * points)) + float(np.log(ODDS * one.effect.odds))
+
+
+def _independent(found: FittedDisk) -> float:
+    """Return the number of points with independent residuals, at least one for each coordinate of the fit."""
+    recordings = found.descent.objective.recordings
+    points = sum(recording.sweep.frequency.size / recording.correlation for recording in recordings)
+    return max(float(points), float(found.descent.x.size))
+
+
+def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
+    """Return an effect's parameters with standard uncertainties."""
+    coordinates = found.descent.objective.coordinates
+    values, _ = coordinates.forward(found.descent.x)
+    covariance = estimate(found.descent).covariance
+    names = coordinates.parameters
+    return {
+        knob.name: Size(
+            values[name], float(np.sqrt(max(0.0, covariance[names.index(name), names.index(name)]))), knob.unit
+        )
+        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+    }
+
+
+def _probability(task: FitTask, result: FitResult, points: float, null: Refit, best: Refit) -> float:
+    """Return the probability of a finite diameter, treating the residual of either explanation as noise.
+
+    It has the size and the correlation of what is left: `points` of it are independent. Ten free constants can imitate
+    much that they do not cause, so they must be plausible for a ceramic. The prior odds are even: every disk has a rim,
+    and the only question is whether the recordings show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)
-    points = sum(curve.frequency.size for curve in result.curves)
     gain = points * float(np.log(max(min(plates), 1.0) / chi2)) - _MORE / 2 * float(np.log(2 * points))
-    short = points * float(np.log(min(chi2, *plates)))
     disk = bare_disk(task, "disk2d", round_one=True, frees=True)
     layer = disk.layer.name
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
-    log_odds = gain / coarseness(short) - against
-    return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+    return float(expit(gain - against)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:
@@ -94,6 +231,30 @@ def _chi2_of(one: Refit, result: FitResult) -> float:
         if (kept := np.array([(recording.step, f) in reached for f in recording.sweep.frequency.tolist()])).any()
     ]
     return float(np.mean(np.concatenate(squares)))
+
+
+def findings_of(finite: FiniteDisk, null: Refit, held_before: float) -> list[Finding]:
+    """Return the finite diameter as a finding, and the effects at the terminals beside it."""
+    rim = finding_of(finite, null, held_before)
+    return [rim, *(_finding_beside(finite, one, rim) for one in finite.beside)]
+
+
+def _finding_beside(finite: FiniteDisk, one: BesideTheRim, rim: Finding) -> Finding:
+    return Finding(
+        effect=one.candidate.effect.name,
+        where=one.candidate.where,
+        step=rim.step,
+        probability=one.probability,
+        bands_Hz=rim.bands_Hz,
+        parameters=one.sizes,
+        chi2_per_dof_before=one.chi2_without,
+        chi2_per_dof_after=finite.result.chi2_per_dof,
+        held_out_before=float("nan"),
+        held_out_after=float("nan"),
+        alternatives=(),
+        says=one.candidate.effect.says.format(where=one.candidate.where),
+        share=max(0.0, 1 - finite.result.chi2_per_dof / max(one.chi2_without, 1e-300)),
+    )
 
 
 def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:

@@ -15,14 +15,16 @@ from ..decision_rules import (
     PARENTS,
     POLISHED,
     RECHECKED,
+    RESEMBLING,
     SOFT,
     SUBSTITUTES,
     UNFINISHED,
     WORTH,
 )
+from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
-from .screening import ScreenedCandidate, screened
+from .screening import ScreenedCandidate, resembling, screened
 from .weak_lines import weak_lines
 
 _APART = 0.03
@@ -105,9 +107,27 @@ class GreedySearch:
         for effect in one.effects:
             rest = self.without(one, effect)
             self.grow(rest, SUBSTITUTES)
+            self._try_look_alikes(one, effect, rest)
         self.polish()
         if self.best is not one and len(self.best.effects) >= len(one.effects):
             self.substitute(self.best)
+
+    def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
+        """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
+        left = self._beside(rest)
+        own = change_by(self.problem, one, effect)
+        alike = [found for found in resembling(self.problem, rest, own, left) if found.gain > RESEMBLING]
+        for found in alike[:SUBSTITUTES]:
+            self._try(rest, found.candidate, [found])
+
+    def _beside(self, parent: Hypothesis) -> list[Candidate]:
+        """Return the candidates that have not been tried beside a hypothesis."""
+        taken = {(one.effect.name, one.where) for one in parent.effects}
+        return [
+            one
+            for one in self.candidates
+            if (one.effect.name, one.where) not in taken and frozenset((*parent.effects, one)) not in self.found
+        ]
 
     def relocate(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
@@ -129,7 +149,7 @@ class GreedySearch:
         While even the best leaves more than the usual errors, further hypotheses that may yet win are included.
         """
         short = self.best.fit.shortfall
-        within = NEAR * coarseness(short)
+        within = NEAR * self.best.coarseness
         ahead = self.ranked[: PARENTS if short > NEAR else 1]
         near = [one for one in ahead if one.log_weight > self.best.log_weight - within]
         likely = [one for one in self.ranked if self._likely in one.effects][:1]
@@ -142,12 +162,7 @@ class GreedySearch:
     def grow(self, parent: Hypothesis, most: int) -> None:
         """Fit the most promising candidates beside a hypothesis."""
         self._grown.add(parent.key)
-        taken = {(one.effect.name, one.where) for one in parent.effects}
-        left = [
-            one
-            for one in self.candidates
-            if (one.effect.name, one.where) not in taken and frozenset((*parent.effects, one)) not in self.found
-        ]
+        left = self._beside(parent)
         lists = screened(self.problem, parent, left)
         for promise in lists[0]:
             self.twins[promise.candidate] = promise.twins
@@ -159,7 +174,9 @@ class GreedySearch:
             for promises, least in zip(lists, (SOFT, WORTH, WORTH), strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
                     continue
-                if not parent.effects or promises[rank].gain > WORTH * coarseness(shortfall - promises[rank].gain):
+                if not parent.effects or promises[rank].gain > WORTH * coarseness(
+                    shortfall - promises[rank].gain, exact=True
+                ):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         for one, promises in chosen.items():
             self.progress(f"trying {one.effect.name} at {one.where}")

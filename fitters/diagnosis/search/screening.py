@@ -13,6 +13,7 @@ from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
+from ..hypotheses.changes import projected
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 
@@ -56,6 +57,28 @@ def screened(
     usual_errors = replace(USUAL, colour=parent.fit.sizes.colour)
     soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, usual_errors, parent.fit.sizes))
     return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
+
+
+def resembling(
+    problem: Problem, rest: Hypothesis, own: Sequence[Complexes], candidates: Sequence[Candidate]
+) -> list[ScreenedCandidate]:
+    """Return the candidates whose change of ln Z beside `rest` resembles `own`, the most similar first.
+
+    `own` is a change of each recording, shape (N,). Constants are projected out; the gain of each is its correlation,
+    0 to 1.
+    """
+    trials = [(one, values, change) for one in candidates for values, change in _changes(problem, rest, one)]
+    if not trials:
+        return []
+    columns = projected(rest, [list(own), *(change for *_, change in trials)])
+    norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    correlation = np.abs(columns[:, 0] @ columns) / norm[0] / norm
+    stretch = (columns[:, 0] @ columns) / norm**2
+    best: dict[Candidate, ScreenedCandidate] = {}
+    for (one, values, _), alike, size in zip(trials, correlation[1:].tolist(), stretch[1:].tolist(), strict=True):
+        if one not in best or alike > best[one].gain:
+            best[one] = ScreenedCandidate(one, alike, _stretched(one, values, float(np.clip(size, *_STRETCH))))
+    return sorted(best.values(), key=lambda promise: -promise.gain)
 
 
 def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple[dict[str, float], list[Complexes]]]:

@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 from ....models.base.arrays import Complexes, Reals
 from ...error_model.error_columns import WeakLine, line_columns
 from ...error_model.error_sizes import ErrorSizes
-from ...error_model.point_covariance import Kernel
+from ...error_model.point_covariance import Kernel, WhitenedColumns
 from ..decision_rules import LINES
 from ..hypotheses.hypothesis import Hypothesis
 
-_QS = (20.0, 40.0, 80.0, 160.0)
+_QS = (20.0, 40.0, 80.0, 160.0, 320.0)
 """Quality factors tried; what is broader is smooth."""
 _SPACING = 0.5
 """Spacing of the trial frequencies in line widths."""
+_FEWEST, _ON_A_LINE = 20, 2
+"""Fewest points of a recording, and on the width of a line, from which a line can be told from noise."""
+_REFINEMENTS = 5
+"""Steps from a trial to the best frequency and Q beside it."""
 _EXPECTED = 3.0
 """Lines expected in a recording before it is seen: two ceramics in three have one to five."""
 
@@ -95,20 +99,35 @@ class _Residual:
             cost = log(trials[best].q * width / _EXPECTED * np.sqrt(max(1.0, 2 * gains[best])))
             if gains[best] < cost:
                 break
-            found.append(trials[best])
+            found.append(self._refined(trials[best], seen))
             price += cost
         return found, self._evidence(found) - price
 
+    def _refined(self, line: WeakLine, seen: WhitenedColumns) -> WeakLine:
+        """Return the line at the frequency and with the Q nearby that raise the evidence most."""
+        G, apart, steeper = seen.squared(), _SPACING / 2, 2.0**0.5
+        for _ in range(_REFINEMENTS):
+            near = [
+                WeakLine(self.step, line.frequency * (1 + shift * apart / line.q), line.q * stretch)
+                for shift in (-1.0, 0.0, 1.0)
+                for stretch in (1 / steeper, 1.0, steeper)
+            ]
+            white = self.kernel.white(self._columns(near))
+            gains = self._gains(G, seen.times(white), _pairs(white.plain, white.rough, white.solved))
+            line = near[int(np.argmax(gains))]
+            apart, steeper = apart / 1.6, steeper**0.7
+        return line
+
     def _trials(self) -> list[WeakLine]:
         f = np.unique(np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at]))
-        low, high = float(np.log(f[0])), float(np.log(f[-1]))
-        step = float(np.median(np.diff(np.log(f)))) if f.size > 1 else 1.0
+        if f.size < _FEWEST:
+            return []
+        u = np.log(f)
         made: list[WeakLine] = []
         for q in _QS:
-            if 1 / q < 3 * step:
-                continue  # fewer than three points on the line
-            places = np.arange(low + 1 / q, high - 1 / q, _SPACING / q)
-            made += [WeakLine(self.step, float(np.exp(u)), q) for u in places]
+            at = np.arange(u[0] + 1 / q, u[-1] - 1 / q, _SPACING / q)
+            points = np.searchsorted(u, at + 0.5 / q) - np.searchsorted(u, at - 0.5 / q)
+            made += [WeakLine(self.step, float(np.exp(one)), q) for one in at[points >= _ON_A_LINE]]
         return made
 
     def _width(self) -> float:

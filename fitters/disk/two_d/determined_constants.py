@@ -1,7 +1,7 @@
 """Constants and combinations of constants that a recording of a disk does not determine."""
 
 import numpy as np
-from scipy.linalg import eigh, qr
+from scipy.linalg import eigh, pinvh, qr
 
 from ....models.base.arrays import Reals
 from ....models.disk2d.line_elements import Numbers
@@ -51,7 +51,8 @@ def _covariances(bends: Curvature, chain: Reals) -> tuple[Reals, Reals]:
     """Return posterior and prior covariance of what `chain` derives from the coordinates, shape (10, 10)."""
     prior = bends.rows[bends.data :]
     scale = 1 / np.maximum(np.linalg.norm(prior, axis=0), np.finfo(float).tiny)
-    known = np.asarray(np.linalg.inv((prior * scale).T @ (prior * scale)), np.float64)
+    # effects beside the disk have no prior, so the precision need not have an inverse
+    known = np.asarray(pinvh((prior * scale).T @ (prior * scale)), np.float64)
     return bends.covariance(chain), (chain * scale) @ known @ (chain * scale).T
 
 

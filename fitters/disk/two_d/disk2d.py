@@ -7,7 +7,7 @@ Radial overtones and the edge mode, which overlap the thickness resonance of a r
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -20,11 +20,14 @@ from ....models.disk2d.full import FullDisk
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
+from ....models.effects.base.device import Added
+from ....models.effects.base.terminal_effects import TerminalEffects
 from ....models.stack import CausalConstantQ
 from ...engine.covariance import estimate
 from ...engine.descent import Descent, descend, with_model_discrepancy
 from ...engine.objective import Objective
-from ...engine.parameters.coordinates import Coordinates, positive
+from ...engine.parameters.assembly import stack_of
+from ...engine.parameters.coordinates import Block, Coordinates, positive
 from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError, FitResult, FitTask, TaskError
 from ..bare_disk import BareDisk, bare_disk
@@ -40,6 +43,8 @@ Known: TypeAlias = Prior | Posterior
 _TOLERANCE = 1e-5
 _ROUNDS, _STILL, _MOST = 12, 0.01, 12
 # Finally the remaining misfit is counted as noise and the descent repeated, until it falls by less than 1 %.
+_TOGETHER = 6
+# Budget of descents with effects at the terminals, from a disk that is fitted already.
 _CHECKED = 12
 # Number of frequencies at which the reduced model is checked against the full equations.
 _SHORTEST = 0.5
@@ -79,12 +84,77 @@ def finite_disk(
     accepted without searching for others. Raises the same FitError as the fitter.
     """
     began = time.perf_counter()
+    found = fitted_disk(task, rounds, progress, enough)
+    return disk_result(found, time.perf_counter() - began)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedDisk:
+    """A disk of finite diameter, fitted to the recordings of the bare disk."""
+
+    disk: BareDisk
+    model: Disk2D
+    descent: Descent
+    error: float
+    """Estimated error of the reduced model, relative to the capacitance."""
+    electrode: float
+    """Radius of the electrodes over that of the disk."""
+
+
+def fitted_disk(
+    task: FitTask,
+    rounds: int = _ROUNDS,
+    progress: Callable[[str], None] = lambda _: None,
+    enough: float = 0.0,
+) -> FittedDisk:
+    """Fit the disk; parameters and errors raised as for `finite_disk`."""
     disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
     electrode, disk = _electrode(disk), _within_reach(disk)
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
     descent, error = _descend(disk, full, model, task.free, rounds, enough)
+    return FittedDisk(disk, model, descent, error, electrode)
+
+
+def with_effects(
+    found: FittedDisk, added: Sequence[Added], blocks: Sequence[Block], start: Mapping[str, float]
+) -> FittedDisk:
+    """Return the disk fitted together with effects at its terminals, starting from a fit without them.
+
+    `blocks` are the coordinates of the effects' parameters, `start` their values.
+    """
+    disk, before = found.disk, found.descent.objective
+    values, _ = before.coordinates.forward(found.descent.x)
+    nominal = stack_of(disk.build, disk.build.step(disk.step))
+    own = [one.moved(start) for one in added]
+    names = tuple(name for block in blocks for name in block.coordinates)
+    coordinates = Coordinates(
+        (*before.coordinates.blocks, *blocks), {**values, **start}, (*before.coordinates.free, *names)
+    )
+    x, evaluations, last, settled = coordinates.x, found.descent.evaluations, math.inf, False
+    model = TerminalEffects(before.recordings[0].model, nominal, tuple(own))
+    recordings = [
+        Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
+    ]
+    for _ in range(_TOGETHER):
+        recordings = [_at_level(each, coordinates, x) for each in recordings]
+        step = descend(Objective(recordings, coordinates, before.priors), x, _TOLERANCE, _MOST)
+        evaluations, x = evaluations + step.evaluations, step.x
+        left = _left(recordings, coordinates, x)
+        settled = left > (1 - _STILL) * last
+        last = left
+        if settled:
+            break
+    judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, ()).log_ratios(x)))
+    objective = Objective(judged, coordinates, before.priors)
+    cost = float(np.sum(objective.residual(x) ** 2)) / 2
+    return replace(found, descent=Descent(objective, coordinates.x, x, cost, settled, evaluations))
+
+
+def disk_result(found: FittedDisk, seconds: float) -> FitResult:
+    """Return the result of a fit that took this long."""
+    disk, descent = found.disk, found.descent
     layer = disk.layer.name
 
     def make(values: Mapping[str, float]) -> dict[str, complex]:
@@ -92,16 +162,16 @@ def finite_disk(
 
     tensor = _tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
     says = (
-        *([f"Electrodes end at {electrode:.4g} of the disk's radius."] if electrode < 1 else []),
+        *([f"Electrodes end at {found.electrode:.4g} of the disk's radius."] if found.electrode < 1 else []),
         f"Constants at {_reference(disk) / 1e3:.5g} kHz, with causal losses. The reduced model is accurate to "
-        f"{error:.1g} of the capacitance (estimated from its residual in the full equations).",
+        f"{found.error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
         *undetermined(descent, layer),
         *unusual(disk, tensor),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
-    answer = planar_answer(named, disk, descent, make, says, time.perf_counter() - began)
-    return _predicting(answer, disk, model, descent)
+    answer = planar_answer(named, disk, descent, make, says, seconds)
+    return _predicting(answer, disk, found.model, descent)
 
 
 def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Descent) -> FitResult:

@@ -82,7 +82,7 @@ class Effect(ABC):
     separates: ClassVar[str]
     """Additional measurement that distinguishes it from its look-alikes."""
     references: ClassVar[tuple[str, ...]]
-    stage: ClassVar[Stage] = Stage.LAYERS
+    stage: Stage = Stage.LAYERS
     sizes: ClassVar[int] = 1
     """Number of leading parameters that are sizes: the effect is absent if all of them are null."""
 

@@ -64,6 +64,18 @@ _SAYS: Mapping[Quantity, str] = {
 }
 
 
+def natural_size(stack: Stack, quantity: Quantity) -> tuple[float, str]:
+    """Return the impedance or admittance that a correction of 1 adds, and its unit; 1 for a constant's factor."""
+    sizes: Mapping[Quantity, tuple[float, str]] = {
+        "series": (reactance(stack), "ohm"),
+        "shunt": (1 / reactance(stack), "S"),
+        "impedance": (acoustic_impedance(stack), "Rayl"),
+        "inertia": (acoustic_impedance(stack), "Rayl"),
+        "compliance": (1 / acoustic_impedance(stack), "1/Rayl"),
+    }
+    return sizes.get(quantity, (1.0, "1"))
+
+
 def places(stack: Stack) -> tuple[Place, ...]:
     """Return every place of a stack at which a correction can act."""
     found: list[Place] = []

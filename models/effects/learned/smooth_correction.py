@@ -41,11 +41,11 @@ class CausalBasis:
 
 
 def _terms(frequency: Frequencies, poles: Reals, reference: float, *, added: bool) -> Complexes:
-    made = 1 / (1 + 1j * frequency[:, None] / poles)
+    made = np.asarray(1 / (1 + 1j * frequency[:, None] / poles), np.complex128)
     if not added:
         return np.asarray(made - 1 / (1 + 1j * reference / poles), np.complex128)
     more = np.stack([np.ones(frequency.size), 1j * frequency / reference], axis=1)
-    return np.concatenate([made, more], axis=1)
+    return np.asarray(np.concatenate([made, more], axis=1), np.complex128)
 
 
 @lru_cache(maxsize=32)

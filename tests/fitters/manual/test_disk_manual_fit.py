@@ -12,12 +12,12 @@ from pzctl.fitters.disk.radial import RadialLeastSquares
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.fitters.manual.manual_fit import Choices, ManualFit, models_for
-from pzctl.fitters.manual.terminal_effects import TerminalEffects, outside_effects
 from pzctl.models.build import Build
 from pzctl.models.constants.piezo_constants import Radial
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
-from pzctl.models.effects import find_effect
+from pzctl.models.effects import find_effect, outside_effects
 from pzctl.models.effects.base.device import Added
+from pzctl.models.effects.base.terminal_effects import TerminalEffects
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 

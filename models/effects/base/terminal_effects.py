@@ -1,6 +1,6 @@
 """Any model with effects at its terminals: lead, stray capacitance, cable, one additional parallel resonance.
 
-Effects inside a stack need a stack (`models/effects/base/device.py`); effects at the terminals only need an impedance.
+Effects inside a stack need a stack (`device.py`); effects at the terminals only need an impedance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,21 +9,12 @@ from typing import Self
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, j_omega
-from ...models.base.model import Model
-from ...models.base.names import require
-from ...models.effects import Assembly, Effect, catalogue
-from ...models.effects.base.device import Added, small_step
-from ...models.effects.base.effect import Stage
-from ...models.stack import Stack
-
-_OUTSIDE = (Stage.TERMINALS, Stage.CABLE)
-_BESIDE = "spurious-resonance"
-
-
-def outside_effects() -> tuple[Effect, ...]:
-    """Return the effects of the catalogue that need no stack."""
-    return tuple(effect for effect in catalogue() if effect.stage in _OUTSIDE or effect.name == _BESIDE)
+from ...base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ...base.model import Model
+from ...base.names import require
+from ...stack import Stack
+from .assembly import Assembly
+from .device import Added, small_step
 
 
 @dataclass(frozen=True)

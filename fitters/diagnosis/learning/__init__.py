@@ -1,0 +1,1 @@
+"""Physics outside the catalogue: at which place it acts, and which law it follows."""

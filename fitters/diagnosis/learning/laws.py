@@ -1,0 +1,121 @@
+"""Which law a correction follows: causal, passive laws of growing order, compared by evidence."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ....models.base.arrays import Complexes, Reals
+from ....models.base.errors import PzctlError
+from ....models.effects import EffectParameter
+from ....models.effects.learned.laws import laws
+from ....models.effects.learned.learned import LearnedLaw
+from ....models.stack import Stack
+from ...error_model.error_columns import stack_of
+from ..hypotheses.hypothesis import Hypothesis, fitted
+from ..hypotheses.problem import Candidate, Problem
+from .places import PlacedCorrection
+
+_TRIALS = 6
+"""Start values of a frequency or a delay over its range."""
+_FLOOR = 0.05
+"""Smallest uncertainty of a drawn correction that counts, relative to its largest value."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedCorrection:
+    """A law fitted at one place."""
+
+    placed: PlacedCorrection
+    effect: LearnedLaw
+    candidate: Candidate
+    hypothesis: Hypothesis
+    probability: float
+    """Probability of this law among the laws tried at this place."""
+
+
+def learned_laws(
+    problem: Problem, parent: Hypothesis, placed: PlacedCorrection, progress: Callable[[str], None] = lambda _: None
+) -> tuple[LearnedCorrection, ...]:
+    """Return the laws fitted at a place beside a hypothesis, most probable first."""
+    stack = stack_of(problem.recordings[-1].model)
+    made: list[tuple[LearnedLaw, Candidate, Hypothesis]] = []
+    for law in laws(placed.place.quantity):
+        effect = LearnedLaw(placed.place, law, stack)
+        one = Candidate(effect, placed.place.where, placed.steps, effect.effect_parameters(stack, placed.place.where))
+        progress(f"trying the law {law.name} of {placed.place.says}")
+        best = _fitted(problem, parent, one, _start(effect, one, placed, stack))
+        if best is not None:
+            made.append((effect, one, best))
+    if not made:
+        return ()
+    evidence = np.array([hypothesis.log_evidence for *_, hypothesis in made])
+    temper = max((one for *_, one in made), key=lambda one: one.log_evidence).coarseness
+    part = np.exp((evidence - np.max(evidence)) / temper)
+    shares = (part / np.sum(part)).tolist()
+    found = [LearnedCorrection(placed, *one, share) for one, share in zip(made, shares, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+def _fitted(
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]]
+) -> Hypothesis | None:
+    made: list[Hypothesis] = []
+    sizes = (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0))
+    for start in starts:
+        try:
+            made.append(fitted(problem, (*parent.effects, one), {**parent.values, **start}, sizes, near=True, rounds=4))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
+
+
+def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, stack: Stack) -> list[dict[str, float]]:
+    """Return parameters with which the law comes closest to the smooth correction: the best two of many starts."""
+    knobs = effect.effect_parameters(stack, placed.place.where)
+    largest = float(np.max(np.abs(placed.correction)))
+    u = np.hypot(np.hypot(placed.u_re, placed.u_im), _FLOOR * largest)
+    grids = [_grid(knob, placed, largest * effect.natural) for knob in knobs]
+
+    def parameters(z: Reals) -> dict[str, float]:
+        return {knob.name: _value(knob, float(at)) for knob, at in zip(knobs, z, strict=True)}
+
+    def residual(z: Reals) -> Reals:
+        off: Complexes = (effect.correction(parameters(z))(placed.frequency) - placed.correction) / u
+        return np.nan_to_num(np.concatenate([off.real, off.imag]), nan=1e6, posinf=1e6, neginf=-1e6)
+
+    tried: list[tuple[float, Reals]] = []
+    for start in product(*grids):
+        z = np.array([_coordinate(knob, value) for knob, value in zip(knobs, start, strict=True)])
+        tried.append((float(np.sum(residual(z) ** 2)), z))
+    tried.sort(key=lambda pair: pair[0])
+    ends = [least_squares(residual, z, max_nfev=60) for _, z in tried[:3]]
+    ends.sort(key=lambda end: float(end.cost))
+    return [{one.prefix + name: value for name, value in parameters(end.x).items()} for end in ends[:2]]
+
+
+def _grid(knob: EffectParameter, placed: PlacedCorrection, size: float) -> Sequence[float]:
+    if knob.name == "size":
+        return (0.3 * size, size, 3 * size)
+    if knob.unit == "Hz":
+        low, high = float(placed.frequency[0]), float(placed.frequency[-1])
+        return tuple(np.geomspace(max(low / 3, knob.lower * 1.01), min(high * 3, knob.upper * 0.99), _TRIALS).tolist())
+    if knob.unit == "s":
+        return tuple(np.geomspace(knob.lower * 1.01, knob.upper * 0.99, 2 * _TRIALS).tolist())
+    return (knob.null,)
+
+
+def _coordinate(knob: EffectParameter, value: float) -> float:
+    """Return a parameter without limits: a logarithm, or a logit between its limits."""
+    if not np.isfinite(knob.upper) or knob.lower <= 0:
+        return float(np.log(max(value, 1e-12 * knob.typical)))
+    share = np.clip((value - knob.lower) / (knob.upper - knob.lower), 1e-6, 1 - 1e-6)
+    return float(np.log(share / (1 - share)))
+
+
+def _value(knob: EffectParameter, at: float) -> float:
+    if not np.isfinite(knob.upper) or knob.lower <= 0:
+        return float(np.exp(np.clip(at, -600, 600)))
+    return float(knob.lower + (knob.upper - knob.lower) / (1 + np.exp(-np.clip(at, -60, 60))))

@@ -1,0 +1,168 @@
+"""Where the missing physics acts: the place at which a smooth correction explains most, by evidence."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Frequencies, Reals
+from ....models.base.errors import PzctlError
+from ....models.effects import Device
+from ....models.effects.learned.corrections import Place, places
+from ....models.effects.learned.smooth_correction import SmoothCorrection
+from ....models.stack import Stack
+from ...error_model.error_columns import stack_of
+from ...error_model.error_sizes import chosen
+from ...error_model.marginal_fit import ORDER
+from ...error_model.uncertainty_sources import spread_of
+from ..hypotheses.hypothesis import Hypothesis, fitted, marginal_of
+from ..hypotheses.problem import Candidate, Problem
+
+SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
+"""Prior standard deviations of a correction, equally probable."""
+_SHOWN = 60
+"""Frequencies at which a correction is drawn."""
+_STEP = 0.5
+"""Part of a linear step from which a nonlinear fit starts: a whole one overshoots at a resonance."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedCorrection:
+    """A smooth correction at one place, fitted."""
+
+    place: Place
+    steps: tuple[str, ...]
+    hypothesis: Hypothesis
+    probability: float
+    """Probability that the missing physics acts here, among all places and nowhere."""
+    frequency: Frequencies
+    """Hz, shape (K,)."""
+    correction: Complexes
+    """Posterior mean at these frequencies, dimensionless, shape (K,)."""
+    u_re: Reals
+    u_im: Reals
+    """Standard uncertainties of its real and imaginary part, shape (K,)."""
+
+
+def placed_corrections(
+    problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None
+) -> tuple[PlacedCorrection, ...]:
+    """Return a smooth correction at each place of the device beside a hypothesis, most probable first."""
+    found: list[tuple[Place, tuple[str, ...], Hypothesis]] = []
+    for place, steps in _places(problem).items():
+        progress(f"trying a correction of {place.says}")
+        made = _best_at(problem, parent, place, steps)
+        if made is not None and not _same(made, found):
+            found.append((place, steps, made))
+    if not found:
+        return ()
+    best = max((hypothesis for *_, hypothesis in found), key=lambda one: one.log_evidence)
+    temper = best.coarseness
+    weights = np.array([parent.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
+    part = np.exp(weights - np.max(weights))
+    shares = (part / np.sum(part)).tolist()[1:]
+    drawn = [_drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
+    return tuple(sorted(drawn, key=lambda one: -one.probability))
+
+
+def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
+    """Return every place with the steps whose recordings show it."""
+    steps: dict[Place, list[str]] = {}
+    last = problem.steps[-1]
+    for recording in problem.recordings:
+        if not isinstance(recording.model, Device):
+            continue
+        for place in places(recording.model.bare):
+            if place.where == "face:front" and recording.step != last:
+                continue  # buried by the next step
+            own = steps.setdefault(place, [])
+            if recording.step not in own:
+                own.append(recording.step)
+    return {place: tuple(own) for place, own in steps.items()}
+
+
+def _same(made: Hypothesis, found: list[tuple[Place, tuple[str, ...], Hypothesis]]) -> bool:
+    """Return whether a correction of one face does what one of the other does: a symmetric device has one place."""
+    own = made.effects[-1]
+    return any(
+        place.quantity == "impedance"
+        and own.where.startswith("face:")
+        and abs(other.log_evidence - made.log_evidence) < _TWINS
+        for place, _, other in found
+    )
+
+
+_TWINS = 0.1
+"""Difference of ln evidence below which the corrections of both faces are one and the same."""
+
+
+def _best_at(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> Hypothesis | None:
+    stack = stack_of(problem.recordings[-1].model)
+    low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
+    high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+    trials: list[tuple[float, Candidate, dict[str, float]]] = []
+    for size in SIZES:
+        one = candidate(SmoothCorrection(place, size, (low, high)), steps, stack)
+        try:
+            trials.append(_linear(problem, parent, one))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    if not trials:
+        return None
+    _, one, start = max(trials, key=lambda trial: trial[0])
+    made: list[Hypothesis] = []
+    for values in (dict(parent.values), start):
+        try:
+            made.append(fitted(problem, (*parent.effects, one), values, (parent.fit.sizes,), near=True))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
+
+
+def candidate(effect: SmoothCorrection, steps: tuple[str, ...], stack: Stack) -> Candidate:
+    """Return a correction as a candidate; what it explains has no odds of its own."""
+    where = effect.place.where
+    return Candidate(effect, where, steps, effect.effect_parameters(stack, where))
+
+
+def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> tuple[float, Candidate, dict[str, float]]:
+    """Return the ln evidence of a correction to first order, and where a fit starts."""
+    marginal = marginal_of(problem, (*parent.effects, one), parent.values)
+    x = marginal.objective.coordinates.x
+    gram = marginal.gram(x, parent.fit.gram.columns)
+    _, value = chosen(gram, (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0)), ORDER)
+    step = value.step / max(1.0, float(np.max(np.abs(value.step))))
+    start, _ = marginal.objective.coordinates.forward(x + _STEP * step)
+    return value.log_evidence, one, dict(start)
+
+
+def _drawn(
+    problem: Problem, place: Place, steps: tuple[str, ...], made: Hypothesis, probability: float
+) -> PlacedCorrection:
+    """Return the correction as a function of frequency with its posterior band."""
+    effect = made.effects[-1].effect
+    if not isinstance(effect, SmoothCorrection):
+        raise TypeError(f"no smooth correction in {effect.name}")
+    recordings = [recording for recording in problem.recordings if recording.step in steps]
+    low = min(float(recording.sweep.frequency[0]) for recording in recordings)
+    high = max(float(recording.sweep.frequency[-1]) for recording in recordings)
+    frequency = np.geomspace(low, high, _SHOWN)
+    basis = effect.basis(stack_of(problem.recordings[-1].model))
+    free = made.objective.coordinates.free
+    at = [free.index(name) for name in made.effects[-1].parameters]
+    a = np.array([made.values[name] for name in made.effects[-1].parameters])
+    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
+    unit = np.stack([effect.size * basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
+    scale = np.array([_width(made, k) for k in at])
+    columns = unit * scale
+    u_re = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns.real, covariance, columns.real), 0))
+    u_im = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns.imag, covariance, columns.imag), 0))
+    return PlacedCorrection(place, steps, made, probability, frequency, unit @ a, u_re, u_im)
+
+
+def _width(made: Hypothesis, k: int) -> float:
+    """Return d parameter / d coordinate of a coefficient."""
+    _, chain = made.objective.coordinates.forward(made.fit.x)
+    names = made.objective.coordinates.parameters
+    name = made.objective.coordinates.free[k]
+    return float(chain[names.index(name), k])

@@ -1,0 +1,152 @@
+"""Laws that a correction may follow: causal and passive functions of frequency with a few parameters.
+
+`x` is f/f0, f0 the reference (the half-wave resonance of the active layer). A correction of a constant is zero at the
+reference, so that the constant keeps its meaning; a correction that adds an impedance or an admittance is the whole
+of it, in units of its natural size. Each is passive for sizes above zero.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.arrays import Complexes, Reals
+from ..base.effect import EffectParameter
+from .corrections import CONSTANTS, Quantity
+
+Values = Mapping[str, float]
+_SIZE = 0.01, 2.0
+"""Prior of a size: median and standard deviation of the logarithm."""
+_OPPOSITE = "stiffness", "coupling"
+"""Constants that a relaxation raises with frequency; a permittivity falls."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A function of frequency with named parameters; the first is its size."""
+
+    name: str
+    parameters: tuple[EffectParameter, ...]
+    of: Callable[[Reals, Values], Complexes]
+    """Maps x, shape (N,), and the parameters to the function, shape (N,)."""
+    says: str
+    """Words, with `{what}` and the parameters by name."""
+
+
+def _size(name: str = "size", typical: float = 0.01) -> EffectParameter:
+    return EffectParameter(name, "1", typical, prior=_SIZE)
+
+
+def _at(name: str = "at", low: float = 1e-2, high: float = 100.0) -> EffectParameter:
+    return EffectParameter(name, "1", typical=0.1, lower=low, upper=high, null=1.0)
+
+
+def _shape(name: str, low: float, high: float, null: float) -> EffectParameter:
+    return EffectParameter(name, "1", typical=0.1, lower=low, upper=high, null=null)
+
+
+def _relaxed(x: Reals, at: float, spread: float, skew: float) -> Complexes:
+    """Return Havriliak and Negami's function; Cole and Cole's for skew 1, Debye's for spread 1, too."""
+    return np.asarray((1 + (1j * x / at) ** spread) ** -skew, np.complex128)
+
+
+def _power(x: Reals, values: Values) -> Complexes:
+    n = values["exponent"]
+    return np.asarray(values["size"] / n * (1j * x) ** n, np.complex128)
+
+
+def _falling_power(x: Reals, values: Values) -> Complexes:
+    n = values["exponent"]
+    return np.asarray(values["size"] / n * (1j * x) ** -n, np.complex128)
+
+
+def _resonant(x: Reals, values: Values) -> Complexes:
+    at, q = values["at"], values["q"]
+    return np.asarray(values["size"] * at**2 / (at**2 - x**2 + 1j * x * at / q), np.complex128)
+
+
+def _peaked(x: Reals, values: Values) -> Complexes:
+    at, q = values["at"], values["q"]
+    return np.asarray(values["size"] * (1j * x * at / q) / (at**2 - x**2 + 1j * x * at / q), np.complex128)
+
+
+def _line(x: Reals, values: Values) -> Complexes:
+    root = np.sqrt(1j * x / values["at"])
+    return np.asarray(values["size"] * np.tanh(root) / root, np.complex128)
+
+
+def _echo(x: Reals, values: Values) -> Complexes:
+    echo = values["echo"] * np.exp(-2j * np.pi * x * values["delay"])
+    return np.asarray(values["size"] * (1 - echo) / (1 + echo), np.complex128)
+
+
+_EXPONENT = _shape("exponent", 0.02, 0.95, 0.2)
+_SPREAD, _SKEW = _shape("spread", 0.2, 1.0, 0.7), _shape("skew", 0.2, 1.0, 0.7)
+_Q = _shape("q", 1.0, 300.0, 10.0)
+
+
+def laws(quantity: Quantity) -> tuple[Law, ...]:
+    """Return the laws for a quantity, simplest first."""
+    return _of_constant(quantity) if quantity in CONSTANTS else _ADDED
+
+
+def _of_constant(quantity: Quantity) -> tuple[Law, ...]:
+    sign = -1.0 if quantity in _OPPOSITE else 1.0
+    power = _power if quantity in _OPPOSITE else _falling_power
+
+    def from_reference(of: Callable[[Reals, Values], Complexes], sign: float) -> Callable[[Reals, Values], Complexes]:
+        one = np.ones(1)
+        return lambda x, values: np.asarray(sign * (of(x, values) - of(one, values)), np.complex128)
+
+    def relaxation(x: Reals, values: Values) -> Complexes:
+        return values["size"] * _relaxed(x, values["at"], values.get("spread", 1.0), values.get("skew", 1.0))
+
+    return (
+        Law("power", (_size(), _EXPONENT), from_reference(power, 1.0), "follows a power law with exponent {exponent}"),
+        Law("debye", (_size(), _at()), from_reference(relaxation, sign), "relaxes at {at} with strength {size}"),
+        Law(
+            "cole-cole",
+            (_size(), _at(), _SPREAD),
+            from_reference(relaxation, sign),
+            "relaxes at {at} with strength {size} and a spread of times (Cole-Cole exponent {spread})",
+        ),
+        Law(
+            "havriliak-negami",
+            (_size(), _at(), _SPREAD, _SKEW),
+            from_reference(relaxation, sign),
+            "relaxes at {at} with strength {size} (Havriliak-Negami exponents {spread} and {skew})",
+        ),
+        Law(
+            "resonance",
+            (_size(), _at(), _Q),
+            from_reference(_resonant, 1.0),
+            "resonates at {at} with strength {size} and Q {q}",
+        ),
+    )
+
+
+_ADDED = (
+    Law("resistance", (_size(),), lambda x, v: np.full(x.size, v["size"], np.complex128), "a resistance of {size}"),
+    Law("inertance", (_size(),), lambda x, v: np.asarray(1j * x * v["size"], np.complex128), "an inertance of {size}"),
+    Law("compliance", (_size(),), lambda x, v: np.asarray(v["size"] / (1j * x), np.complex128), "a spring of {size}"),
+    Law(
+        "root",
+        (_size(),),
+        lambda x, v: np.asarray(v["size"] * np.sqrt(1j * x), np.complex128),
+        "a part that grows as the root of frequency, {size}",
+    ),
+    Law(
+        "debye",
+        (_size(), _at()),
+        lambda x, v: np.asarray(v["size"] * _relaxed(x, v["at"], 1.0, 1.0), np.complex128),
+        "{size} that relaxes at {at}",
+    ),
+    Law("line", (_size(), _at()), _line, "{size} spread along a line, from {at} on"),
+    Law("resonance", (_size(), _at(), _Q), _peaked, "a resonance at {at} of {size} and Q {q}"),
+    Law(
+        "echo",
+        (_size(), _shape("delay", 0.2, 50.0, 2.0), _shape("echo", 0.01, 0.95, 0.3)),
+        _echo,
+        "{size} with an echo of {echo} after {delay}",
+    ),
+)

@@ -1,0 +1,94 @@
+"""`learned`: a law found from a recording, at the place that it corrects."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...base.errors import PzctlError
+from ...base.names import among
+from ...stack import Stack
+from ..base.assembly import Assembly
+from ..base.effect import Effect, EffectParameter
+from ..base.scale import resonance
+from .corrections import Correction, Place, corrected, natural_size
+from .laws import Law, laws
+
+NAME = "learned"
+
+
+class LearnedLaw(Effect):
+    """A correction that follows one of the laws of `laws`."""
+
+    name = NAME
+    says = "A correction of {where} that no effect of the catalogue lists was learned from the recording."
+    separates = "a recording over a wider band, and of another sample: `--other-sample` tests the law on it"
+    references = (
+        "Jonscher, Dielectric Relaxation in Solids (1983): relaxations and power laws",
+        "Szabo, J. Acoust. Soc. Am. 96 (1994) 491: causal power laws",
+        "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052: passive rational forms",
+    )
+
+    def __init__(self, place: Place, law: Law, stack: Stack) -> None:
+        self.place, self.law, self.stage = place, law, place.stage
+        self.f0 = resonance(stack)
+        self.natural, self.unit = natural_size(stack, place.quantity)
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return its place."""
+        return (self.place.where,)
+
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return the parameters of the law in SI units."""
+        return tuple(self._physical(knob) for knob in self.law.parameters)
+
+    def _physical(self, knob: EffectParameter) -> EffectParameter:
+        scale, unit = self._scale(knob.name)
+        prior = None if knob.prior is None else (knob.prior[0] * scale, knob.prior[1])
+        return replace(
+            knob,
+            unit=unit,
+            typical=knob.typical * scale,
+            lower=knob.lower * scale,
+            upper=knob.upper * scale,
+            null=knob.null * scale,
+            prior=prior,
+        )
+
+    def _scale(self, name: str) -> tuple[float, str]:
+        """Return a parameter's value where the law has 1, and its unit."""
+        scales = {"size": (self.natural, self.unit), "at": (self.f0, "Hz"), "delay": (1 / self.f0, "s")}
+        return scales.get(name, (1.0, "1"))
+
+    def dimensionless(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters as the law takes them."""
+        return {name: value / self._scale(name)[0] for name, value in values.items()}
+
+    def correction(self, values: Mapping[str, float]) -> Correction:
+        """Return the correction with these parameters as a function of frequency in Hz."""
+        own, f0, of = self.dimensionless(values), self.f0, self.law.of
+        return lambda frequency: of(np.asarray(frequency / f0, np.float64), own)
+
+    def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+        """Return the circuit element that a part at the terminals amounts to."""
+        size, omega = values["size"], 2 * np.pi * self.f0
+        kind = self.place.quantity, self.law.name
+        if size <= 0 or self.place.quantity not in ("series", "shunt"):
+            return {}
+        if kind in (("series", "inertance"), ("shunt", "compliance")):
+            return {"inductance": (size / omega if kind[0] == "series" else 1 / (omega * size), "H")}
+        if kind in (("series", "compliance"), ("shunt", "inertance")):
+            return {"capacitance": (size / omega if kind[0] == "shunt" else 1 / (omega * size), "F")}
+        return {}
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the correction."""
+        return corrected(assembly, self.place, self.correction(values)) if values["size"] > 0 else assembly
+
+
+def learned_law(place: Place, name: str, stack: Stack) -> LearnedLaw:
+    """Return the effect of a law at a place of a stack. Raises PzctlError for an unknown law."""
+    known = {law.name: law for law in laws(place.quantity)}
+    if name not in known:
+        raise PzctlError(f"{place.where}: there is no law {name!r} for {place.says}; {among(name, list(known))}")
+    return LearnedLaw(place, known[name], stack)
