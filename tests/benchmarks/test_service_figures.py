@@ -426,15 +426,20 @@ def answers_of(where: Location, count: int) -> list[float]:
 ROUNDS = 10
 
 
+def plainly(left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a daemon that is started from now on go without CURVE, the chain or both."""
+    folder = Path(__file__).with_name("plain")
+    monkeypatch.setenv("PZCTL_PLAIN", left_out)
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+
+
 def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What CURVE and the hash chain cost: daemons with and without them, asked and measuring by turns."""
     ways = {"with both": "", "without the chain": "chain", "without CURVE": "curve", "with neither": "curve,chain"}
     places: dict[str, Location] = {}
-    plain = Path(__file__).with_name("plain")
     for name, left_out in ways.items():
         monkeypatch.setenv("PZCTL_HOME", str(tmp_path / (left_out or "both")))
-        monkeypatch.setenv("PZCTL_PLAIN", left_out)
-        monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(plain), os.environ.get("PYTHONPATH", "")]))
+        plainly(left_out, monkeypatch)
         places[name] = begin()
     monkeypatch.delenv("PZCTL_PLAIN")
     answers: dict[str, list[float]] = {name: [] for name in ways}
@@ -465,9 +470,12 @@ def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     archive.close()
 
 
-def test_hostile(home: Path) -> None:
+@pytest.mark.parametrize("left_out", ["", "curve,chain"])
+def test_hostile(home: Path, left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Messages made to harm, from another process over eight connections; a proper question is asked meanwhile."""
+    plainly(left_out, monkeypatch)
     where = begin()
+    monkeypatch.delenv("PZCTL_PLAIN")
     before, began, used = rss_MB(where.pid), time.perf_counter(), cpu_seconds(where.pid)
     flood = subprocess.Popen([sys.executable, str(FLOODER), where.requests, str(HOSTILE), "8"])
     asked = Questions(where)
@@ -475,7 +483,10 @@ def test_hostile(home: Path) -> None:
     seconds, used = time.perf_counter() - began, cpu_seconds(where.pid) - used
     with connect() as lab:
         counts = lab.metrics().counts
-    print(f"\nhostile: {HOSTILE} messages in {seconds:.1f} s; {counts.get('garbage', 0)} counted as garbage, ", end="")
+    print(
+        f"\nhostile, without {left_out or 'nothing'}: {HOSTILE} messages in {seconds:.1f} s; {counts.get('garbage', 0)} counted as garbage, ",
+        end="",
+    )
     print(f"{1e6 * used / HOSTILE:.0f} us of the daemon's processor time each; load {os.getloadavg()[0]:.1f}")
     print(asked.says())
     tenths = [round(asked.rss[k * len(asked.rss) // 10], 1) for k in range(10)]
