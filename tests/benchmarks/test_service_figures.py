@@ -483,10 +483,8 @@ def test_hostile(home: Path, left_out: str, monkeypatch: pytest.MonkeyPatch) -> 
     seconds, used = time.perf_counter() - began, cpu_seconds(where.pid) - used
     with connect() as lab:
         counts = lab.metrics().counts
-    print(
-        f"\nhostile, without {left_out or 'nothing'}: {HOSTILE} messages in {seconds:.1f} s; {counts.get('garbage', 0)} counted as garbage, ",
-        end="",
-    )
+    print(f"\nwithout {left_out or 'nothing'}: {HOSTILE} hostile messages in {seconds:.1f} s; ", end="")
+    print(f"{counts.get('garbage', 0)} counted as garbage, ", end="")
     print(f"{1e6 * used / HOSTILE:.0f} us of the daemon's processor time each; load {os.getloadavg()[0]:.1f}")
     print(asked.says())
     tenths = [round(asked.rss[k * len(asked.rss) // 10], 1) for k in range(10)]
