@@ -21,6 +21,7 @@ from ...fitters.data_folder import chosen_folder
 from ...models.base.errors import PzctlError
 from ...models.base.names import NameFault, among, check_name
 from .auto_diagnosis import ASKED, AUTO
+from .backup_plan import read_backup
 from .database_url import without_password
 from .worker_limits import Limits
 
@@ -117,6 +118,9 @@ SETTINGS: Mapping[str, Setting] = {
     "compensation_days": Setting("days above 0", _positive),
     "fit_seconds": Setting("seconds above 0", _positive),
     "fit_memory_MB": Setting("megabytes above 0", lambda value: int(_positive(value))),
+    "backup": Setting(
+        "a table with `to` (a folder, or USER@HOST:FOLDER) and `every_hours` (a number of hours above 0)", read_backup
+    ),
     "diagnose": Setting("auto or asked", _when),
     "log": Setting("text or json", _form),
 }
@@ -169,10 +173,15 @@ def options(given: Mapping[str, Any]) -> "DaemonOptions":
     simulator = {"time_scale": given.get("time_scale", 1.0), "seed": given.get("seed", 0)}
     chosen = {
         name: given[name]
-        for name in ("resource", "events", "requests", "fitters", "bench", "diagnose", *_LIMITS)
+        for name in ("resource", "events", "requests", "fitters", "bench", "backup", "diagnose", *_LIMITS)
         if name in given
     }
     chosen["journal"], chosen["station"] = journal_of(given)
+    if chosen["journal"] and "backup" in chosen:
+        raise ConfigError(
+            "backup: this copies a journal in the data folder; back up a PostgreSQL database with the server's own "
+            "tools, or with `pzctl journal backup`"
+        )
     return DaemonOptions(**chosen, simulator=simulator, limits=limits)
 
 

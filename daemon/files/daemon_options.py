@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .auto_diagnosis import AUTO
+from .backup_plan import BackupPlan
 from .worker_limits import Limits
 
 
@@ -33,5 +34,7 @@ class DaemonOptions:
     """Highest bias, and highest test signal (rms), that this bench allows in addition to the analyzer's limits."""
     compensation_days: float | None = None
     """Days that a compensation is valid; a sweep under an older one says so."""
+    backup: BackupPlan | None = None
+    """Where the journal is copied to, and how often; None: nowhere."""
     diagnose: str = AUTO
     """`auto`: diagnose every fit of the first fitter with a significant misfit; `asked`: only on request."""

@@ -73,6 +73,11 @@ def compensation_file(home: Path) -> Path:
     return home / "compensation.json"
 
 
+def backup_file(home: Path) -> Path:
+    """Return the file with the time and the result of the last scheduled backups."""
+    return home / "backup.json"
+
+
 def log_file(home: Path, name: str) -> Path:
     """Return the path of a process's log (`daemon`, `sim`, `fitter-mason`); make its folder."""
     folder = home / "log"

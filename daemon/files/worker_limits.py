@@ -36,15 +36,26 @@ def limit_memory(memory_MB: int) -> None:
 
     Python raises MemoryError when the address space is used up. Does nothing on Windows, which has no such limits.
     """
-    if sys.platform == "win32":
-        return
-    import resource
+    limit_files()
+    if sys.platform != "win32":
+        import resource
 
-    for kind, limit in (
-        (resource.RLIMIT_AS, memory_MB * MB),
-        (resource.RLIMIT_FSIZE, LARGEST_LOG),
-        (resource.RLIMIT_CORE, 0),
-    ):
+        _limit(resource.RLIMIT_AS, memory_MB * MB)
+
+
+def limit_files() -> None:
+    """Limit this process permanently: size of any file it writes, such as its log, and no core dumps."""
+    if sys.platform != "win32":
+        import resource
+
+        _limit(resource.RLIMIT_FSIZE, LARGEST_LOG)
+        _limit(resource.RLIMIT_CORE, 0)
+
+
+def _limit(kind: int, limit: int) -> None:
+    if sys.platform != "win32":
+        import resource
+
         _, hard = resource.getrlimit(kind)
         allowed = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         resource.setrlimit(kind, (allowed, allowed))

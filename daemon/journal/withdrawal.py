@@ -7,9 +7,7 @@ import msgspec
 from ...models.base.errors import PzctlError
 from ..wire.events import StateEvent
 from .journal_reader import JournalReader
-
-WITHDRAWN = "withdrawn"
-"""The state of a withdrawn measurement."""
+from .stores.event_rows import WITHDRAWN
 
 _COUNTS = "measured"
 """The state of a complete measurement of its step; only such a measurement can be withdrawn."""

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from email.message import Message
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -119,12 +120,32 @@ def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]
     return Route(path, endpoint, methods=["POST"])
 
 
+def _sentence(error: DaemonError) -> str:
+    """Return a refusal of the daemon as the page says it: what is the matter, and what to do."""
+    match error.code:
+        case "busy":
+            return "The instrument measures, or a layer is being glued. Wait until it is done, or stop it."
+        case "bench-failed":
+            return f"The simulated bench cannot do this: {error}. Glue stays: measure the steps in their order."
+        case _:
+            return str(error)
+
+
+def _attachment(name: str) -> dict[str, str]:
+    """Return the header of a download under this name, whatever characters it has (RFC 6266)."""
+    message = Message()
+    message.add_header("Content-Disposition", "attachment", filename=("utf-8", "", name))
+    return {"Content-Disposition": message["Content-Disposition"]}
+
+
 async def _in_thread(work: Callable[[A, PageUser], Response], argument: A, user: PageUser) -> Response:
     """Answer from a thread; an error becomes one sentence with status 404 or 409, a defect one with status 500."""
     try:
         return await run_in_threadpool(work, argument, user)
+    except DaemonError as error:
+        return JSONResponse({"error": _sentence(error)}, 409)
     except PzctlError as error:
-        return JSONResponse({"error": str(error)}, 409 if isinstance(error, DaemonError) else 404)
+        return JSONResponse({"error": str(error)}, 404)
     except Exception as error:
         log.exception("page")
         return JSONResponse({"error": f"a defect of pzctl, see the page's log: {error!r}"}, 500)
@@ -224,8 +245,7 @@ class _PageRequestHandlers:
         k = numbers.get(words["segment"])
         if k is None:
             return JSONResponse({"error": f"no such sweep; allowed are 1 to {len(step.sweeps)}"}, 404)
-        name = f"{step.measurement.sample.step}-{k}.csv"
-        headers = {"Content-Disposition": f'attachment; filename="{name.encode("ascii", "replace").decode()}"'}
+        headers = _attachment(f"{step.measurement.sample.step}-{k}.csv")
         return PlainTextResponse(csv_text(step.sweeps[k - 1]), headers=headers, media_type="text/csv")
 
     def report(self, words: dict[str, str], user: PageUser) -> Response:

@@ -1,13 +1,14 @@
 """The daemon's counters and times in the text format of Prometheus."""
 
 from collections.abc import Iterator
+from datetime import datetime
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
-from ..wire.replies import MetricsAnswer, StatusAnswer
+from ..wire.replies import BackupState, MetricsAnswer, StatusAnswer
 
 CONTENT_TYPE = CONTENT_TYPE_LATEST
 
@@ -58,7 +59,21 @@ def _state(status: StatusAnswer) -> Iterator[Metric]:
     yield GaugeMetricFamily(
         "pzctl_leased", "Whether somebody has leased the instrument.", value=float(bool(status.lease))
     )
+    if status.backup is not None:
+        yield from _backup(status.backup)
     fitters = GaugeMetricFamily("pzctl_fitter", "1 for the state that a fitter is in.", labels=["fitter", "state"])
     for fitter in status.fitters:
         fitters.add_metric([fitter.name, fitter.state], 1.0)
     yield fitters
+
+
+def _backup(backup: BackupState) -> Iterator[Metric]:
+    yield GaugeMetricFamily(
+        "pzctl_backup_alarm",
+        "Whether the last scheduled backup failed or is late.",
+        value=float(backup.failed or backup.late),
+    )
+    for name, time in (("success", backup.last_success), ("failure", backup.last_failure)):
+        if time is not None:
+            seconds = datetime.fromisoformat(time).timestamp()
+            yield GaugeMetricFamily(f"pzctl_backup_last_{name}_timestamp_seconds", f"Last {name}.", value=seconds)

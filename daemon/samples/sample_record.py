@@ -10,7 +10,8 @@ from ...models.build import Build
 from ...models.sweep import Sweep
 from ..client.result_waiter import fit_of
 from ..journal.journal_reader import JournalMeasurement, JournalReader
-from ..journal.withdrawal import WITHDRAWN, Withdrawal, withdrawal_of
+from ..journal.stores.event_rows import WITHDRAWN
+from ..journal.withdrawal import Withdrawal, withdrawal_of
 from ..wire.events import DiagnosisEvent, FitEvent, SweepEvent, decode
 from ..wire.result_messages import curves_of
 

@@ -48,6 +48,7 @@ from .requests.request_handlers import RequestHandlers
 from .requests.request_server import RequestServer
 from .simulated_analyzer import simulated_instrument
 from .sockets import access_control_for, bind_events, bind_requests, from_here, port_of
+from .workers.backup_schedule import BackupSchedule
 from .workers.job_runner import JobRunner, WorkerJob
 from .workers.pending_results import PendingResults
 from .workers.supervisor import Supervisor, WorkerExit
@@ -181,6 +182,7 @@ class Daemon:
             visitors=Visitors((*options.fitters, DIAGNOSIS)),
         )
         self._jobs = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
+        self._backup = BackupSchedule(options.backup, folder, lambda event: self.publish(event, ()))
         handlers = RequestHandlers(
             journal=journal,
             acquisition=self._acquisition,
@@ -194,6 +196,7 @@ class Daemon:
             shutdown=self._end,
             metrics=self._metrics,
             plan_limits=PlanLimits(LevelLimits(options.max_bias_V, options.max_oscillator_V)),
+            backup=lambda: self._backup.state,
         )
         self._request_server = RequestServer(requests, handlers, access, guard)
 
@@ -227,6 +230,7 @@ class Daemon:
         gc.freeze()  # present objects stay for ever; collecting them again and again would delay answers
         acquiring = asyncio.create_task(self._acquisition.work())
         others = [self._request_server.serve(), self._guard.watch(), self._publisher.mend(), self._beat()]
+        others += [self._backup.keep()]
         others += [self._supervisor.keep(name) for name in self._options.fitters]
         tasks = [acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())

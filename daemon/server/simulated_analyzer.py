@@ -13,7 +13,10 @@ from typing import Any
 import msgspec
 
 from ...drivers.base.analyzer import InstrumentError
+from ..files.worker_limits import limit_files
 from ..wire.frames import to_json
+from .logs import LARGEST_LOG
+from .workers.bounded_logs import keep_end
 from .workers.subprocesses import end_child, end_with_parent, last_line, start_child
 
 
@@ -32,6 +35,7 @@ def simulated_instrument(log: Path, options: Mapping[str, Any]) -> Generator[Sim
 
     It ends with this process, however that ends. Raises InstrumentError if it does not start.
     """
+    keep_end(log, LARGEST_LOG)
     sim_options = to_json({"port": 0, "bench_port": 0, **options}).decode()
     with log.open("ab") as errors:
         process = start_child(
@@ -56,6 +60,7 @@ def main() -> None:
     from ...sim.server import SimOptions, run
 
     end_with_parent()
+    limit_files()
     run(msgspec.json.decode(sys.argv[1], type=SimOptions))
 
 

@@ -2,13 +2,14 @@
 
 `keys/local.json` holds the key pair for programs of this user account, and the daemon's pair while it serves this
 machine only; the daemon makes it at its first start. `keys/server.json` is the daemon's pair if other machines may
-reach it. `keys/clients/NAME.json` holds a client's public key and right. `make_client` returns the content of the file
-that the client itself keeps.
+reach it. `keys/clients/NAME.json` holds a client's public key and right, and `NAME.previous.json` those of the key
+before, while a rotation lasts. `make_client` and `rotate` return the content of the file that the client itself keeps.
 """
 
 import os
 import re
 import stat
+from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -28,6 +29,9 @@ T = TypeVar("T")
 
 LOCAL = "local"
 """Name of the programs of the daemon's own account; no other client can have it."""
+
+PREVIOUS = ".previous"
+"""End of the name of the file of a client's key before the last rotation; no client's name has a dot."""
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """Allowed names of clients, which cannot lead out of the folder."""
@@ -104,19 +108,70 @@ def make_client(folder: Path, name: str, right: Right, expires: date | None = No
     server = server_key(folder)
     pair = new_pair()
     write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right, expires)))
+    _file(folder, name + PREVIOUS).unlink(missing_ok=True)  # of an earlier client, whose file was removed by hand
     return ClientKey(server.public, pair.public, pair.secret)
+
+
+def rotate(folder: Path, name: str, old_until: date, today: date, expires: date | None = None) -> ClientKey:
+    """Give a client a new key with the same right; the old one remains valid until a day, and no longer than it was.
+
+    Return its new keys. Raises KeyFileError if there is no such client, if the rotation before still lasts, or if the
+    old key expires and no day is given for the new one.
+    """
+    _check_client_name(name)
+    server = server_key(folder)
+    known = [path.stem for path in client_files(folder) if not path.stem.endswith(PREVIOUS)]
+    if name not in known:
+        raise KeyFileError(f"client {name!r} is not known; there are {', '.join(known) or 'none'}")
+    path, previous = _file(folder, name), _file(folder, name + PREVIOUS)
+    old = read_client(path)
+    if old.expires is not None and expires is None:
+        raise KeyFileError(
+            f"client {name!r}: its key expires after {old.expires}; give the new one a day too (--expires)"
+        )
+    if previous.exists():
+        before = read_client(previous).expires
+        if before is not None and before >= today:
+            raise KeyFileError(
+                f"client {name!r}: the key before this one is valid until {before}; rotate again after that day, or "
+                f"remove {previous} to refuse it now"
+            )
+        previous.unlink()
+    pair = new_pair()
+    until = old_until if old.expires is None else min(old_until, old.expires)
+    write_secret(previous, to_json(msgspec.structs.replace(old, expires=until)))
+    part = path.with_suffix(".part")
+    part.unlink(missing_ok=True)
+    write_secret(part, to_json(AllowedClient(name, pair.public, old.right, expires)))
+    part.replace(path)
+    return ClientKey(server.public, pair.public, pair.secret)
+
+
+def admitted(files: Mapping[Path, AllowedClient]) -> dict[str, AllowedClient]:
+    """Return the clients by public key, given those of their files.
+
+    A key before a rotation counts only beside the present one, and allows no more than that.
+    """
+    present = {path.stem: client for path, client in files.items() if not path.stem.endswith(PREVIOUS)}
+    by_key: dict[str, AllowedClient] = {}
+    for client in files.values():
+        now = present.get(client.name)
+        if now is not None:
+            right = min(client.right, now.right, key=RIGHTS.index)
+            by_key[client.public] = msgspec.structs.replace(client, right=right)
+    return by_key
 
 
 def clients(folder: Path) -> tuple[tuple[AllowedClient, ...], tuple[str, ...]]:
     """Return the clients that have access, by name, and a sentence for each file that cannot be used."""
-    valid: list[AllowedClient] = []
+    valid: dict[Path, AllowedClient] = {}
     faults: list[str] = []
     for path in client_files(folder):
         try:
-            valid.append(read_client(path))
+            valid[path] = read_client(path)
         except KeyFileError as error:
             faults.append(str(error))
-    return tuple(valid), tuple(faults)
+    return tuple(admitted(valid).values()), tuple(faults)
 
 
 def client_files(folder: Path) -> list[Path]:
@@ -128,7 +183,7 @@ def read_client(path: Path) -> AllowedClient:
     """Return the client of a file. Raises KeyFileError."""
     client = _parsed(path, _client)
     _check_client_name(client.name)
-    if client.name != path.stem:
+    if client.name != path.stem.removesuffix(PREVIOUS):
         raise KeyFileError(
             f"{path}: the client in this file is called {client.name!r}; file name and client's name must agree"
         )
@@ -136,11 +191,12 @@ def read_client(path: Path) -> AllowedClient:
 
 
 def revoke(folder: Path, name: str) -> None:
-    """Revoke a client's access from now on. Raises KeyFileError if there is no client of this name."""
+    """Revoke a client's access from now on, by every key. Raises KeyFileError if there is no client of this name."""
     known = [path.stem for path in client_files(folder)]  # a file that cannot be read can be removed too
     if name not in known:
         raise KeyFileError(f"client {name!r} is not known; there are {', '.join(known) or 'none'}")
-    _file(folder, name).unlink()
+    _file(folder, name + PREVIOUS).unlink(missing_ok=True)
+    _file(folder, name).unlink(missing_ok=True)
 
 
 def read_client_key(path: Path) -> ClientKey:

@@ -117,9 +117,10 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     """A change of state.
 
     The daemon's states: `started`, `shutdown` (requested), `stopping`, `bench` (a command to the simulated bench),
-    `leased`, `released`. A measurement's states: `queued`, `measuring`, `cancelling`, then one of `measured`,
-    `measured-aside` (complete, but made to decide the diagnosis of another), `failed`, `cancelled`, `abandoned`, and
-    possibly `withdrawn` later. A fitter's states: `fitter-ready`, `fitter-ended`, `fitter-broken`.
+    `leased`, `released`, `backup-done`, `backup-failed`. A measurement's states: `queued`, `measuring`, `cancelling`,
+    then one of `measured`, `measured-aside` (complete, but made to decide the diagnosis of another), `failed`,
+    `cancelled`, `abandoned`, and possibly `withdrawn` later. A fitter's states: `fitter-ready`, `fitter-ended`,
+    `fitter-broken`.
     """
 
     state: str

@@ -29,6 +29,22 @@ class LeaseState(msgspec.Struct, frozen=True):
     """Time at which it expires, RFC 3339, UTC."""
 
 
+class BackupState(msgspec.Struct, frozen=True):
+    """The scheduled backup of the journal; the times are RFC 3339, UTC."""
+
+    to: str
+    every_hours: float
+    running: bool = False
+    last_success: str | None = None
+    last_failure: str | None = None
+    failed: bool = False
+    """Whether the last backup failed."""
+    late: bool = False
+    """Whether none has succeeded for twice the interval."""
+    says: str = ""
+    """What the last backup copied, or why it failed."""
+
+
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
     """The fields of all answers; an answer without further content has only these."""
 
@@ -79,6 +95,8 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     """Number of invalid messages."""
     lease: LeaseState | None = None
     """None if the instrument is not leased."""
+    backup: BackupState | None = None
+    """None if no backup is scheduled."""
 
 
 class MetricsAnswer(Answer, frozen=True, kw_only=True):

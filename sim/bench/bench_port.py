@@ -45,7 +45,7 @@ class BenchPort:
             "panel": lambda c: self._done(
                 model.panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))
             ),
-            "power-cycle": lambda c: self._done(self._power_cycle(float(c.get("seconds", 0.2)))),
+            "power-cycle": lambda c: self._done(self._power_cycle(_real({"seconds": 0.2, **c}, "seconds"))),
         }
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

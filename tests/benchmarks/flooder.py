@@ -1,4 +1,4 @@
-"""Sends hostile messages as fast as they go, over several connections: python flooder.py ENDPOINT COUNT CONNECTIONS."""
+"""Sends hostile messages, with a key, over several connections: python flooder.py ENDPOINT COUNT CONNECTIONS."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,8 @@ import zmq
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from test_hostile_messages import mutated
+from hostile_messages import mutated
+from keyed import unlocked
 
 OBEYED = (b"shutdown", b'"lease"', b'"measure"')
 """One that is still whole would end the daemon, take the instrument, or measure."""
@@ -20,7 +21,7 @@ def flood(endpoint: str, count: int, connections: int) -> None:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     links = [context.socket(zmq.DEALER) for _ in range(connections)]
     for link in links:
-        link.connect(endpoint)
+        unlocked(link).connect(endpoint)
     for k in range(count):
         link = links[k % connections]
         link.send_multipart(ready[k % len(ready)])

@@ -1,6 +1,7 @@
 """The daemon as a service, measured: soak, kills, hostile messages. Run with -s to read the figures.
 
-Modest sizes unless the environment asks for more: PZCTL_SOAK=10000 PZCTL_KILLS=200 PZCTL_HOSTILE=1000000.
+Modest sizes unless the environment asks for more: PZCTL_SOAK=10000 PZCTL_KILLS=200 PZCTL_HOSTILE=1000000
+PZCTL_PRICED=2000. Everything speaks CURVE and writes the hash chain; `test_price` leaves them out, to compare.
 """
 
 import logging
@@ -22,11 +23,8 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
+from hostile_messages import ENDLESS
 from keyed import unlocked
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-
-from test_hostile_messages import ENDLESS
 
 from pzctl.daemon.client.client import Client, connect
 from pzctl.daemon.client.location import Location
@@ -35,6 +33,7 @@ from pzctl.daemon.files.daemon_options import DaemonOptions
 from pzctl.daemon.files.paths import journal_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.journal.stores import chain
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, encode, sweep_columns
 from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
@@ -43,6 +42,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 
 SOAK = int(os.environ.get("PZCTL_SOAK", "300"))
 KILLS = int(os.environ.get("PZCTL_KILLS", "10"))
+PRICED = int(os.environ.get("PZCTL_PRICED", "300"))
 HOSTILE = int(os.environ.get("PZCTL_HOSTILE", "20000"))
 FLOOD_SECONDS = float(os.environ.get("PZCTL_FLOOD_SECONDS", "2"))
 
@@ -117,17 +117,17 @@ AHEAD = 20
 """Measurements that are asked for ahead of the one that runs."""
 
 
-def measure_on(lab: Client, where: Location) -> tuple[float, list[float]]:
-    """Have SOAK sweeps measured, one behind the other; return the seconds, and the daemon's memory by tenths."""
+def measure_on(lab: Client, where: Location, count: int = SOAK) -> tuple[float, list[float]]:
+    """Have sweeps measured, one behind the other; return the seconds, and the daemon's memory by tenths."""
     events, done, asked, rss = lab.listen(patience=60), 0, 0, list[float]()
     began = time.perf_counter()
-    while done < SOAK:
-        while asked < min(SOAK, done + AHEAD):
+    while done < count:
+        while asked < min(count, done + AHEAD):
             lab.begin(BUILD, "disk")
             asked += 1
         event = next(events).event
         if isinstance(event, StateEvent) and event.state == "measured":
-            if done % max(1, SOAK // 10) == 0:
+            if done % max(1, count // 10) == 0:
                 rss.append(rss_MB(where.pid))
             done += 1
     return time.perf_counter() - began, [*rss, rss_MB(where.pid)]
@@ -202,6 +202,24 @@ def a_sweep() -> tuple[SweepEvent, tuple[bytes, ...]]:
         columns=columns,
     )
     return event, payload
+
+
+def test_price_of_the_chain_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep made lasting with an entry in the chain and without, by turns."""
+    event, payload = a_sweep()
+    append, taken = chain._append, dict[str, list[float]](chained=[], plain=[])
+    with closing(JournalWriter(tmp_path / "chained")) as chained, closing(JournalWriter(tmp_path / "plain")) as plain:
+        for _ in range(max(300, PRICED)):
+            for name, journal in (("chained", chained), ("plain", plain)):
+                monkeypatch.setattr(chain, "_append", append if name == "chained" else lambda *_: None)
+                began = time.perf_counter()
+                journal.append(event, payload)
+                taken[name].append(time.perf_counter() - began)
+    ratio = statistics.median(taken["chained"]) / statistics.median(taken["plain"])
+    print(
+        f"\na sweep kept with the chain: {spread(taken['chained'])}, {ratio:.2f} times that without: "
+        f"{spread(taken['plain'])}"
+    )
 
 
 def journal_alone(home: Path) -> float:
@@ -348,6 +366,7 @@ class Questions:
     """Asks a daemon, and in turn a plain echo, while a flood lasts; keeps how long each answer took, and the memory."""
 
     def __init__(self, where: Location) -> None:
+        self.quiet = answers_of(where, 200)
         self.ours: list[float] = []
         self.echo: list[float] = []
         self.rss: list[float] = []
@@ -388,12 +407,75 @@ class Questions:
                 f"{name}: median {statistics.median(ordered):.1f} ms, 99 % {ordered[int(0.99 * len(ordered))]:.1f} ms, "
                 f"99.9 % {ordered[int(0.999 * len(ordered))]:.1f} ms, worst {ordered[-1]:.1f} ms, {late} above 100 ms"
             )
+        ratio = statistics.median(self.ours) / statistics.median(self.quiet)
+        parts.append(f"{ratio:.1f} times the median of the daemon before the flood, {spread(self.quiet)}")
         return f"{len(self.ours)} questions; " + "; ".join(parts)
 
 
-def test_hostile(home: Path) -> None:
+def answers_of(where: Location, count: int) -> list[float]:
+    """Return how long a daemon takes to answer, in seconds, `count` times."""
+    taken: list[float] = []
+    with Client(where.events, where.requests, where.key) as lab:
+        for _ in range(count):
+            began = time.perf_counter()
+            lab.status()
+            taken.append(time.perf_counter() - began)
+    return taken
+
+
+ROUNDS = 10
+
+
+def plainly(left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a daemon that is started from now on go without CURVE, the chain or both."""
+    folder = Path(__file__).with_name("plain")
+    monkeypatch.setenv("PZCTL_PLAIN", left_out)
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+
+
+def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What CURVE and the hash chain cost: daemons with and without them, asked and measuring by turns."""
+    ways = {"with both": "", "without the chain": "chain", "without CURVE": "curve", "with neither": "curve,chain"}
+    places: dict[str, Location] = {}
+    for name, left_out in ways.items():
+        monkeypatch.setenv("PZCTL_HOME", str(tmp_path / (left_out or "both")))
+        plainly(left_out, monkeypatch)
+        places[name] = begin()
+    monkeypatch.delenv("PZCTL_PLAIN")
+    answers: dict[str, list[float]] = {name: [] for name in ways}
+    paces: dict[str, list[float]] = {name: [] for name in ways}
+    used: dict[str, float] = dict.fromkeys(ways, 0.0)
+    for _ in range(ROUNDS):  # by turns, so that what else the machine does meets all of them
+        for name, where in places.items():
+            answers[name] += answers_of(where, max(20, PRICED // ROUNDS))
+            with Client(where.events, where.requests, where.key) as lab:
+                before = cpu_seconds(where.pid)
+                seconds, _ = measure_on(lab, where, max(10, PRICED // ROUNDS))
+                used[name] += cpu_seconds(where.pid) - before
+                paces[name].append(max(10, PRICED // ROUNDS) / seconds)
+    for where in places.values():
+        with Client(where.events, where.requests, where.key) as lab:
+            lab.shutdown()
+    print()
+    for name in ways:
+        pace, answer = statistics.median(paces[name]), statistics.median(answers[name])
+        print(
+            f"{name}: an answer {spread(answers[name])}, "
+            f"{answer / statistics.median(answers['with neither']):.2f} times that with neither; "
+            f"{pace:.1f} sweeps a second, {pace / statistics.median(paces['with neither']):.2f} times; "
+            f"{used[name] / used['with neither']:.2f} times its processor time"
+        )
+    archive = JournalReader(journal_folder(tmp_path / "both"))
+    assert archive.verify() == []
+    archive.close()
+
+
+@pytest.mark.parametrize("left_out", ["", "curve,chain"])
+def test_hostile(home: Path, left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Messages made to harm, from another process over eight connections; a proper question is asked meanwhile."""
+    plainly(left_out, monkeypatch)
     where = begin()
+    monkeypatch.delenv("PZCTL_PLAIN")
     before, began, used = rss_MB(where.pid), time.perf_counter(), cpu_seconds(where.pid)
     flood = subprocess.Popen([sys.executable, str(FLOODER), where.requests, str(HOSTILE), "8"])
     asked = Questions(where)
@@ -401,7 +483,8 @@ def test_hostile(home: Path) -> None:
     seconds, used = time.perf_counter() - began, cpu_seconds(where.pid) - used
     with connect() as lab:
         counts = lab.metrics().counts
-    print(f"\nhostile: {HOSTILE} messages in {seconds:.1f} s; {counts.get('garbage', 0)} counted as garbage, ", end="")
+    print(f"\nwithout {left_out or 'nothing'}: {HOSTILE} hostile messages in {seconds:.1f} s; ", end="")
+    print(f"{counts.get('garbage', 0)} counted as garbage, ", end="")
     print(f"{1e6 * used / HOSTILE:.0f} us of the daemon's processor time each; load {os.getloadavg()[0]:.1f}")
     print(asked.says())
     tenths = [round(asked.rss[k * len(asked.rss) // 10], 1) for k in range(10)]

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,14 @@ import pytest
 
 from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
+from pzctl.daemon.journal.integrity.audit import audit_entries
 from pzctl.daemon.journal.integrity.repair import repair_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.journal.stores.array_file import find_index, split_array
+from pzctl.daemon.journal.withdrawal import withdrawal_event, withdrawal_of
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport
 from pzctl.models.build import Build
@@ -160,6 +163,72 @@ def test_repair_writes_the_rows_anew(folder: Path, build: Build, harm: Callable[
     assert [hole.first for hole in journal.missing(1, newest)] == [1, 4, 6, 8]
     assert arrays_of(folder) == before
     journal.close()
+
+
+PAGE = 4096
+
+
+def test_repair_keeps_withdrawals_and_the_audit_log_wherever_the_damage_is(tmp_path: Path, build: Build) -> None:
+    """Each page of a database is destroyed in turn; what a repair cannot keep, it names."""
+    whole = tmp_path / "whole"
+    journal = JournalWriter(whole)
+    journal.append(StateEvent(state="started", client="local"))
+    ids = [measure(journal, build, f"request {k}") for k in range(6)]
+    refused, _ = journal.begin_measurement("refused", build, "disk")
+    journal.append(StateEvent(state="failed", measurement=refused, sample=SampleStep(build.name, "disk"), says="no"))
+    journal.append(withdrawal_event(journal, ids[2], "the lead had come off", "bench", "Ana"))
+    audit = list(audit_entries(journal.store))
+    newest, sweeps = journal.newest, [journal.sweeps(one) for one in ids]
+    journal.close()
+    kept = names = 0
+    pages = range((whole / "journal.sqlite").stat().st_size // PAGE)
+    for page in pages:
+        folder = tmp_path / str(page)
+        shutil.copytree(whole, folder)
+        with (folder / "journal.sqlite").open("r+b") as file:
+            file.seek(page * PAGE)
+            file.write(b"\xff" * PAGE)
+        report = repair_folder(folder)
+        reader = JournalReader(folder)
+        assert reader.verify() == []
+        assert [reader.sweeps(one) for one in ids] == sweeps
+        assert not [hole for hole in reader.missing(1, newest) if not hole.says]
+        withdrawal = withdrawal_of(reader, ids[2])
+        measurement = reader.measurement(ids[2])
+        assert measurement is not None
+        if withdrawal is not None:
+            assert (withdrawal.by, withdrawal.why, measurement.state) == ("Ana", "the lead had come off", "withdrawn")
+        same = list(audit_entries(reader.store)) == audit
+        assert report.lost or (withdrawal and same and reader.measurement(refused))
+        kept += bool(withdrawal)
+        names += same
+        reader.close()
+    assert min(kept, names) > len(pages) // 2, "one page of many is damaged: most can be read"
+
+
+def test_rows_of_another_journal_or_changed_ones_are_not_taken_over(folder: Path, tmp_path: Path, build: Build) -> None:
+    """What a repair takes from a damaged database is of these recordings, and as it was written."""
+    journal = JournalWriter(folder)
+    first, second = (one.id for one in journal.measurements())
+    journal.append(withdrawal_event(journal, first, "the lead had come off", "bench", "Ana"))
+    journal.close()
+    with closing(sqlite3.connect(folder / "journal.sqlite")) as db, db:
+        (header,) = db.execute("SELECT header FROM events WHERE kind = 'state' ORDER BY seq DESC").fetchone()
+        forged = header.replace(first.encode(), second.encode())
+        db.execute("UPDATE events SET header = ?, measurement = ? WHERE header = ?", (forged, second, header))
+        db.execute("UPDATE measurements SET state = 'withdrawn' WHERE id = ?", (second,))
+        db.execute("PRAGMA writable_schema=ON")
+        db.execute("UPDATE sqlite_schema SET rootpage = 99999 WHERE name = 'fits'")
+    report = repair_folder(folder)
+    assert [sentence for sentence in report.lost if "not what was written" in sentence]
+    with closing(JournalReader(folder)) as reader:
+        assert [one.state for one in reader.measurements()] == ["withdrawn", "measured"]
+    other = JournalWriter(tmp_path / "other")
+    other.append(StateEvent(state="leased", client="somebody"))
+    other.close()
+    shutil.copy(tmp_path / "other" / "journal.sqlite", folder / "journal.sqlite")
+    report = repair_folder(folder)
+    assert (report.salvaged, [one for one in report.lost if "names one of the recordings" in one] != []) == (0, True)
 
 
 def test_an_older_copy_of_the_database_is_added_to(tmp_path: Path, build: Build) -> None:

@@ -3,8 +3,10 @@
 import json
 import logging
 import os
+import subprocess
+import sys
 from collections.abc import Callable
-from datetime import date
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
@@ -15,8 +17,17 @@ from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import keys_folder
 from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.requests.request_errors import RequestError
-from pzctl.daemon.wire.curve_keys import clients, make_client, make_server, revoke
-from pzctl.daemon.wire.requests import StatusRequest
+from pzctl.daemon.wire.curve_keys import (
+    KeyFileError,
+    clients,
+    make_client,
+    make_server,
+    read_client_key,
+    revoke,
+    rotate,
+)
+from pzctl.daemon.wire.requests import BenchRequest, StatusRequest
+from pzctl.models.build import Build
 
 STATUS = StatusRequest(id="1")
 
@@ -140,3 +151,66 @@ def test_an_expiry_that_is_written_into_the_file_counts_at_once(
             DaemonError, match=r"the key of 'ana' expired after 2020-01-01; ask the daemon.s administrator"
         ):
             lab.status()
+
+
+TODAY = date(2027, 3, 1)
+WEEK = timedelta(days=7)
+
+
+def test_the_key_before_a_rotation_expires_and_allows_no_more_than_the_new_one(keys: Path) -> None:
+    today = [TODAY]
+    old = make_client(keys, "ana", "bench")
+    gate = AccessControl(keys, outside=True, today=lambda: today[0])
+    new = rotate(keys, "ana", TODAY + WEEK, TODAY)
+    step = BenchRequest(id="1", command={"command": "status"})
+    assert [gate.check(key.public, step) for key in (old, new)] == ["ana", "ana"], "one client with two keys"
+    path = keys / "clients" / "ana.json"
+    path.write_text(path.read_text().replace('"bench"', '"watch"'))
+    for key in (old, new):
+        assert gate.check(key.public, STATUS) == "ana"
+        with pytest.raises(RequestError, match="has the right to watch"):
+            gate.check(key.public, step)
+    with pytest.raises(KeyFileError, match=r"the key before this one is valid until 2027-03-08; rotate again after"):
+        rotate(keys, "ana", TODAY + WEEK, TODAY)
+    today[0] = TODAY + WEEK + timedelta(days=1)
+    assert [gate.allows(key.public) for key in (old, new)] == [False, True]
+    assert gate.somebody_was_barred()
+    newest = rotate(keys, "ana", today[0] + WEEK, today[0])
+    assert [gate.allows(key.public) for key in (old, new, newest)] == [False, True, True]
+    path.unlink()
+    assert not gate.allows(new.public), "it counts only beside the present one"
+    fresh = make_client(keys, "ana", "watch")
+    assert [gate.allows(key.public) for key in (new, newest, fresh)] == [False, False, True], "nor beside another"
+    rotate(keys, "ana", today[0] + WEEK, today[0])
+    revoke(keys, "ana")
+    assert not gate.allows(fresh.public)
+
+
+def test_a_rotation_does_not_prolong_a_key(keys: Path) -> None:
+    make_client(keys, "ana", "watch", TODAY)
+    with pytest.raises(KeyFileError, match="its key expires after 2027-03-01; give the new one a day too"):
+        rotate(keys, "ana", TODAY + WEEK, TODAY)
+    rotate(keys, "ana", TODAY + WEEK, TODAY, TODAY + 10 * WEEK)
+    assert [one.expires for one in clients(keys)[0]] == [TODAY + 10 * WEEK, TODAY]
+    with pytest.raises(KeyFileError, match="client 'eve' is not known; there are ana"):
+        rotate(keys, "eve", TODAY, TODAY)
+
+
+def test_a_client_goes_on_with_either_key_while_it_is_rotated(
+    start_daemon: Callable[..., Location], build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_server(keys_folder(tmp_path))
+    old = make_client(keys_folder(tmp_path), "ana", "measure")
+    where = start_daemon()
+    monkeypatch.chdir(tmp_path)
+    with Client(where.events, where.requests, old) as before, before.lease("ana", 60.0) as lease:
+        program = Path(sys.executable).with_name("pzctl")
+        told = subprocess.run([program, "keys", "rotate", "ana"], capture_output=True, text=True, check=True).stdout
+        assert "the old key is valid until" in told
+        assert (tmp_path / "ana.new.key").stat().st_mode & 0o077 == 0
+        with Client(where.events, where.requests, read_client_key(tmp_path / "ana.new.key")) as after:
+            assert after.measure(build, "disk", lease=lease).sweeps, "the lease is the client's, not the key's"
+            assert before.status().lease
+    again = subprocess.run([program, "keys", "rotate", "nobody"], capture_output=True, text=True, check=False)
+    assert again.returncode == 2 or "is not known" in again.stderr
+    assert not (tmp_path / "nobody.new.key").exists(), "a key that was not made leaves no file"

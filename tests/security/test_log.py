@@ -1,5 +1,6 @@
 """Who knocks without end does not fill the disk: the log says how often, and begins a new file."""
 
+import asyncio
 import logging
 import os
 import subprocess
@@ -12,8 +13,16 @@ import zmq
 
 from pzctl import connect
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.client.protocol import DaemonError
+from pzctl.daemon.files.worker_limits import Limits
+from pzctl.daemon.journal.journal_reader import JournalMeasurement
 from pzctl.daemon.server.logs import LOGS_KEPT, MINUTE, REPEATED, RepeatLimit
+from pzctl.daemon.server.workers.bounded_logs import keep_newest
+from pzctl.daemon.server.workers.job_runner import JobRunner, WorkerJob
+from pzctl.daemon.server.workers.process_runner import ProcessExit
+from pzctl.daemon.server.workers.subprocesses import last_line
 from pzctl.daemon.wire.curve_keys import ClientKey, new_pair
+from pzctl.daemon.wire.events import FitEvent, SampleStep
 from pzctl.daemon.wire.socket_options import unlock
 
 
@@ -70,6 +79,62 @@ def test_keys_that_are_not_known_leave_few_lines(start_daemon: Callable[..., Loc
     with connect() as lab:
         assert lab.status().seq > 0
     assert Path(where.log).read_text().count("an unknown or expired key was refused") == REPEATED
+
+
+def test_a_long_command_of_the_bench_is_refused_and_no_other_fills_the_log(
+    start_daemon: Callable[..., Location], tmp_path: Path
+) -> None:
+    start_daemon()
+    with connect() as lab:
+        for command, says in (
+            ({"command": "x" * 100_000}, "a command of 100014 bytes; at most 4096 are allowed"),
+            ({"command": "y" * 4000}, "bench: no command"),
+            ({"command": "power-cycle", "seconds": ["a"]}, "'seconds' is .'a'.; a number is needed"),
+        ):
+            with pytest.raises(DaemonError, match=says):
+                lab.bench(command)
+        assert lab.bench({"command": "status"})["ok"]
+    assert sum(path.stat().st_size for path in (tmp_path / "log").iterdir()) < 8000
+
+
+def test_the_logs_of_failed_jobs_are_few_and_short(tmp_path: Path) -> None:
+    for k in range(30):
+        path = tmp_path / f"job-{k}.log"
+        path.write_bytes(b"x" * 5000 + f"why {k}".encode())
+        os.utime(path, (k, k))
+    (tmp_path / "daemon.log").write_bytes(b"x" * 5000)
+    keep_newest(tmp_path, "job-*.log*", 20, 1000)
+    kept = sorted(tmp_path.glob("job-*"), key=lambda path: path.stat().st_size)
+    assert {path.stem for path in kept} == {f"job-{k}" for k in range(10, 30)}
+    assert all(path.stat().st_size == 1000 for path in kept)
+    assert (tmp_path / "job-29.log").read_bytes().endswith(b"why 29")
+    assert (tmp_path / "daemon.log").stat().st_size == 5000
+
+
+def test_two_jobs_of_one_measurement_have_logs_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is done removes its log; the other fails later, and must find its own, or nobody is told."""
+    done = asyncio.Event()
+
+    async def run(module: str, arguments: list[str], log: Path, *_: object) -> ProcessExit:
+        log.write_text(f"the end of {arguments[2]}")
+        if "bvd" in arguments:
+            await done.wait()
+            return ProcessExit(1, last_line(log))
+        asyncio.get_running_loop().call_later(0.05, done.set)
+        return ProcessExit(0, "")
+
+    monkeypatch.setattr("pzctl.daemon.server.workers.job_runner.run_to_end", run)
+    answers: list[FitEvent] = []
+
+    async def both() -> None:
+        jobs = JobRunner(tmp_path, "events", "requests", None, Limits(), answers.append)
+        of = JournalMeasurement("m", "run", SampleStep("S4", "disk"), "measured", "")
+        assert jobs.begin(WorkerJob("m", "bvd"), of, ())
+        assert jobs.begin(WorkerJob("m", "mason"), of, ())
+        await asyncio.wait_for(asyncio.gather(*jobs.running.values()), 10)
+
+    asyncio.run(both())
+    assert [answer.error for answer in answers] == ["bvd of measurement m: the end of bvd"]
 
 
 def _is_refused(heard: "zmq.Socket[bytes]") -> bool:

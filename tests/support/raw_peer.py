@@ -35,3 +35,15 @@ def send_until_cut(link: socket.socket, block: bytes, most: int) -> bool:
     except (ConnectionResetError, BrokenPipeError):
         return True
     return False
+
+
+def frames_in(block: bytes) -> list[tuple[bool, bytes]]:
+    """Return the frames of plain ZMTP bytes: whether more of the message follows, and what is in it."""
+    found: list[tuple[bool, bytes]] = []
+    while block:
+        wide = 8 if block[0] & 2 else 1
+        start = 1 + wide
+        end = start + int.from_bytes(block[1:start], "big")
+        found.append((bool(block[0] & 1), block[start:end]))
+        block = block[end:]
+    return found

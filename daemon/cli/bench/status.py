@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from ....models.base.names import shown
+from ...wire.replies import BackupState
 
 
 def status(
@@ -29,6 +30,8 @@ def status(
     print(f"measuring: {measured}; {len(now.queue)} waiting")
     if now.lease:
         print(f"leased: {shown(now.lease.owner)} until {now.lease.until}")
+    if now.backup:
+        print(shown(backup_sentence(now.backup)))
     for fitter in now.fitters:
         named = " ".join(filter(None, (fitter.name, fitter.version)))
         print(f"fitter {shown(named)}: {shown(fitter.says or fitter.state)}")
@@ -41,3 +44,12 @@ def status(
     for what, spread in metrics.seconds.items():
         if spread.median is not None and spread.p99 is not None:
             print(f"{what}: median {1e3 * spread.median:.2f} ms, 99 % {1e3 * spread.p99:.2f} ms of {spread.count}")
+
+
+def backup_sentence(backup: BackupState) -> str:
+    """Return one line about the scheduled backup; it begins with an alarm if there is reason for one."""
+    alarm = "ALARM: failed, " if backup.failed else "ALARM: late, " if backup.late else ""
+    last = f"last good one {backup.last_success}" if backup.last_success else "none yet"
+    running = ", one is running" if backup.running else ""
+    said = f": {backup.says}" if backup.says else ""
+    return f"backup to {backup.to} every {backup.every_hours:g} h: {alarm}{last}{running}{said}"

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
 
@@ -69,6 +69,46 @@ def client(
         print(json.dumps({"name": name, "right": right, "file": str(path)}))
     else:
         print(f"{name} has the right to {right}; pass {path} on over a secure channel, and keep no copy")
+
+
+@app.command("rotate")
+def rotate(
+    name: Annotated[str, typer.Argument(help="Name of the key's owner.")],
+    days: Annotated[int, typer.Option(min=0, max=365, help="Days for which the old key is still valid.")] = 7,
+    out: Annotated[Path | None, typer.Option(help="New key file for the client; default: NAME.new.key.")] = None,
+    expires: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the new key is valid.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Give a client a new key beside its old one, which expires after some days. A running daemon notices by itself.
+
+    A key that somebody else may know is to be revoked instead: `pzctl keys revoke`, then `pzctl keys client`.
+
+    Example: pzctl keys rotate ana --days 14
+    """
+    from ...files.paths import home, keys_folder
+    from ...wire.curve_keys import rotate as rotated
+    from ...wire.curve_keys import write_secret
+    from ...wire.frames import to_json
+    from ..analysis.fit import UsageError
+
+    path = out or Path(f"{name}.new.key")
+    if path.exists():
+        raise UsageError(f"--out {path}: this file exists already")
+    today = datetime.now(UTC).date()
+    until = today + timedelta(days=days)
+    write_secret(path, b"")  # before anything is changed, so that the new key has a place
+    try:
+        key = rotated(keys_folder(home()), name, until, today, expires.date() if expires else None)
+    except BaseException:
+        path.unlink()
+        raise
+    path.write_bytes(to_json(key))
+    if as_json:
+        print(json.dumps({"name": name, "file": str(path), "old_until": until.isoformat()}))
+    else:
+        print(f"pass {path} on to {name} over a secure channel; the old key is valid until {until} at the latest")
 
 
 @app.command("page")

@@ -186,6 +186,7 @@ def repair(
 ) -> None:
     """Rebuild a lost or damaged database from the metadata in the recordings. No daemon may run meanwhile.
 
+    Withdrawals and the audit log are taken from the old database, as far as it can be read; what is lost is listed.
     The old database is kept beside the new one; recordings without metadata are moved to `orphans/`.
 
     Example: pzctl journal repair
@@ -206,9 +207,13 @@ def repair(
     if as_json:
         kept = str(report.kept_database) if report.kept_database else None
         answer = {"events": report.events, "measurements": report.measurements, "kept": kept}
-        print(json.dumps(answer | {"set_aside": report.set_aside}))
+        answer |= {"salvaged": report.salvaged, "set_aside": report.set_aside, "lost": report.lost}
+        print(json.dumps(answer))
         return
-    print(f"{report.events} events and {report.measurements} measurements were restored from the recordings")
+    print(f"{report.measurements} measurements were restored: {report.events} events from the recordings")
+    print(f"{report.salvaged} events without a recording, such as withdrawals, were taken from the old database")
+    for sentence in report.lost:
+        print(shown(f"lost: {sentence}"))
     if report.kept_database:
         print(f"the old database is kept as {report.kept_database}")
     for sentence in report.set_aside:

@@ -80,7 +80,8 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
 
 def _state(journal: "JournalReader", measurement: "JournalMeasurement") -> str:
     """Return the state of a measurement that is incomplete or withdrawn, in words."""
-    from ...journal.withdrawal import WITHDRAWN, withdrawal_of
+    from ...journal.stores.event_rows import WITHDRAWN
+    from ...journal.withdrawal import withdrawal_of
 
     withdrawal = withdrawal_of(journal, measurement.id) if measurement.state == WITHDRAWN else None
     return withdrawal.says if withdrawal else measurement.state

@@ -7,6 +7,9 @@ from ..store import Store
 from .array_file import ArrayIndex, IndexedMeasurement
 from .chain import chain_found, chain_row
 
+WITHDRAWN = "withdrawn"
+"""The state of a withdrawn measurement."""
+
 Answer = FitEvent | DiagnosisEvent
 """The answer of a fitter to a measurement."""
 

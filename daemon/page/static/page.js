@@ -203,6 +203,7 @@ const heard = {
   missing: (event) => { $("problem").textContent = event.says; },
   progress: (event) => { view.running = event.measurement; say(`measuring ${event.sample.step}`, event.fraction, `${event.what}, ${Math.ceil(event.seconds_left)} s left`); showControls(); },
   state: (event) => {
+    if (event.state === "backup-failed") $("problem").textContent = `Backup ${event.says}`;
     if (!event.measurement) return;
     const ended = ["measured", "measured-aside", "failed", "cancelled", "abandoned", "withdrawn"].includes(event.state);
     view.running = ended ? null : event.measurement;

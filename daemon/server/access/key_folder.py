@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from ...wire.curve_keys import AllowedClient, KeyFileError, client_files, read_client
+from ...wire.curve_keys import AllowedClient, KeyFileError, admitted, client_files, read_client
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ class KeyFolder:
         for path, read in self._files.items():
             if read.says and (path not in before or before[path].says != read.says):
                 log.warning("this client has no access: %s", read.says)
-        return {read.client.public: read.client for read in self._files.values() if read.client is not None}
+        return admitted({path: read.client for path, read in self._files.items() if read.client is not None})
 
     def _read(self, path: Path, before: _Read | None) -> _Read:
         """Return the content of a file, reading it only if it may have changed."""

@@ -14,7 +14,8 @@ from ....models.base.names import among
 from ....models.sweep_plan import PlanError
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
-from ...journal.withdrawal import WITHDRAWN, WithdrawalError, withdrawal_event
+from ...journal.stores.event_rows import WITHDRAWN
+from ...journal.withdrawal import WithdrawalError, withdrawal_event
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
@@ -59,6 +60,7 @@ class RequestHandlers:
     shutdown: Callable[[], None]
     metrics: Metrics
     plan_limits: PlanLimits
+    backup: Callable[[], reply.BackupState | None]
     lease: Lease = field(default_factory=Lease)
     bench_step: BenchStep = field(default_factory=BenchStep)
 
@@ -105,6 +107,7 @@ class RequestHandlers:
                 fitters=tuple(self.supervisor.states.values()),
                 garbage=self.metrics.counts["garbage"],
                 lease=self.lease.holder,
+                backup=self.backup(),
             ),
             [],
         )

@@ -54,6 +54,9 @@ ONCE = (
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
 """Requests that wait for something outside the handlers, or that read the whole journal."""
 
+LONGEST_COMMAND = 4096
+"""Bytes of a command to the bench; its port reads no longer line than 64 KiB."""
+
 MOST_TOLD = 1000
 """Greatest number of characters of a bench command that the journal keeps."""
 
@@ -218,6 +221,11 @@ class RequestServer:
             raise RequestError("no-bench", "the instrument of this daemon has no simulated bench")
         if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
             raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
+        size = len(to_json(request.command))
+        if size > LONGEST_COMMAND:
+            raise RequestError(
+                "bench-failed", f"bench: a command of {size} bytes; at most {LONGEST_COMMAND} are allowed"
+            )
         host, _, port = self._handlers.bench.rpartition(":")
         busy = self._handlers.acquisition.is_busy
         with self._handlers.bench_step.command(request.command, client, busy=busy) as answer:

@@ -4,8 +4,9 @@ import asyncio
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from ...files.auto_diagnosis import DIAGNOSIS
@@ -14,6 +15,7 @@ from ...files.worker_limits import Limits
 from ...journal.journal_reader import JournalMeasurement
 from ...wire.curve_keys import ClientKey
 from ...wire.events import FitEvent
+from .bounded_logs import keep_newest
 from .process_runner import run_to_end
 
 AT_ONCE = 2
@@ -22,6 +24,11 @@ AT_ONCE = 2
 MOST = 100
 """Greatest number of jobs that run or wait."""
 
+LOGS_KEPT = 20
+"""Number of logs of failed jobs to keep."""
+
+LARGEST_LOG = 1 << 20
+"""Bytes to keep of such a log: its end."""
 
 NAMES = "from pzctl.models.effects import catalogue; print(*(effect.name for effect in catalogue()))"
 """A program that prints the names of the effects. It runs in another process, because the catalogue imports SciPy,
@@ -64,6 +71,7 @@ class JobRunner:
     limits: Limits
     publish: Callable[[FitEvent], None]
     running: dict[WorkerJob, "asyncio.Task[None]"] = field(default_factory=dict[WorkerJob, "asyncio.Task[None]"])
+    _numbers: Iterator[int] = field(default_factory=lambda: count(1))
     _effects: "asyncio.Task[frozenset[str]] | None" = None
     _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
 
@@ -95,7 +103,7 @@ class JobRunner:
         async with self._slots:
             began, most = time.monotonic(), self.limits.seconds
             arguments = [*job.arguments, "--events", self.events, "--requests", self.requests]
-            log = log_file(self.home, f"job-{job.measurement}")
+            log = log_file(self.home, f"job-{job.measurement}-{next(self._numbers)}")  # several jobs may be of one
             end = await run_to_end(
                 "pzctl.daemon.server.workers.job_worker",
                 [*arguments, "--memory-MB", str(self.limits.memory_MB)],
@@ -106,6 +114,7 @@ class JobRunner:
         if end.code == 0:
             log.unlink(missing_ok=True)
             return
+        keep_newest(log.parent, "job-*.log*", LOGS_KEPT, LARGEST_LOG)
         self.publish(
             FitEvent(
                 measurement=of.id,

@@ -7,19 +7,28 @@ import re
 import subprocess
 import sys
 import time
+from contextlib import closing
+from dataclasses import replace
+from email.message import Message
+from email.utils import collapse_rfc2231_value
 from pathlib import Path
 from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
+import numpy as np
 import pytest
 from page_requests import ask
 from pruned_hole import endpoints, prune_unheard
 
+from pzctl import connect
 from pzctl.daemon.client import event_follower
+from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_guard import is_loopback
-from pzctl.models.build import Build
+from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
+from pzctl.models.build import Build, Step
+from pzctl.models.sweep import Sweep
 
 TOKEN = "so-secret"  # noqa: S105
 
@@ -126,3 +135,38 @@ def test_what_was_missed_and_pruned_is_one_sentence(
         stream.stop()
 
     asyncio.run(asyncio.wait_for(story(), 90))
+
+
+def test_a_refusal_says_what_to_do(start_daemon, build: Build) -> None:
+    def pressed(step: str) -> str:
+        body = json.dumps({"step": step}).encode()
+        status, _, answer = ask("/api/measure", method="POST", body=body, origin="http://127.0.0.1:8294")
+        assert status == 409
+        return json.loads(answer)["error"]
+
+    start_daemon(time_scale=0.2)
+    assert re.match(r"The simulated bench cannot do this: .*'ml9'.* measure the steps in their order\.", pressed("ml9"))
+    with connect() as lab:
+        lab.begin(build, "disk")
+        assert pressed("disk").startswith("The instrument measures, or a layer is being glued. Wait until it is done")
+        lab.cancel()
+
+
+def test_a_download_has_the_name_of_its_step_whatever_that_is(tmp_path: Path, build: Build) -> None:
+    name = 'm\u00b5"; filename="run.exe'
+    with closing(JournalWriter(tmp_path / "journal")) as journal:
+        steps = (Step(name, ("disk",)),)
+        measurement, _ = journal.begin_measurement("1", replace(build, steps=steps), name)
+        columns, payload = sweep_columns(Sweep(np.linspace(1e6, 2e6, 5), np.ones(5) + 1j))
+        info = InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True)
+        said = {"instrument": info, "build": replace(build, steps=steps), "segment": 1, "segments": 1, "started": ""}
+        sample = SampleStep(build.name, name)
+        event = SweepEvent(measurement=measurement, sample=sample, settings={}, columns=columns, **said)
+        journal.append(event, payload)
+        journal.append(StateEvent(state="measured", measurement=measurement, sample=sample))
+    status, headers, _ = ask(f"/download/{measurement}/1.csv")
+    assert status == 200
+    message = Message()
+    message["Content-Disposition"] = headers["content-disposition"]
+    assert collapse_rfc2231_value(message.get_param("filename", header="Content-Disposition")) == f"{name}-1.csv"
+    assert set(headers["content-disposition"]) <= set(map(chr, range(32, 127)))

@@ -1,0 +1,77 @@
+"""Backup into a folder, such as a mounted share: arrays that are missing there, then the database, then all is read."""
+
+from contextlib import closing
+from pathlib import Path
+
+from ..journal_reader import JournalReader
+from ..store import JournalError
+from ..stores.array_folder import ArrayFolder, copy_file, sync_folder
+from ..stores.database_file import DATABASE, SEALS
+from ..stores.folder_lock import is_written
+from .snapshot import Snapshot
+
+PREVIOUS = f"{DATABASE}.previous"
+"""The database of the backup before, beside the new one."""
+
+
+def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: bool) -> None:
+    """Bring the journal in `target/journal` up to date, and read all of it back. Raises JournalError, OSError.
+
+    `again`: there was a backup before, so one must be there; otherwise a share that is not mounted would be filled.
+    The database there is replaced only by one that continues it, and put back if the new copy is damaged.
+    """
+    if not target.is_dir():
+        raise JournalError(f"{target}: this folder does not exist; is the share mounted?")
+    journal = target / "journal"
+    database = journal / DATABASE
+    if again and not database.exists():
+        raise JournalError(f"{target}: the earlier backup is not there; is the share mounted?")
+    log = journal / f"{DATABASE}-wal"
+    if journal.exists() and (is_written(journal) or (log.exists() and log.stat().st_size)):
+        raise JournalError(f"{journal}: a daemon uses this backup as its journal; restore into another folder")
+    if database.exists():
+        taken.check_continues(database, str(journal))
+    files = ArrayFolder(journal)
+    files.make()
+    _copy_arrays(ArrayFolder(source), files, taken.arrays)
+    for name in (DATABASE, SEALS):
+        if (taken.folder / name).exists():
+            part = journal / f"{name}.part"
+            part.unlink(missing_ok=True)
+            copy_file(taken.folder / name, part)
+    if database.exists():
+        database.replace(journal / PREVIOUS)
+    for name in (DATABASE, SEALS):
+        if (part := journal / f"{name}.part").exists():
+            part.replace(journal / name)
+    sync_folder(journal)
+    _read_back(journal)
+
+
+def _copy_arrays(source: ArrayFolder, target: ArrayFolder, events: tuple[str, ...]) -> None:
+    """Copy the arrays that the target lacks, or holds only a part of."""
+    for event in events:
+        here, there = source.path(event), target.path(event)
+        if here.is_symlink() or not here.exists():
+            raise JournalError(f"{here}: this recording is missing; run `pzctl journal verify`")
+        if there.exists() and there.stat().st_size == here.stat().st_size:
+            continue
+        part = there.with_suffix(".part")
+        part.unlink(missing_ok=True)
+        copy_file(here, part)
+        part.replace(there)
+    sync_folder(target.arrays)
+
+
+def _read_back(journal: Path) -> None:
+    """Raise JournalError if the copy is damaged; then the database before is the backup again."""
+    with closing(JournalReader(journal)) as copy:
+        faults = copy.verify()
+    if not faults:
+        return
+    previous = journal / PREVIOUS
+    if previous.exists():
+        previous.replace(journal / DATABASE)
+    raise JournalError(
+        f"{journal}: the copy is damaged: {faults[0]}; move that file away, and the next backup copies it again"
+    )
