@@ -9,6 +9,9 @@ approximation. 0 for exact recordings. Fitted with `COARSENED` by log score on g
 COARSENED = 0.05
 """Share of the best explanation's missing ln evidence that is added to the coarsening factor (see
 `hypothesis.coarseness`)."""
+COARSENED_RIM = 0.5
+"""The same for a finite diameter and what is beside it: ten constants imitate much more than one effect does, so what
+they leave unexplained counts ten times as much."""
 NAMED = 0.5
 """Posterior probability from which an effect is named: it is then more likely present than absent."""
 CLASS = 0.9
