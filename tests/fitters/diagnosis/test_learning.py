@@ -17,7 +17,7 @@ from pzctl.models.stack import Piezo
 from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
-F = np.linspace(1.5e6, 7.5e6, 201)
+F = np.linspace(1.5e6, 7.5e6, 301)
 NOISE = 2e-4
 
 
