@@ -182,7 +182,7 @@ class _PageRequestHandlers:
         try:
             from . import prometheus_metrics
         except ModuleNotFoundError as error:
-            says = f"{error.name} is not installed; metrics need it: pip install 'pzctl[metrics]'"
+            says = f"{error.name} is not installed; metrics need it: pip install {error.name}"
             return PlainTextResponse(says, 501)
         try:
             with PageClient(user.name) as lab:
