@@ -26,6 +26,8 @@ def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: boo
     database = journal / DATABASE
     if again and not database.exists():
         raise JournalError(f"{target}: the earlier backup is not there; is the share mounted?")
+    if journal.is_symlink():
+        raise JournalError(f"{journal}: this is a symbolic link, which a backup does not follow")
     log = journal / f"{DATABASE}-wal"
     if journal.exists() and (is_written(journal) or (log.exists() and log.stat().st_size)):
         raise JournalError(f"{journal}: a daemon uses this backup as its journal; restore into another folder")
