@@ -16,8 +16,8 @@ from ...fitters.interface import Curve, FitResult
 from ...fitters.manual.adjustables import Adjustable
 from ...fitters.manual.manual_fit import Choices, ManualFit, ModelPreview
 from ...models.base.errors import PzctlError
+from ...models.base.uncertain_numbers import complex_with_uncertainty
 from .pictures.picture_file import as_label
-from .tables.numbers import complex_with_uncertainty
 
 _STEPS = 400
 

@@ -86,10 +86,9 @@ class Moved:
         chosen = list(self.which)
         p, r = own.poles[chosen], own.residues[chosen]
         shift, q, strength = (values.get(name, 0.0) for name in ("shift", "ln Q", "ln strength"))
-        poles, residues = own.poles.copy(), own.residues.copy()
-        poles[chosen], residues[chosen] = changed(p, r, shift, q, strength)
-        now = Resonances(poles, residues)
-        return 1 / (1 / Z + np.sum(now.seen(frequency) - own.seen(frequency), axis=1)), now
+        before = own.seen(frequency)[:, chosen]
+        now = own.with_others(chosen, *changed(p, r, shift, q, strength))
+        return 1 / (1 / Z + np.sum(now.seen(frequency)[:, chosen] - before, axis=1)), now
 
 
 @dataclass(frozen=True, eq=False)

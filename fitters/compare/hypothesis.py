@@ -20,8 +20,6 @@ _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
 _PLAIN, _MARGINAL = 12, 8
 _FEW_RESTS = (0.0, 1e-3, 3e-2)
-_DRIFTED = 2
-"""How often all is linearised anew about the drift that was found."""
 _CLOSE = 1e-3
 """Of a standard uncertainty: a step that is shorter ends a fit."""
 _IMPOSSIBLE = 1e6
@@ -34,6 +32,8 @@ _BOUND = 5.0
 
 
 Change = TwoPort | Turned | DeviceChange
+State = tuple[Impedances, Resonances | None]
+"""What is seen, ohm, and its resonances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,24 +76,31 @@ class Hypothesis:
 
     def predict(self, Z: Impedances, frequency: Reals, x: Reals, own: Resonances | None = None) -> Impedances:
         """Return what is seen after the changes, ohm, shape (N,), where Z with its resonances `own` was before."""
-        seen = Z
-        for k, change in enumerate(self.changes):
+        return self.states((Z, own), frequency, x)[-1][0]
+
+    def states(self, state: State, frequency: Reals, x: Reals, first: int = 0) -> list[State]:
+        """Return what is seen before change `first`, and after it and each further one, shape (K - first + 1)."""
+        made = [state]
+        for k, change in enumerate(self.changes[first:], first):
+            seen, own = made[-1]
             if isinstance(change, TwoPort | Turned):
-                seen = change.apply(seen, frequency, self.values(x, k))
+                made.append((change.apply(seen, frequency, self.values(x, k)), own))
             else:
-                seen, own = change.act(seen, own or change.resonances, frequency, self.values(x, k))
-        return seen
+                made.append(change.act(seen, own or change.resonances, frequency, self.values(x, k)))
+        return made
 
     def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
         """Return what it predicts at `x`, and how that moves; `drift`: where the device changed, with its drift too."""
         f, Z = errors.pair.frequency, errors.pair.before
         own = errors.own
-        seen = self.predict(Z, f, x, own)
+        states = self.states((Z, own), f, x)
+        seen = states[-1][0]
         slopes = np.empty((f.size, x.size), np.complex128)
-        for k in range(x.size):
-            moved = x.copy()
-            moved[k] += _STEP
-            slopes[:, k] = np.log(self.predict(Z, f, moved, own) / seen) / _STEP
+        for first, part in enumerate(self.slices):
+            for k in range(part.start, part.stop):
+                moved = x.copy()
+                moved[k] += _STEP
+                slopes[:, k] = np.log(self.states(states[first], f, moved, first)[-1][0] / seen) / _STEP
         through = np.log(self.predict(Z * (1 + _STEP), f, x, own) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
         each = None
         if drift and self.inside and own.poles.size:
@@ -159,11 +166,15 @@ class Fitted:
         }
 
 
-def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals) -> float:
-    """Return the mean square of ln Z that is left, every point counting alike: what a start is chosen by."""
+def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tuple[State, int] | None = None) -> float:
+    """Return the mean square of ln Z that is left, every point counting alike: what a start is chosen by.
+
+    `known`: what is seen before one of the changes, and which.
+    """
     pair = errors.pair
+    state, first = known or ((pair.before, errors.own), 0)
     with np.errstate(all="ignore"):
-        r = np.log(pair.after / hypothesis.predict(pair.before, pair.frequency, x, errors.own))
+        r = np.log(pair.after / hypothesis.states(state, pair.frequency, x, first)[-1][0])
     kept = np.isfinite(pair.noise_after)
     value = float(np.mean(np.abs(r[kept]) ** 2))
     return value if np.isfinite(value) else np.inf
@@ -223,16 +234,20 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
             sd = np.sqrt(np.maximum(np.diag(outcome.covariance), 1e-18))
             if float(np.max(np.abs(move) / sd)) < 100 * _CLOSE:
                 break
-            x, at = _downhill(hypothesis, errors, x, move, outcome.sizes)
-            near = tuple(r for r in rests if outcome.sizes.rest / 11 <= r <= outcome.sizes.rest * 11) or rests[:3]
-            outcome = errors.outcome(at, near, outcome.sizes, rounds=1)
-    for _ in range(_DRIFTED):
+            x, at = _downhill(hypothesis, errors, (x, at), move, outcome.sizes)
+            outcome = errors.outcome(at, _near(outcome.sizes.rest), outcome.sizes, rounds=1)
+    for last in (False, True):
         errors = errors.drifted(outcome)
         if hypothesis.count:
             x = np.clip(outcome.x, -_BOUND, _BOUND) if _small(outcome, x) else x
         at = hypothesis.linearised(errors, x)
-        outcome = errors.outcome(at, rests, outcome.sizes)
+        outcome = errors.outcome(at, rests if last else _near(outcome.sizes.rest), outcome.sizes)
     return Fitted(hypothesis, x, at, outcome, errors)
+
+
+def _near(rest: float) -> tuple[float, ...]:
+    """Return the sizes of a rest that are worth a look beside the one that was found."""
+    return tuple(size for size in RESTS if rest / 11 <= size <= rest * 11) if rest else tuple(RESTS)[:3]
 
 
 def _small(outcome: Outcome, x: Reals) -> bool:
@@ -241,21 +256,17 @@ def _small(outcome: Outcome, x: Reals) -> bool:
 
 
 def _downhill(
-    hypothesis: Hypothesis, errors: PairErrors, x: Reals, move: Reals, sizes: Sizes
+    hypothesis: Hypothesis, errors: PairErrors, here: tuple[Reals, Linearised], move: Reals, sizes: Sizes
 ) -> tuple[Reals, Linearised]:
     """Return the place a step leads to, shortened as long as it goes uphill."""
-    before = _cost(hypothesis, errors, x, sizes)
+    x, at = here
+    chi2 = errors.merit(at, sizes)
+    before = chi2(at.predicted) + float(x @ x)
     move = move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST)
     for _ in range(6):
         trial = np.clip(x + move, -_BOUND, _BOUND)
-        if _cost(hypothesis, errors, trial, sizes) < before:
+        seen = hypothesis.predict(errors.pair.before, errors.pair.frequency, trial, errors.own)
+        if chi2(seen) + float(trial @ trial) < before:
             return trial, hypothesis.linearised(errors, trial)
         move = move / 3
-    return x, hypothesis.linearised(errors, x)
-
-
-def _cost(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> float:
-    """Return chi2 with the coordinates held at `x`, errors integrated out, and their prior."""
-    at = hypothesis.linearised(errors, x)
-    held = Linearised(at.predicted, at.through, at.slopes[:, :0], at.shapes, np.zeros(0), (), at.frequency, at.each)
-    return errors.quadratic(held, sizes) + float(x @ x)
+    return x, at

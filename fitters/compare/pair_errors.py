@@ -14,7 +14,7 @@ All but noise and rest are columns with a unit normal prior, integrated out exac
 by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, that nobody has named.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import log
 from typing import Any
@@ -45,6 +45,8 @@ _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
 _USUAL_DRIFT = 1e-4
+_FAR_BELOW = 30.0
+"""Ln evidence behind the best size of a rest from which the ones beyond are no longer looked at."""
 _FURTHEST_DRIFT = 6e-4
 """Drift about which errors are linearised at most: what moved further was no drift."""
 USUAL_REST = 3e-4
@@ -182,9 +184,8 @@ class PairErrors:
             poles, residues = changed(own.poles, own.residues, shift, q, 0.0)
             now = pole_terms(f, poles, residues)
             for k in range(poles.size):
-                p, r = own.poles.copy(), own.residues.copy()
-                p[k], r[k] = poles[k], residues[k]
-                yield 1 / (Y + now[:, k] - seen[:, k]), Resonances(p, r), _STEP
+                moved = own.with_others([k], poles[k : k + 1], residues[k : k + 1])
+                yield 1 / (Y + now[:, k] - seen[:, k]), moved, _STEP
 
     def _drift(self, at: Linearised) -> dict[str, Complexes]:
         """Return what a drift of one does to ln Z after: of all resonances together, and of each, shapes (N, M)."""
@@ -273,23 +274,24 @@ class PairErrors:
         points = self.points(at)
         white = in_noise([points], [X])
         kept = np.isfinite(points.noise)
-        logs: list[float] = []
+        logs: dict[float, float] = {}
         best: tuple[float, Sizes, Reals] | None = None
         sizes = start or Sizes()
-        for rest in rests:
-            kernel = Kernel([points], 0.0, (rest, 0.0))
-            G = kernel.whitened(white).squared()
-            sizes = replace(sizes, rest=rest)
-            value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
-            logs.append(value)
-            if best is None or value > best[0]:
-                best = value, sizes, G
-            if rest and value < best[0] - 40:
-                break
+        for side in _outwards(rests, sizes.rest):
+            for rest in side:
+                kernel = Kernel([points], 0.0, (rest, 0.0))
+                G = kernel.whitened(white).squared()
+                sizes = replace(best[1] if best else sizes, rest=rest)
+                value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
+                logs[rest] = value
+                if best is None or value > best[0]:
+                    best = value, sizes, G
+                if value < best[0] - _FAR_BELOW:
+                    break
         if best is None:
             raise ValueError("no rests")
-        total = float(np.logaddexp.reduce(logs))
-        usual = [v for v, rest in zip(logs, rests, strict=False) if rest <= USUAL_REST]
+        total = float(np.logaddexp.reduce(list(logs.values())))
+        usual = [value for rest, value in logs.items() if rest <= USUAL_REST]
         part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
         return self._finished(at, best[1], best[2] / best[1].noise ** 2, (X, where), (total, part))
 
@@ -329,6 +331,27 @@ class PairErrors:
             made[own] = _beside(drift, at.slopes[:, own], 1 / self.points(at).noise)[1]
         return made
 
+    def merit(self, near: Linearised, sizes: Sizes) -> Callable[[Impedances], float]:
+        """Return chi2 as a function of what is predicted near here, all errors integrated out as they are here."""
+        at = replace(near, slopes=near.slopes[:, :0], x=near.x[:0], inside=())
+        X, where = self.columns(at)
+        kernel = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0))
+        white = kernel.white([X])
+        G = white.squared() / sizes.noise**2
+        scale = _scale(where, sizes, G.shape[0])
+        c, _ = _factor(G, scale)
+        drifted = X[:, 0] - np.log(self.pair.after / near.predicted)
+
+        def chi2(predicted: Impedances) -> float:
+            r = np.log(self.pair.after / predicted) + drifted
+            own = kernel.white([r[:, None]])
+            v = scale * white.times(own)[1:, 0] / sizes.noise**2
+            solved, _ = dpotrs(c, v, lower=1)
+            value = float(own.squared()[0, 0]) / sizes.noise**2 - float(v @ solved)
+            return value if np.isfinite(value) else np.inf
+
+        return chi2
+
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
         X, where = self.columns(at)
@@ -336,6 +359,11 @@ class PairErrors:
         seen = G / sizes.noise**2
         _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)
+
+
+def _outwards(rests: Sequence[float], known: float) -> tuple[Sequence[float], Sequence[float]]:
+    """Return the sizes from the known one up, then those below it down: far from the best, none counts any more."""
+    return [size for size in rests if size >= known], [size for size in reversed(rests) if size < known]
 
 
 def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:

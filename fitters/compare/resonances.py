@@ -3,7 +3,7 @@
 Poles are those of the gates' rational fit (`fitters/diagnosis/data_quality/pole_fit.py`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -30,6 +30,8 @@ class Resonances:
     """1/s over 2 pi, shape (P,): Im p is the frequency in Hz, -Re p half of its width."""
     residues: Complexes
     """S Hz, shape (P,)."""
+    _known: "list[tuple[Frequencies, Complexes]]" = field(default_factory=list)
+    """What was computed last: every hypothesis asks for the same."""
 
     @property
     def q(self) -> Reals:
@@ -38,7 +40,21 @@ class Resonances:
 
     def seen(self, frequency: Frequencies) -> Complexes:
         """Return the admittance of each, S, shape (N, P)."""
-        return pole_terms(frequency, self.poles, self.residues)
+        if not self._known or self._known[0][0] is not frequency:
+            self._known[:] = [(frequency, pole_terms(frequency, self.poles, self.residues))]
+        return self._known[0][1]
+
+    def with_others(self, chosen: list[int], poles: Complexes, residues: Complexes) -> "Resonances":
+        """Return the same with some of the resonances replaced; only these are computed anew."""
+        p, r = self.poles.copy(), self.residues.copy()
+        p[chosen], r[chosen] = poles, residues
+        made = Resonances(p, r)
+        if self._known:
+            frequency, seen = self._known[0]
+            seen = seen.copy()
+            seen[:, chosen] = pole_terms(frequency, poles, residues)
+            made._known.append((frequency, seen))
+        return made
 
 
 def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) -> Complexes:

@@ -130,10 +130,12 @@ def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, 
         return plain_misfit(hypothesis, errors, base), base
     starts: list[tuple[float, Reals]] = []
     change = hypothesis.changes[at]
+    pair = errors.pair
+    state = Hypothesis(hypothesis.changes[:at]).states((pair.before, errors.own), pair.frequency, base)[-1]
     for coordinates in change.starts or [(float(z),) for z in change.sizes[0].lattice]:
         x = base.copy()
         x[own.start : own.start + len(coordinates)] = coordinates
-        starts.append((plain_misfit(hypothesis, errors, x), x))
+        starts.append((plain_misfit(hypothesis, errors, x, (state, at)), x))
     lowest = sorted(starts, key=lambda start: start[0])
     apart = 0.6 if not change.sizes[0].signed else 0.0
     followed = [plain_fit(hypothesis, errors, x, steps) for _, x in _apart(lowest, own.start, apart)]

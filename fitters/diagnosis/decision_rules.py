@@ -9,6 +9,9 @@ approximation. 0 for exact recordings. Fitted with `COARSENED` by log score on g
 COARSENED = 0.05
 """Share of the best explanation's missing ln evidence that is added to the coarsening factor (see
 `hypothesis.coarseness`)."""
+COARSENED_RIM = 0.5
+"""The same for a finite diameter and what is beside it: ten constants imitate much more than one effect does, so what
+they leave unexplained counts ten times as much."""
 NAMED = 0.5
 """Posterior probability from which an effect is named: it is then more likely present than absent."""
 CLASS = 0.9
@@ -39,8 +42,9 @@ LINES = 8
 RECHECKED = 12
 """Budget: hypotheses fitted again when the error model has changed."""
 TOLERATED = 2.0
-"""Standard deviations of a fixture's residual (`errors.scales.FIXTURE`) up to which an effect at the terminals is
-attributed to the fixture, if the recordings show instrument errors; one fixture in twenty has more."""
+"""Standard deviations of a fixture's residual (`prior_scales.FIXTURE`) up to which an effect at the terminals is
+attributed to the fixture, if the recordings show instrument errors, and of the analyzer's accuracy up to which an
+artefact is an error that it may have; one in twenty has more."""
 LEFT = 1.5e-3
 """Rms of ln Z that the imperfections of a good device cause together: weak lines, scatter of thickness, losses that
 change over the band. A larger model error has a cause of its own."""

@@ -1,7 +1,7 @@
 """The complete diagnosis of a build: data checks, hypotheses, validation, open questions, verdict."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,8 @@ from ..engine.multi_step_fit import solve
 from ..interface import FitTask
 from ..uncertainty.fit_result import curves_of
 from .data_quality.data_gates import Gated, gate
-from .findings import Diagnosis, Finding, Fitted, Leftover, Remaining, Size, Verdict
+from .decision_rules import NAMED
+from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Size, Verdict
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.hypothesis import Hypothesis
@@ -22,6 +23,8 @@ from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, covariance_of
 from .inference.undetectable import not_decidable
+from .learning.learned_effect import with_learned
+from .learning.places import PlacedCorrection, placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
 from .search.score_test import scores
@@ -39,12 +42,14 @@ def diagnose(
     progress: Callable[[str], None] = lambda _: None,
     hold_out: str = BANDS,
     others: Mapping[str, FitTask] | None = None,
+    learn: bool = False,
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
     `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
-    data reserved for validation. `others` are further samples by name, on which the findings are tested. Raises
-    FitError if the recordings cannot be fitted or contain no such data to hold out, EffectError for an unknown effect.
+    data reserved for validation. `others` are further samples by name, on which the findings are tested. `learn`:
+    whether to look for a law of what no effect of the catalogue explains. Raises FitError if the recordings cannot be
+    fitted or contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
     progress("checking the data")
@@ -62,6 +67,11 @@ def diagnose(
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
+    places = placed_corrections(search.problem, found.final, progress) if found.something_left else ()
+    if learn and places:
+        found = with_learned(search.problem, found, places, progress)
+        final = as_refit(problem, found.final)
+        held_after = held_out_chi2(problem, final)
     told = [(one, _finding(problem, one, found, final, (held_before, held_after))) for one in found.named]
     told = [(one, said) for one, said in told if not where_disturbed(gated, one.candidate, final)]
     left = remainder(final)
@@ -69,7 +79,7 @@ def diagnose(
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left))
+        findings.append(_unknown(final, held_after, left, places))
     constants = constants_of(problem, found.final)
     proofs = tuple(carried_over(problem, final, name, other, progress) for name, other in (others or {}).items())
     progress("searching for effects that the constants would hide")
@@ -89,8 +99,22 @@ def diagnose(
         others=proofs,
         remaining=found.remaining,
         remarks=tuple(said for one, said in told if one.kind == "remark"),
+        places=tuple(_place(one) for one in places),
         seconds=time.perf_counter() - began,
     )
+
+
+def _place(one: PlacedCorrection) -> MismatchPlace:
+    """Return a place as it is shown."""
+    curve = CorrectionCurve(
+        frequency_Hz=tuple(one.frequency.tolist()),
+        re=tuple(one.correction.real.tolist()),
+        im=tuple(one.correction.imag.tolist()),
+        u_re=tuple(one.u_re.tolist()),
+        u_im=tuple(one.u_im.tolist()),
+    )
+    says = f"A correction of {one.place.says} that depends on frequency would explain what is left."
+    return MismatchPlace(one.place.where, one.place.quantity, one.steps[0], one.probability, says, curve)
 
 
 def _nearest(found: Conclusion) -> tuple[str, ...]:
@@ -145,7 +169,10 @@ def _finding(
         for band in guilty_bands(recording.sweep.frequency, 1 + excess)
     ]
     before = held_out_chi2(problem, without) if len(final.effects) > 1 else held[0]
-    says = candidate.effect.says.format(where=candidate.where)
+    sizes = _sizes(candidate, found.final)
+    says = candidate.effect.sentence(
+        candidate.where, {name: (size.value, size.u, size.unit) for name, size in sizes.items()}
+    )
     twins = [other.where for other in named.same_as if other.effect == candidate.effect.name]
     says += "".join(f" At {place} it would look the same." for place in twins)
     if candidate in unforeseen(problem, final):
@@ -156,7 +183,7 @@ def _finding(
         step=candidate.step,
         probability=named.probability,
         bands_Hz=tuple(bands[:5]),
-        parameters=_sizes(candidate, found.final),
+        parameters=sizes,
         chi2_per_dof_before=without.chi2_per_dof,
         chi2_per_dof_after=final.chi2_per_dof,
         held_out_before=before,
@@ -187,7 +214,12 @@ def _sizes(candidate: Candidate, final: Hypothesis) -> dict[str, Size]:
     return sizes
 
 
-def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
+def _unknown(final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection]) -> Finding:
+    likely = [one for one in places[:1] if one.probability > NAMED]
+    where = "".join(
+        f" Most probably (P = {one.probability:.2f}) it acts on {one.place.says}; `--learn` looks for its law."
+        for one in likely
+    )
     return Finding(
         effect=UNKNOWN,
         where=ANY,
@@ -201,7 +233,8 @@ def _unknown(final: Refit, held: float, left: Leftover) -> Finding:
         held_out_after=held,
         alternatives=(),
         says="No effect of the catalogue explains the misfit; find its cause before you use the constants. "
-        f"{in_words(left)}".rstrip(),
+        f"{in_words(left)}".rstrip()
+        + where,
     )
 
 

@@ -66,6 +66,30 @@ class Remaining:
 
 
 @dataclass(frozen=True)
+class CorrectionCurve:
+    """A dimensionless correction over frequency with its standard uncertainty."""
+
+    frequency_Hz: tuple[float, ...]
+    re: tuple[float, ...]
+    im: tuple[float, ...]
+    u_re: tuple[float, ...]
+    u_im: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MismatchPlace:
+    """A place of the model at which a smooth correction would explain what is left."""
+
+    where: str
+    quantity: str
+    """`stiffness`, `permittivity`, `coupling`, `compliance`, `inertia`, `impedance`, `series` or `shunt`."""
+    step: str
+    probability: float
+    says: str
+    correction: CorrectionCurve
+
+
+@dataclass(frozen=True)
 class NotDecidable:
     """An effect that may be present undetected because the constants absorb it."""
 
@@ -174,3 +198,5 @@ class Diagnosis:
     remaining: Remaining | None = None
     remarks: tuple[Finding, ...] = ()
     """Findings that move no constant by its uncertainty and no point by more than the instrument's error."""
+    places: tuple[MismatchPlace, ...] = ()
+    """Where the physics that no effect of the catalogue describes acts, most probable place first."""

@@ -41,6 +41,9 @@ def diagnose(
             help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
         ),
     ] = None,
+    learn: Annotated[
+        bool, typer.Option("--learn", help="Look for the law of what no effect of the catalogue explains.")
+    ] = False,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -70,7 +73,7 @@ def diagnose(
     screen = console(stderr=True)
     task = FitTask(device, read_steps(recordings, accuracy))
     with screen.status("diagnosing") as status:
-        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others)
+        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others, learn)
     if unseen:
         diagnosis = widened(diagnosis)
     shown_diagnosis = diagnosis_json(diagnosis)

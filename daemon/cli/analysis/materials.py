@@ -27,7 +27,7 @@ def materials(
         return
     from rich.table import Table
 
-    from ...report.tables.numbers import complex_with_uncertainty
+    from ....models.base.uncertain_numbers import complex_with_uncertainty
     from ...report.terminal import console
 
     table = Table("material", "kind", *(("constant", "value (SI)", "source") if name else ("constants",)))

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ....drivers import capabilities_of
+from ....models.base.uncertain_numbers import complex_with_uncertainty
 from ....models.materials import find
 from ....models.sweep_plan import USUAL_POINTS
-from ...report.tables.numbers import complex_with_uncertainty
 
 _SWEEP = """
 [sweep]                            # how to measure: around the resonance, then wide

@@ -5,11 +5,11 @@ from html import escape
 from typing import Any
 
 from ....fitters.interface import Curve
+from ....models.base.uncertain_numbers import with_uncertainty
 from ....models.build import Build
 from ...samples.sample_record import StepRecord
 from ..pictures.diagnosis_picture import diagnosis_figure
 from ..pictures.svg_pictures import svg_of
-from ..tables.numbers import with_uncertainty
 from .html_table import table
 
 

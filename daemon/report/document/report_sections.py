@@ -7,13 +7,13 @@ from importlib.metadata import version
 from typing import Any
 
 from ....fitters.interface import FitResult
+from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ....models.build import Build
 from ...samples.sample_record import SampleRecord, StepRecord
 from ...wire.frames import to_json
 from ..pictures import svg_pictures as draw
 from ..tables.deviation import deviation
 from ..tables.fit_tables import derived_shown
-from ..tables.numbers import complex_with_uncertainty, with_uncertainty
 from .diagnosis_section import diagnosis_section
 from .html_table import table
 

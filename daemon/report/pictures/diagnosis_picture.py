@@ -11,6 +11,7 @@ from ....fitters.interface import Curve
 from ....models.base.arrays import Reals
 from ....models.build import Build
 from ....models.sweep import Sweep
+from .correction_panels import MOST_PANELS, draw_corrections
 from .device_sketch import draw_sketch
 from .picture_file import as_label, save_picture
 
@@ -22,6 +23,8 @@ _SMOOTH = 9
 _LEAST_SPAN = 50.0
 """Smallest span of the residuals' axis, so that noise alone looks small."""
 _MOST_PANELS, _MOST_BARS = 6, 9
+_CORRECTIONS = 2.4
+"""Height of the row of corrections, inches."""
 
 
 def diagnosis_picture(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
@@ -39,9 +42,11 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
     rows = -(-len(shown) // columns)
     bars = min(_MOST_BARS, sum(1 + len(_rivals(finding)) for finding in diagnosis["findings"])) or 1
     bottom = max(2.1, 0.9 + 0.34 * bars)
-    figure: Any = Figure(figsize=(10.5, 2.9 * rows + bottom + 0.7), layout="constrained")
+    places: Sequence[Mapping[str, Any]] = diagnosis.get("places", ())[:MOST_PANELS]
+    heights = [2.9 * rows + 0.7, bottom, *([_CORRECTIONS] if places else [])]
+    figure: Any = Figure(figsize=(10.5, sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
-    above, below = figure.subfigures(2, 1, height_ratios=[2.9 * rows + 0.7, bottom])
+    above, below, *last = figure.subfigures(len(heights), 1, height_ratios=heights)
     panels = above.subplots(rows, columns, squeeze=False)
     named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
     for k, axes in enumerate(panels.flat):
@@ -55,6 +60,9 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
     draw_sketch(sketch, build, curves[-1].step, _places(diagnosis))
     _candidates(chances, diagnosis["findings"])
+    for part in last:
+        part.suptitle("What is left, as a correction of the model at its likeliest places", fontsize=10)
+        draw_corrections(part.subplots(1, len(places), squeeze=False)[0], places)
     return figure
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from .numbers import with_uncertainty
+from ....models.base.uncertain_numbers import with_uncertainty
 
 
 def print_comparison(console: Console, found: Mapping[str, Any]) -> None:

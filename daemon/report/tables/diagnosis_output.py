@@ -11,8 +11,8 @@ from rich.table import Table
 from ....fitters.diagnosis.data_quality.data_issues import DataCheck
 from ....fitters.diagnosis.findings import Diagnosis, Finding, Fitted
 from ....fitters.interface import Curve
+from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
-from .numbers import complex_with_uncertainty, with_uncertainty
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -25,6 +25,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "remarks": [_finding(finding) for finding in diagnosis.remarks],
         "remaining": msgspec.to_builtins(diagnosis.remaining),
         "not_decidable": [msgspec.to_builtins(entry) for entry in diagnosis.not_decidable],
+        "places": [msgspec.to_builtins(place) for place in diagnosis.places],
         "data": [_check(check) for check in diagnosis.data],
         "held_out_Hz": msgspec.to_builtins(diagnosis.held_out_Hz),
         "others": [msgspec.to_builtins(other) | {"says": other.says} for other in diagnosis.others],

@@ -5,9 +5,9 @@ from rich.table import Table
 from rich.text import Text
 
 from ....fitters.interface import Constant, FitResult
+from ....models.base.uncertain_numbers import complex_with_uncertainty
 from ....models.build import Build, Quantity
 from .deviation import deviation
-from .numbers import complex_with_uncertainty
 
 _COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
 _DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay"})

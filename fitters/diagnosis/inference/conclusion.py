@@ -81,9 +81,11 @@ def conclude(search: GreedySearch) -> Conclusion:
     for one in sorted(final.effects, key=lambda one: -moves[one]):
         without = search.without(final, one)
         sizes = final.fit.sizes
-        error = accuracy * max(sizes.slow, sizes.fast)
+        artefact = one.effect.name == UNKNOWN  # an error of the instrument itself
+        error = accuracy * max(sizes.slow, sizes.fast, TOLERATED if artefact else 0.0)
         matters = largest_of(search.problem, final, one) > error
-        matters = matters or moves_a_constant(constants_of(search.problem, without), after)
+        if not artefact:
+            matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(one, final))
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _alternatives(search, final, one, sure[one].alike)
@@ -101,7 +103,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         )
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
-    return Conclusion(null, final, tuple(named), remaining, _unexplained(final) > LEFT, _nearest(search, null))
+    return Conclusion(null, final, tuple(named), remaining, unexplained(final) > LEFT, _nearest(search, null))
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,7 @@ def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] 
     return (alone[0].effects[0], share) if share > NAMED else None
 
 
-def _unexplained(one: Hypothesis) -> float:
+def unexplained(one: Hypothesis) -> float:
     """Return the rms of ln Z that neither effects nor the instrument explain."""
     return float(np.sqrt(max(0.0, float(np.mean(_unexplained_at(one))))))
 

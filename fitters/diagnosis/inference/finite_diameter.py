@@ -23,7 +23,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Coordinates
 from ...interface import Curve, FitError, FitResult, FitTask
-from ..decision_rules import NAMED, ODDS
+from ..decision_rules import COARSENED_RIM, NAMED, ODDS
 from ..findings import Finding, Size
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
@@ -88,7 +88,7 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
         result = disk_result(whole, time.perf_counter() - began)
     except FitError:
         return None
-    probability = _probability(task, result, _independent(whole), null, best)
+    probability = _probability(task, result, null, best)
     return FiniteDisk(result, probability, added) if probability > NAMED else None
 
 
@@ -129,7 +129,6 @@ def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | Non
     values, _ = alone.descent.objective.coordinates.forward(alone.descent.x)
     known = [one for one in effects if one.parameters[0] in values]
     new = [one for one in effects if one not in known]
-    bare = _without(alone, known)
     made: list[FittedDisk] = []
     for z in _STARTS:
         start = {name: value for one in known for name, value in values.items() if name in one.parameters}
@@ -141,7 +140,7 @@ def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | Non
         added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
         blocks = [block for one in effects for block in one.blocks(start)]
         try:
-            made.append(with_effects(bare, added, blocks, start))
+            made.append(with_effects(_without(alone, known), added, blocks, start))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             continue
     return min(made, key=_chi2_alone, default=None)
@@ -178,17 +177,16 @@ def _chi2_alone(found: FittedDisk) -> float:
 
 
 def _log_odds(before: FittedDisk, after: FittedDisk, one: Candidate) -> float:
-    """Return ln odds of an effect beside the rim, with the residual counted as noise of its size and correlation."""
-    points = _independent(after)
-    gain = points * float(np.log(_chi2_alone(before) / _chi2_alone(after)))
-    return gain - len(one.parameters) / 2 * float(np.log(2 * points)) + float(np.log(ODDS * one.effect.odds))
+    """Return ln odds of an effect beside the rim, by the rule of `_probability`."""
+    points = sum(recording.sweep.frequency.size for recording in after.descent.objective.recordings)
+    was, left = _chi2_alone(before), _chi2_alone(after)
+    gain = points * float(np.log(was / left)) - len(one.parameters) / 2 * float(np.log(2 * points))
+    return gain / _coarseness(points * float(np.log(left))) + float(np.log(ODDS * one.effect.odds))
 
 
-def _independent(found: FittedDisk) -> float:
-    """Return the number of points with independent residuals, at least one for each coordinate of the fit."""
-    recordings = found.descent.objective.recordings
-    points = sum(recording.sweep.frequency.size / recording.correlation for recording in recordings)
-    return max(float(points), float(found.descent.x.size))
+def _coarseness(short: float) -> float:
+    """Return how much ln evidence counts as one nat if this much is missing."""
+    return 1 + COARSENED_RIM * max(0.0, short)
 
 
 def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
@@ -205,21 +203,23 @@ def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
     }
 
 
-def _probability(task: FitTask, result: FitResult, points: float, null: Refit, best: Refit) -> float:
-    """Return the probability of a finite diameter, treating the residual of either explanation as noise.
+def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> float:
+    """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
 
-    It has the size and the correlation of what is left: `points` of it are independent. Ten free constants can imitate
-    much that they do not cause, so they must be plausible for a ceramic. The prior odds are even: every disk has a rim,
-    and the only question is whether the recordings show it.
+    Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
+    effect, evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a
+    rim, and the only question is whether the recordings show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)
+    points = sum(curve.frequency.size for curve in result.curves)
     gain = points * float(np.log(max(min(plates), 1.0) / chi2)) - _MORE / 2 * float(np.log(2 * points))
     disk = bare_disk(task, "disk2d", round_one=True, frees=True)
     layer = disk.layer.name
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
-    return float(expit(gain - against)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+    log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
+    return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:

@@ -14,6 +14,7 @@ from ....models.effects.learned.laws import laws
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
+from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .places import PlacedCorrection
@@ -35,6 +36,11 @@ class LearnedCorrection:
     probability: float
     """Probability of this law among the laws tried at this place."""
 
+    @property
+    def joint(self) -> float:
+        """Probability of this place and this law."""
+        return self.placed.probability * self.probability
+
 
 def learned_laws(
     problem: Problem, parent: Hypothesis, placed: PlacedCorrection, progress: Callable[[str], None] = lambda _: None
@@ -46,7 +52,7 @@ def learned_laws(
         effect = LearnedLaw(placed.place, law, stack)
         one = Candidate(effect, placed.place.where, placed.steps, effect.effect_parameters(stack, placed.place.where))
         progress(f"trying the law {law.name} of {placed.place.says}")
-        best = _fitted(problem, parent, one, _start(effect, one, placed, stack))
+        best = _fitted(problem, parent, one, _start(effect, one, placed, stack), placed.hypothesis.fit.sizes)
         if best is not None:
             made.append((effect, one, best))
     if not made:
@@ -60,20 +66,21 @@ def learned_laws(
 
 
 def _fitted(
-    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]]
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]], sizes: ErrorSizes
 ) -> Hypothesis | None:
     made: list[Hypothesis] = []
-    sizes = (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0))
+    effects = (*parent.effects, one)
     for start in starts:
-        try:
-            made.append(fitted(problem, (*parent.effects, one), {**parent.values, **start}, sizes, near=True, rounds=4))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            continue
+        for own in dict.fromkeys((sizes, parent.fit.sizes)):
+            try:
+                made.append(fitted(problem, effects, {**parent.values, **start}, (own,), near=True, rounds=4))
+            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+                continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
 
 
 def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, stack: Stack) -> list[dict[str, float]]:
-    """Return parameters with which the law comes closest to the smooth correction: the best two of many starts."""
+    """Return parameters with which the law comes closest to the smooth correction, from the best of many starts."""
     knobs = effect.effect_parameters(stack, placed.place.where)
     largest = float(np.max(np.abs(placed.correction)))
     u = np.hypot(np.hypot(placed.u_re, placed.u_im), _FLOOR * largest)
@@ -93,7 +100,7 @@ def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, stack: 
     tried.sort(key=lambda pair: pair[0])
     ends = [least_squares(residual, z, max_nfev=60) for _, z in tried[:3]]
     ends.sort(key=lambda end: float(end.cost))
-    return [{one.prefix + name: value for name, value in parameters(end.x).items()} for end in ends[:2]]
+    return [{one.prefix + name: value for name, value in parameters(end.x).items()} for end in ends[:1]]
 
 
 def _grid(knob: EffectParameter, placed: PlacedCorrection, size: float) -> Sequence[float]:

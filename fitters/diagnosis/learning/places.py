@@ -12,12 +12,14 @@ from ....models.effects.learned.corrections import Place, places
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
-from ...error_model.error_sizes import chosen
+from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER
 from ...error_model.uncertainty_sources import spread_of
 from ..hypotheses.hypothesis import Hypothesis, fitted, marginal_of
 from ..hypotheses.problem import Candidate, Problem
 
+PLACES = 4
+"""Budget: places at which a correction is fitted; the others explain less to first order."""
 SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Prior standard deviations of a correction, equally probable."""
 _SHOWN = 60
@@ -48,10 +50,16 @@ def placed_corrections(
     problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[PlacedCorrection, ...]:
     """Return a smooth correction at each place of the device beside a hypothesis, most probable first."""
+    screened = [
+        (trial, place, steps)
+        for place, steps in _places(problem).items()
+        if (trial := _screened(problem, parent, place, steps)) is not None
+    ]
+    screened.sort(key=lambda trial: -trial[0].log_evidence)
     found: list[tuple[Place, tuple[str, ...], Hypothesis]] = []
-    for place, steps in _places(problem).items():
+    for trial, place, steps in screened[:PLACES]:
         progress(f"trying a correction of {place.says}")
-        made = _best_at(problem, parent, place, steps)
+        made = _fitted(problem, parent, trial)
         if made is not None and not _same(made, found):
             found.append((place, steps, made))
     if not found:
@@ -96,26 +104,42 @@ _TWINS = 0.1
 """Difference of ln evidence below which the corrections of both faces are one and the same."""
 
 
-def _best_at(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> Hypothesis | None:
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A correction to first order."""
+
+    candidate: Candidate
+    log_evidence: float
+    sizes: ErrorSizes
+    """Sizes of the errors that are left beside it."""
+    start: dict[str, float]
+    """Where a fit starts."""
+
+
+def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
+    """Return the best size of a correction to first order."""
     stack = stack_of(problem.recordings[-1].model)
     low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
     high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
-    trials: list[tuple[float, Candidate, dict[str, float]]] = []
+    trials: list[_Trial] = []
     for size in SIZES:
         one = candidate(SmoothCorrection(place, size, (low, high)), steps, stack)
         try:
             trials.append(_linear(problem, parent, one))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             continue
-    if not trials:
-        return None
-    _, one, start = max(trials, key=lambda trial: trial[0])
+    return max(trials, key=lambda trial: trial.log_evidence, default=None)
+
+
+def _fitted(problem: Problem, parent: Hypothesis, trial: _Trial) -> Hypothesis | None:
     made: list[Hypothesis] = []
-    for values in (dict(parent.values), start):
-        try:
-            made.append(fitted(problem, (*parent.effects, one), values, (parent.fit.sizes,), near=True))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            continue
+    effects = (*parent.effects, trial.candidate)
+    for values in (dict(parent.values), trial.start):
+        for sizes in dict.fromkeys((trial.sizes, parent.fit.sizes)):  # one by one: each leads to an end of its own
+            try:
+                made.append(fitted(problem, effects, values, (sizes,), near=True, rounds=4))
+            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+                continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
 
 
@@ -125,15 +149,15 @@ def candidate(effect: SmoothCorrection, steps: tuple[str, ...], stack: Stack) ->
     return Candidate(effect, where, steps, effect.effect_parameters(stack, where))
 
 
-def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> tuple[float, Candidate, dict[str, float]]:
-    """Return the ln evidence of a correction to first order, and where a fit starts."""
+def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> _Trial:
+    """Return a correction to first order."""
     marginal = marginal_of(problem, (*parent.effects, one), parent.values)
     x = marginal.objective.coordinates.x
     gram = marginal.gram(x, parent.fit.gram.columns)
-    _, value = chosen(gram, (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0)), ORDER)
+    sizes, value = chosen(gram, (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0)), ORDER)
     step = value.step / max(1.0, float(np.max(np.abs(value.step))))
     start, _ = marginal.objective.coordinates.forward(x + _STEP * step)
-    return value.log_evidence, one, dict(start)
+    return _Trial(one, value.log_evidence, sizes, dict(start))
 
 
 def _drawn(

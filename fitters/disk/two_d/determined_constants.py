@@ -50,8 +50,8 @@ def undetermined(descent: Descent, layer: str) -> tuple[str, ...]:
 def _covariances(bends: Curvature, chain: Reals) -> tuple[Reals, Reals]:
     """Return posterior and prior covariance of what `chain` derives from the coordinates, shape (10, 10)."""
     prior = bends.rows[bends.data :]
-    scale = 1 / np.maximum(np.linalg.norm(prior, axis=0), np.finfo(float).tiny)
-    # effects beside the disk have no prior, so the precision need not have an inverse
+    norm = np.linalg.norm(prior, axis=0)
+    scale = np.where(norm > 0, 1 / np.where(norm > 0, norm, 1.0), 0.0)  # effects beside the disk have no prior here
     known = np.asarray(pinvh((prior * scale).T @ (prior * scale)), np.float64)
     return bends.covariance(chain), (chain * scale) @ known @ (chain * scale).T
 

@@ -100,6 +100,10 @@ class Effect(ABC):
         Empty for an effect that is either present or not (`polarity`): it has no size and no derivative.
         """
 
+    def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
+        """Return the sentence for the technician; `sizes`: value, standard uncertainty and unit of each parameter."""
+        return self.says.format(where=where)
+
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return value and unit of each quantity shown to people, computed from the parameters `values`.
 

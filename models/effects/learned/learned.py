@@ -7,14 +7,19 @@ import numpy as np
 
 from ...base.errors import PzctlError
 from ...base.names import among
+from ...base.uncertain_numbers import with_uncertainty
 from ...stack import Stack
 from ..base.assembly import Assembly
 from ..base.effect import Effect, EffectParameter
 from ..base.scale import resonance
-from .corrections import Correction, Place, corrected, natural_size
+from .corrections import CONSTANTS, Correction, Place, corrected, natural_size
 from .laws import Law, laws
 
 NAME = "learned"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 class LearnedLaw(Effect):
@@ -59,6 +64,15 @@ class LearnedLaw(Effect):
         """Return a parameter's value where the law has 1, and its unit."""
         scales = {"size": (self.natural, self.unit), "at": (self.f0, "Hz"), "delay": (1 / self.f0, "s")}
         return scales.get(name, (1.0, "1"))
+
+    def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
+        """Return what was learned, with its numbers."""
+        numbers = {name: f"{with_uncertainty(value, u)}{_unit(unit)}" for name, (value, u, unit) in sizes.items()}
+        law = self.law.says.format(**{knob.name: numbers.get(knob.name, "?") for knob in self.law.parameters})
+        element = next((f" ({name} {numbers[name]})" for name in ("inductance", "capacitance") if name in numbers), "")
+        verb = "" if self.place.quantity in CONSTANTS else "has "
+        what = self.place.says
+        return f"{what[0].upper()}{what[1:]} {verb}{law}{element}. No effect of the catalogue says so."
 
     def dimensionless(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters as the law takes them."""

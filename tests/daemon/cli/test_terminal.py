@@ -19,11 +19,11 @@ from pzctl.daemon.cli.records import journal_commands as journal_room
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.report.tables.deviation import deviation
 from pzctl.daemon.report.tables.fit_tables import fit_table, print_fit
-from pzctl.daemon.report.tables.numbers import with_uncertainty
 from pzctl.daemon.report.terminal import be_quiet, console
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import Constant, FitResult, FitTask, Noise
 from pzctl.fitters.layered.mason import Mason
+from pzctl.models.base.uncertain_numbers import with_uncertainty
 from pzctl.models.build import Build, LayerSpec, Quantity
 from pzctl.models.sweep import Sweep
 

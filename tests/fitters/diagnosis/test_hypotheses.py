@@ -160,8 +160,8 @@ def test_an_effect_that_is_there_has_the_evidence_and_its_size(lead_case) -> Non
 
 
 def weighed(evidence: float, odds: float, shortfall: float) -> SimpleNamespace:
-    fit = SimpleNamespace(shortfall=shortfall)
-    return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=evidence + odds, fit=fit)
+    coarse = coarseness(shortfall, exact=shortfall == 0)
+    return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=evidence + odds, coarseness=coarse)
 
 
 @given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-10, 0)), min_size=1, max_size=6), st.floats(0, 1e4))
@@ -175,4 +175,4 @@ def test_probabilities_are_as_coarse_as_the_best_explanation_is_wrong(parts, sho
     flat = [weighed(evidence, 0.0, shortfall) for evidence, _ in parts]
     sharp = [weighed(evidence, 0.0, 0.0) for evidence, _ in parts]
     assert np.max(probabilities(flat)) <= np.max(probabilities(sharp)) + 1e-12
-    assert coarseness(-5.0) == coarseness(0.0) == 1 <= coarseness(shortfall)
+    assert coarseness(-5.0, exact=True) == coarseness(0.0, exact=True) == 1 < coarseness(0.0) <= coarseness(shortfall)

@@ -91,7 +91,7 @@ def test_another_sample_confirms_a_lead_that_it_has_and_contradicts_one_that_it_
     assert same.chi2_per_dof_after < 1.5 < 1000 < same.chi2_per_dof_before
     assert "confirms this" in same.says
     better = carried_over(problem, final, "better jig", nothing, lambda _: None)
-    assert better.chi2_per_dof_after > 10 * better.chi2_per_dof_before
+    assert better.chi2_per_dof_after > 4 * better.chi2_per_dof_before
     assert "contradicts" in better.says
     none = carried_over(problem, lead_case.null, "any", nothing, lambda _: None)
     assert none.effects == ()

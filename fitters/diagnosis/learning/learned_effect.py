@@ -1,0 +1,76 @@
+"""The law that was learned as one more effect of a conclusion."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..decision_rules import LEFT, NAMED
+from ..findings import Alternative
+from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.problem import Problem
+from ..inference.conclusion import Conclusion, NamedEffect, unexplained
+from ..inference.effect_size import sizes_of
+from .laws import LearnedCorrection, learned_laws
+from .places import PlacedCorrection
+
+_SAID = 0.01
+"""Probability from which another law is mentioned."""
+_TRIED = 2
+"""Budget: places at which laws are fitted."""
+
+
+def with_learned(
+    problem: Problem,
+    conclusion: Conclusion,
+    places: Sequence[PlacedCorrection],
+    progress: Callable[[str], None] = lambda _: None,
+) -> Conclusion:
+    """Return the conclusion with the most probable law as a further effect, if one is more probable than none."""
+    likely = [one for one in places if one.probability > (1 - NAMED) / 2][:_TRIED]
+    found = [law for one in likely for law in learned_laws(problem, conclusion.final, one, progress)]
+    if not found:
+        return conclusion
+    best = max(found, key=lambda one: one.hypothesis.log_evidence)
+    probability = _probability(conclusion.final, best, found)
+    if probability < NAMED:
+        return conclusion
+    return _extended(problem, conclusion, best, found, probability)
+
+
+def _probability(parent: Hypothesis, best: LearnedCorrection, found: Sequence[LearnedCorrection]) -> float:
+    """Return the probability that a law acts at the best law's place, among all laws tried and none."""
+    temper = best.hypothesis.coarseness
+    weights = np.array([parent.log_evidence, *(one.hypothesis.log_evidence for one in found)]) / temper
+    part = np.exp(weights - np.max(weights))
+    here = [one.placed.place == best.placed.place for one in found]
+    return float(np.sum(part[1:][here]) / np.sum(part))
+
+
+def _extended(
+    problem: Problem,
+    conclusion: Conclusion,
+    best: LearnedCorrection,
+    found: Sequence[LearnedCorrection],
+    probability: float,
+) -> Conclusion:
+    final = best.hypothesis
+    moves = sizes_of(problem, final)
+    others = tuple(
+        Alternative(
+            f"learned ({one.effect.law.name})", one.placed.place.where, one.placed.probability * one.probability
+        )
+        for one in found
+        if one is not best and one.placed.probability * one.probability > 1e-2
+    )
+    before, after = unexplained(conclusion.final), unexplained(final)
+    share = max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
+    learned = NamedEffect(
+        best.candidate, probability, moves[best.candidate], share, "finding", conclusion.final, (), others
+    )
+    return replace(
+        conclusion,
+        final=final,
+        named=tuple(sorted((*conclusion.named, learned), key=lambda one: -one.moves)),
+        something_left=unexplained(final) > LEFT,
+    )

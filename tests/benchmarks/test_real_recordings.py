@@ -1,0 +1,13 @@
+"""All published recordings with all points and the whole catalogue; the page docs/real-recordings.md (`make bench`)."""
+
+from pathlib import Path
+
+from pzctl.daemon.cli.proof.real_page import write_page
+
+
+def test_every_recording_is_diagnosed(recordings: Path, tmp_path: Path) -> None:
+    page = tmp_path / "real-recordings.md"
+    answers = {one.device.name: one for one in write_page(recordings, page)}
+    print(page.read_text())
+    assert any(one.effect == "lateral-modes" for one in answers["disk-20x2/thickness-mode"].findings)
+    assert len(answers) == len({path for one in answers.values() for path in one.device.paths}) - 1  # two of one disk

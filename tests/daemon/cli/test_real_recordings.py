@@ -1,0 +1,62 @@
+"""Every published recording gets an answer: what is known of it is said, and nothing that is known to be wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from pzctl.daemon.cli.proof.real_page import NoRecordingsError, RealAnswer, answered, devices, page_text, write_page
+
+FILM = ("dielectric-dispersion",)
+"""Of a printed film; the whole catalogue is in tests/benchmarks/test_real_recordings.py."""
+
+
+def answer(recordings: Path, name: str, effects: tuple[str, ...] | None = None, thin: int = 4) -> RealAnswer:
+    return answered(next(one for one in devices(recordings) if one.name == name), thin, effects)
+
+
+def test_every_recording_of_the_folder_is_on_the_page(recordings: Path) -> None:
+    listed = {path for device in devices(recordings) for path in device.paths}
+    texts = ("analyzer-equivalent-circuit.txt", "README.md")
+    there = {path for path in recordings.glob("*/*.*") if path.name not in texts}
+    assert listed == there
+    assert len({device.name for device in devices(recordings)}) == len(list(devices(recordings)))
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NoRecordingsError, match="none of the published recordings"):
+        write_page(tmp_path, tmp_path / "page.md")
+
+
+@pytest.mark.parametrize("name", ["MD1", "sampleadmittance"])
+def test_exports_that_are_inverted_are_said_to_be(recordings: Path, name: str) -> None:
+    said = answer(recordings, f"hp4294a-exports/{name}")
+    assert [one.effect for one in said.findings][:1] == ["polarity"]
+    assert said.remaining is not None
+
+
+@pytest.mark.parametrize("name", ["hp4294a-exports/RB5100", "bar-k31/k31-mode", "air-40khz/trans_25-50k_001_001"])
+def test_what_has_no_geometry_is_fitted_by_a_circuit_and_named_nothing(recordings: Path, name: str) -> None:
+    said = answer(recordings, name, thin=2)
+    assert not said.findings
+    assert "`bvd`" in said.verdict
+    assert said.remaining is not None
+    assert said.remaining > 0.01  # one resonance is not the whole of any of them
+
+
+def test_radial_modes_are_fitted_together(recordings: Path) -> None:
+    said = answer(recordings, "disk-35x2", thin=1)
+    assert said.remaining == pytest.approx(0.0061, rel=0.05)
+
+
+def test_a_coil_is_no_device(recordings: Path) -> None:
+    said = answer(recordings, "air-40khz/coil_150u_25kHz_50kHz")
+    assert "not capacitive" in said.says
+    assert said.remaining is None
+    assert "not capacitive" in page_text([said])
+
+
+@pytest.mark.parametrize("name", ["T61", "T64"])
+def test_a_film_s_own_fault_is_not_passed_over_in_silence(recordings: Path, name: str) -> None:
+    said = answer(recordings, f"pvdf-on-kapton/{name}", FILM, thin=8)
+    assert said.verdict in ("partly-explained", "unexplained")
+    assert f"pvdf-on-kapton/{name}" in page_text([said])

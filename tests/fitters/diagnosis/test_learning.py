@@ -1,0 +1,76 @@
+"""Physics that no list holds: the place, the law and its numbers; and weak lines, which are no findings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
+from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.interface import FitTask
+from pzctl.models.effects import Device
+from pzctl.models.stack import Piezo
+from pzctl.models.sweep import Sweep
+
+BUILD = read_build(THESIS_BUILD)
+F = np.linspace(1.5e6, 7.5e6, 301)
+NOISE = 2e-4
+
+
+def _recorded(Z: np.ndarray) -> FitTask:
+    random = np.random.default_rng(3)
+    noisy = Z * np.exp(NOISE * (random.normal(size=F.size) + 1j * random.normal(size=F.size)))
+    return FitTask(BUILD, {"disk": (Sweep(F, noisy),)})
+
+
+def test_a_relaxation_that_no_list_holds_is_placed_named_and_sized(bare: Device) -> None:
+    """The disk is computed anew at each frequency, with its permittivity there: no law of the library is used."""
+    strength, at = 0.2, 4e6
+    stack = bare.bare
+    disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))
+    Z = np.array(
+        [
+            replace(
+                stack,
+                layers=tuple(
+                    replace(layer, eps33S=disk.eps33S * (1 + strength / (1 + 1j * f / at))) if layer is disk else layer
+                    for layer in stack.layers
+                ),
+            ).impedance(np.array([f]))[0]
+            for f in F
+        ]
+    )
+    diagnosis = diagnose(_recorded(Z), effects=("polarity",), learn=True)
+    assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
+    assert diagnosis.places[0].probability > 0.9
+    (finding,) = (one for one in diagnosis.findings if one.effect == "learned")
+    assert finding.where == "layer:disk"
+    relaxation = finding.parameters["at"]
+    assert relaxation.unit == "Hz"
+    assert relaxation.value == pytest.approx(at, rel=0.2)
+    assert "permittivity of disk relaxes at" in finding.says
+    assert diagnosis.final.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
+
+
+def test_weak_lines_are_found_where_they_are(bare: Device) -> None:
+    lines = ((2.6e6, 90.0, 4e-5), (3.3e6, 60.0, 5e-5), (6.1e6, 120.0, 3e-5))
+    stack = bare.bare
+    disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))
+    C0 = disk.eps33S.real * stack.area / disk.thickness
+    w = 2 * np.pi * F
+    Y = 1 / stack.impedance(F)
+    for f, q, strength in lines:
+        wk = 2 * np.pi * f
+        Y = Y + 1j * w * strength * C0 / (1 - (w / wk) ** 2 + 1j * w / (wk * q))
+    problem = Problem.of(solve(_recorded(1 / Y), lambda _: None), None)
+    null = fitted(problem, (), problem.values, near=True)
+    found = sorted(weak_lines(null), key=lambda line: line.frequency)
+    assert [line.frequency for line in found] == pytest.approx([f for f, _, _ in lines], rel=4e-3)
+    with_lines = fitted(replace(problem, lines=tuple(found)), (), null.values, (null.fit.sizes,), near=True)
+    assert with_lines.log_evidence > null.log_evidence + 50
+    nothing = Problem.of(solve(_recorded(stack.impedance(F)), lambda _: None), None)
+    assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()

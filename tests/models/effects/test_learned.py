@@ -1,0 +1,98 @@
+"""Learned corrections: where they act, that their laws are passive, and what the simplest of them amount to."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pzctl.models.base.errors import PzctlError
+from pzctl.models.effects import Device, find_effect
+from pzctl.models.effects.base.scale import resonance
+from pzctl.models.effects.learned.corrections import CONSTANTS, Place, places
+from pzctl.models.effects.learned.laws import Law, laws
+from pzctl.models.effects.learned.learned import learned_law
+from pzctl.models.effects.learned.smooth_correction import SmoothCorrection, causal_basis
+from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo
+
+DISK = Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1j / 80), 1.98e9 + 0j, 8.09e-9 * (1 - 0.017j))
+GLUED = (HalfSpace("backing", 5e6) | DISK | Elastic("ml1", 139e-6, 10.3e6, 2455.0, 60.0) | AIR).with_area(7.854e-5)
+F = np.linspace(1.5e6, 9e6, 101)
+BAND = (1.5e6, 9e6)
+EVERY_LAW = [(quantity, law) for quantity in ("stiffness", "permittivity", "series") for law in laws(quantity)]
+
+
+@pytest.mark.parametrize("place", places(GLUED), ids=lambda place: f"{place.where}-{place.quantity}")
+def test_a_correction_at_each_place_changes_the_impedance_and_has_a_derivative(place: Place) -> None:
+    device = Device(GLUED).with_effect(SmoothCorrection(place, 0.01, BAND), place.where)
+    name = f"learned@{place.where}.a0"
+    Z, (slope,) = device.jacobian(F, [name])
+    np.testing.assert_allclose(Z, GLUED.impedance(F), rtol=1e-12)
+    moved = device.replace({name: 0.01}).impedance(F)
+    np.testing.assert_allclose((moved / Z - 1) / 0.01, slope, atol=0.02 * float(np.max(np.abs(slope))))
+    assert np.max(np.abs(slope)) > 1e-5
+
+
+def test_a_smooth_correction_is_causal_its_real_part_follows_from_its_imaginary_part() -> None:
+    basis = causal_basis(*BAND, 4e6, added=False)
+    f = np.linspace(0, 4e9, 2**18)
+    g = basis.over(f, np.random.default_rng(1).standard_normal(basis.weights.shape[1]))
+    response = np.fft.irfft(g - g[-1].real)
+    before, after = response[len(response) // 2 :], response[: len(response) // 2]
+    assert np.sum(before[: len(before) // 2] ** 2) < 1e-3 * np.sum(after**2), "nothing answers before it is asked"
+
+
+def _values(law: Law, shares: list[float]) -> dict[str, float]:
+    limits = {"size": (1e-3, 1.0), "at": (0.1, 10.0), "q": (1.0, 100.0), "delay": (0.2, 20.0)}
+    return {
+        knob.name: low + share * (high - low)
+        for knob, share in zip(law.parameters, shares, strict=False)
+        for low, high in [limits.get(knob.name, (knob.lower, knob.upper))]
+    }
+
+
+@given(st.sampled_from(EVERY_LAW), st.lists(st.floats(0, 1), min_size=4, max_size=4))
+def test_every_law_is_passive_for_sizes_above_zero(case: tuple[str, Law], shares: list[float]) -> None:
+    quantity, law = case
+    x = np.geomspace(0.05, 20.0, 60)
+    values = _values(law, shares)
+    g = law.of(x, values)
+    if quantity not in CONSTANTS:
+        assert np.all(g.real >= -1e-9 * np.max(np.abs(g)))
+        return
+    sign = 1 if quantity == "stiffness" else -1
+    assert np.all(sign * (g.imag - _less_at_reference(law, values, sign)) >= -1e-9 * np.max(np.abs(g)))
+
+
+def _less_at_reference(law: Law, values: dict[str, float], sign: int) -> float:
+    """Return the imaginary part of the law where it has no loss; the constant itself contains that of the reference."""
+    if law.name == "power":
+        n = values["exponent"]
+        return -sign * values["size"] / n * float(np.sin(np.pi / 2 * n))
+    return float(law.of(np.array([1e200 if law.name != "resonance" else 1e60]), values).imag[0])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "law", "effect", "parameter"),
+    [
+        ("series", "inertance", "lead-inductance", "inductance"),
+        ("series", "resistance", "series-resistance", "resistance"),
+        ("shunt", "inertance", "stray-capacitance", "capacitance"),
+    ],
+)
+def test_the_simplest_laws_at_the_terminals_are_parts_of_the_catalogue(quantity, law, effect, parameter) -> None:
+    place = Place("terminals", quantity)
+    learned = learned_law(place, law, GLUED)
+    size = 0.3 * learned.natural
+    shown = learned.shown({"size": size})
+    part = shown[parameter][0] if shown else size
+    expected = Device(GLUED).with_effect(find_effect(effect), "terminals", {parameter: part}).impedance(F)
+    found = Device(GLUED).with_effect(learned, "terminals", {"size": size}).impedance(F)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert learned.f0 == resonance(GLUED)
+
+
+def test_an_unknown_law_is_one_sentence() -> None:
+    with pytest.raises(
+        PzctlError, match=r"there is no law 'deby' for the permittivity of disk; .*did you mean 'debye'"
+    ):
+        learned_law(Place("layer:disk", "permittivity"), "deby", GLUED)
