@@ -92,6 +92,12 @@ class JournalReader:
         rows = "(station, seq) IN (SELECT station, seq FROM fits WHERE measurement = ?) ORDER BY station, seq"
         return self._frames(rows, measurement)
 
+    def answers_size(self, measurement: str) -> int:
+        """Return the size in bytes of all answers of fitters to a measurement."""
+        rows = "measurement = ? AND kind IN ('fit', 'diagnosis')"
+        answers = self._all(f"SELECT lengths, length(header) FROM events WHERE {rows}", measurement)  # noqa: S608
+        return sum(size + sum(int(column) for column in str(lengths).split(",") if column) for lengths, size in answers)
+
     def measurement(self, measurement: str) -> JournalMeasurement | None:
         """Return the measurement with this id, or None."""
         return next(iter(self.measurements("id = ?", measurement)), None)

@@ -5,9 +5,10 @@
 
 import asyncio
 import contextlib
+import re
 import socket
-from collections.abc import Awaitable, Callable
-from typing import Any, TypeAlias
+from collections.abc import Awaitable, Callable, Iterable
+from typing import Any, SupportsIndex, TypeAlias
 
 from ...models.base.errors import PzctlError
 
@@ -16,6 +17,31 @@ Handler: TypeAlias = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awai
 
 LINE_LIMIT = 65_536
 """Bytes that `StreamReader.readline` takes."""
+
+
+_WEB = re.compile(rb"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [/*h]")
+"""How a web browser begins; no language of these ports begins so."""
+
+_ENOUGH = 16
+"""Bytes that show whether a client is a web browser."""
+
+
+class _Reader(asyncio.StreamReader):
+    """Reads from a client, unless it begins like a web browser: a page's text must not become commands."""
+
+    _head: bytes | None = b""
+
+    def feed_data(self, data: Iterable[SupportsIndex]) -> None:
+        """Take in what came; a browser's connection counts as reset."""
+        data = bytes(data)
+        if self._head is not None:
+            head = self._head + data[:_ENOUGH]
+            if _WEB.match(head):
+                self.set_exception(ConnectionAbortedError("a web browser commands no instrument"))
+                return
+            self._head = head if len(head) < _ENOUGH else None
+        if self.exception() is None:
+            super().feed_data(data)
 
 
 class _Accepting(socket.socket):
@@ -90,7 +116,11 @@ class Listener:
         connection.close()  # the task may have ended before it began
 
     async def _serve(self, connection: socket.socket) -> None:
-        reader, writer = await asyncio.open_connection(sock=connection, limit=LINE_LIMIT)
+        loop = asyncio.get_running_loop()
+        reader = _Reader(limit=LINE_LIMIT, loop=loop)
+        protocol = asyncio.StreamReaderProtocol(reader, loop=loop)
+        transport, _ = await loop.create_connection(lambda: protocol, sock=connection)
+        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
         try:
             with contextlib.suppress(ConnectionError):
                 await self._handler(reader, writer)

@@ -166,9 +166,15 @@ def use(journal: Path, share: Path, build: Build) -> None:
     (share / "journal" / "journal.sqlite-wal").write_bytes(b"somebody writes here")
 
 
+def link(journal: Path, share: Path, build: Build) -> None:
+    (share / "journal").rename(share / "elsewhere")
+    (share / "journal").symlink_to(share / "elsewhere")
+
+
 @pytest.mark.parametrize(
     ("harm", "says"),
     [
+        (link, "this is a symbolic link, which a backup does not follow"),
         (lose, "does not continue the one in the backup"),
         (unmount, "the earlier backup is not there; is the share mounted"),
         (flip, "is not what was written; move that file away"),

@@ -5,6 +5,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from time import sleep
 
 import pytest
 import zmq
@@ -82,3 +83,35 @@ def test_files_beside_the_daemon_are_no_part_of_it(
     with connect() as lab:
         measurement = lab.measure(build, "disk").id
         assert lab.wait_fit("guest_examples:Echo", measurement).steps == ("disk",)
+
+
+def heard_from(address: str, *parts: bytes) -> bytes:
+    """Send bytes to a port, one part after the other; return everything that it answers until it ends or is silent."""
+    host, port = address.rsplit(":", 1)
+    found = b""
+    with socket.create_connection((host, int(port)), timeout=3) as link, suppress(OSError):
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for part in parts:
+            link.sendall(part)
+            sleep(0.05)
+        while data := link.recv(4096):
+            found += data
+            if data.endswith(b"\n"):
+                break
+    return found
+
+
+@pytest.mark.parametrize("method", ["GET", "POST", "PUT", "OPTIONS"])
+def test_a_web_page_commands_neither_the_simulator_nor_its_bench(start_daemon, build: Build, method: str) -> None:
+    """What a page posts is text: its lines would be commands, as these ports take any text line by line."""
+    where = start_daemon()
+    instrument = ":".join(where.resource.split("::")[1:3])
+    with connect() as lab:
+        lab.measure(build, "disk")
+        head = f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n".encode()
+        for first in ([head], [head[:3], head[3:]]):
+            assert heard_from(where.bench, *first, b'{"command": "step", "name": "ml1"}\n') == b""
+            assert heard_from(instrument, *first, b"\n*IDN?\n") == b""
+        assert lab.bench({"command": "status"})["step"] == "disk"
+    assert b"4294A" in heard_from(instrument, b"*IDN?\n"), "what is no web page is answered"
+    assert b'"ok"' in heard_from(where.bench, b'{"command"', b': "status"}\n')

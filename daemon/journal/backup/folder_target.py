@@ -20,15 +20,9 @@ def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: boo
     `again`: there was a backup before, so one must be there; otherwise a share that is not mounted would be filled.
     The database there is replaced only by one that continues it, and put back if the new copy is damaged.
     """
-    if not target.is_dir():
-        raise JournalError(f"{target}: this folder does not exist; is the share mounted?")
     journal = target / "journal"
     database = journal / DATABASE
-    if again and not database.exists():
-        raise JournalError(f"{target}: the earlier backup is not there; is the share mounted?")
-    log = journal / f"{DATABASE}-wal"
-    if journal.exists() and (is_written(journal) or (log.exists() and log.stat().st_size)):
-        raise JournalError(f"{journal}: a daemon uses this backup as its journal; restore into another folder")
+    _check_target(target, journal, again=again)
     if database.exists():
         taken.check_continues(database, str(journal))
     files = ArrayFolder(journal)
@@ -46,6 +40,19 @@ def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: boo
             part.replace(journal / name)
     sync_folder(journal)
     _read_back(journal)
+
+
+def _check_target(target: Path, journal: Path, *, again: bool) -> None:
+    """Raise JournalError if the share is not mounted, or if its journal is another's."""
+    if not target.is_dir():
+        raise JournalError(f"{target}: this folder does not exist; is the share mounted?")
+    if again and not (journal / DATABASE).exists():
+        raise JournalError(f"{target}: the earlier backup is not there; is the share mounted?")
+    if journal.is_symlink():
+        raise JournalError(f"{journal}: this is a symbolic link, which a backup does not follow")
+    log = journal / f"{DATABASE}-wal"
+    if journal.exists() and (is_written(journal) or (log.exists() and log.stat().st_size)):
+        raise JournalError(f"{journal}: a daemon uses this backup as its journal; restore into another folder")
 
 
 def _copy_arrays(source: ArrayFolder, target: ArrayFolder, events: tuple[str, ...]) -> None:

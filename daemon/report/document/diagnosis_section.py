@@ -56,7 +56,9 @@ def _open(diagnosis: dict[str, Any]) -> str:
                 str(n.get("effect")),
                 str(n.get("where")),
                 "; ".join(_size(name, size) for name, size in n.get("upper_limit", {}).items()),
-                "; ".join(f"{name} {100 * shift:+.2g} %" for name, shift in n.get("shifts", {}).items()),
+                "; ".join(
+                    f"{name} {100 * shift:+.2g} %" for name, shift in n.get("shifts", {}).items() if shift is not None
+                ),
                 str(n.get("would_decide", "")),
             )
             for n in hidden
@@ -77,4 +79,6 @@ def _fall(finding: dict[str, Any], name: str) -> str:
 
 def _size(name: str, size: dict[str, Any]) -> str:
     unit = size.get("unit", "")
+    if size["value"] is None:
+        return f"{name} unknown"
     return f"{name} {with_uncertainty(float(size['value']), size.get('u') or None)}{'' if unit == '1' else f' {unit}'}"

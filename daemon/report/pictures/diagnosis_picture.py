@@ -51,7 +51,8 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
     named = any(not np.array_equal(curve.start, curve.fitted) for curve in curves)
     for k, axes in enumerate(panels.flat):
         if k < len(shown):
-            held: Any = diagnosis["held_out_Hz"][k] if diagnosis.get("held_out_Hz") else ()  # missing in older journals
+            bands: Any = diagnosis.get("held_out_Hz") or ()  # missing in older journals
+            held = bands[k] if k < len(bands) else ()
             _residuals(axes, shown[k], diagnosis["findings"], held, named=named, legend=k == 0)
         else:
             axes.set_axis_off()

@@ -24,6 +24,7 @@ from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_
 from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
+from ..access.unread_answers import UnreadAnswers
 from .request_errors import RequestError
 from .request_handlers import RequestHandlers, scoped
 
@@ -86,6 +87,7 @@ class RequestServer:
         self._access = access
         self._handlers = handlers
         self._guard = guard
+        self._unread = UnreadAnswers()
         self._done: OrderedDict[str, _Done] = OrderedDict()
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = ThreadPoolExecutor(1, "looking")
@@ -110,17 +112,19 @@ class RequestServer:
             return False
         began, last = time.monotonic(), received[-1]
         handle, key = _property(last, "__fd"), _property(last, "User-Id")
+        descriptor = int(handle) if handle else -1
         if handle:
-            self._guard.heard(int(handle))
+            self._guard.heard(descriptor)
         sender, *frames = [frame.bytes for frame in received]
         envelope = [sender]
         if frames and not frames[0]:  # a REQ socket sends an empty frame before its request, and expects it back
             envelope.append(frames.pop(0))
-        answer = self._answer(frames, key)
+        waiting = self._unread.too_much(descriptor)
+        answer = self._why_not(_id_of(frames), _unread(waiting)) if waiting else self._answer(frames, key)
         if isinstance(answer, list):
-            self._send(envelope, answer, began)
+            self._send(envelope, answer, began, descriptor)
         else:
-            task = asyncio.create_task(self._send_later(envelope, answer, began))
+            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor))
             self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
         return True
@@ -138,13 +142,16 @@ class RequestServer:
             frames.append(following)
         return frames
 
-    def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float) -> None:
+    def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float, descriptor: int) -> None:
         self._handlers.metrics.counts["requests"] += 1
         self._handlers.metrics.lasted("request", time.monotonic() - began)
+        self._unread.answered(descriptor, sum(map(len, answer)))
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
 
-    async def _send_later(self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float) -> None:
-        self._send(envelope, await answer, began)
+    async def _send_later(
+        self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float, descriptor: int
+    ) -> None:
+        self._send(envelope, await answer, began, descriptor)
 
     def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
         """Return the answer to a message, which is a refusal with the reason for an invalid one."""
@@ -234,6 +241,14 @@ class RequestServer:
             except PzctlError as error:
                 raise RequestError("bench-failed", str(error)) from None
         return reply.BenchAnswer(id=request.id, answer=answer)
+
+
+def _unread(waiting: int) -> RequestError:
+    return RequestError(
+        "too-much",
+        f"{waiting >> 20} MB of earlier answers were not read yet",
+        "read the earlier answers first, or ask one after the other",
+    )
 
 
 def _id_in_use(request: str) -> RequestError:

@@ -6,13 +6,17 @@ from typing import Any
 from ...journal.journal_reader import JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...wire import requests as ask
+from ...wire.diagnosis_form import check_diagnosis
 from ...wire.events import DiagnosisEvent, FitEvent
-from ...wire.frames import unpack
+from ...wire.frames import WireError, unpack
 from ...wire.result_messages import curves_of
 from .request_errors import RequestError
 
 MOST_ANSWERS = 100
 """Greatest number of answers of one fitter to one measurement, which differ in version or sweeps."""
+
+MOST_ANSWERED = 64 << 20
+"""Greatest size in bytes of all answers to one measurement, since one request reads all of them."""
 
 
 def checked(
@@ -34,6 +38,8 @@ def checked(
         raise RequestError(
             "too-many-answers", f"fitter {request.fitter!r} answered this measurement {MOST_ANSWERS} times already"
         )
+    if journal.answers_size(known.id) + sum(map(len, raw)) > MOST_ANSWERED:
+        raise RequestError("too-many-answers", f"the answers to this measurement have {MOST_ANSWERED >> 20} MB already")
     return event
 
 
@@ -69,5 +75,9 @@ def _event(request: ask.SubmitRequest, known: JournalMeasurement) -> FitEvent | 
     fields: dict[str, Any] = {"measurement": known.id, "sample": known.sample}
     fields |= {name: getattr(request, name) for name in ("fitter", "version", "sweeps", "curves", "columns")}
     if request.diagnosis is not None:
+        try:
+            check_diagnosis(request.diagnosis)
+        except WireError as error:
+            raise RequestError("bad-answer", f"answer of {request.fitter!r}: {error}") from None
         return DiagnosisEvent(**fields, diagnosis=request.diagnosis)
     return FitEvent(**fields, report=request.report, error=request.error)

@@ -1,0 +1,123 @@
+"""How much of the answers to each connection was not read yet, so that nobody fills the daemon's memory by not reading.
+
+libzmq keeps a number of answers for a connection, however large they are, and does not say what it sent. The kernel
+(TCP_INFO) tells how many bytes the other side has acknowledged; only Linux provides this number.
+"""
+
+import os
+import socket
+import struct
+import sys
+import time
+from dataclasses import dataclass
+
+MOST_UNREAD = 64 << 20
+"""Bytes of answers to one connection that wait to be read; one answer has at most some 16 MB."""
+
+MOST_UNREAD_BY_ALL = 512 << 20
+"""The same of all connections together."""
+
+LITTLE = 64 << 10
+"""Bytes of an answer that is not counted: libzmq keeps few enough of them."""
+
+MOST_KNOWN = 1000
+"""Number of connections after which those that have ended are forgotten."""
+
+FORGOTTEN = 5.0
+"""Seconds without progress, with nothing left to send, after which answers count as dropped by libzmq."""
+
+_BYTES_ACKED = 120
+"""Offset of `tcpi_bytes_acked` in the kernel's `struct tcp_info`; it ends before `tcpi_bytes_received`."""
+
+_NOT_SENT = 144
+"""Offset of `tcpi_notsent_bytes`."""
+
+
+@dataclass
+class _Reader:
+    """One connection: bytes given to it, and bytes it has read."""
+
+    given: int
+    read: int
+    at: float
+    """When it was last seen to read."""
+
+
+class UnreadAnswers:
+    """Counts the bytes that were answered to each connection and are not acknowledged; on other systems none."""
+
+    def __init__(self) -> None:
+        self._readers: dict[str, _Reader] = {}
+        self._handles: set[int] = set()
+        """Descriptors of connections that had a large answer; nothing is asked about the others."""
+
+    def answered(self, handle: int, size: int) -> None:
+        """Record an answer to the connection with this descriptor."""
+        if size < LITTLE:
+            return
+        self._handles.add(handle)
+        if len(self._readers) > MOST_KNOWN:
+            self._forget_closed()
+        if (reader := self._reader(handle)) is not None:
+            reader.given += size
+
+    def too_much(self, handle: int) -> int:
+        """Return the bytes that wait to be read if they are too many for a further answer, else 0."""
+        reader = self._reader(handle) if handle in self._handles else None
+        waiting = 0 if reader is None else reader.given - reader.read
+        if waiting > MOST_UNREAD:
+            return waiting
+        if waiting and sum(other.given - other.read for other in self._readers.values()) > MOST_UNREAD_BY_ALL:
+            self._forget_closed()
+            everybody = sum(other.given - other.read for other in self._readers.values())
+            return everybody if everybody > MOST_UNREAD_BY_ALL else 0
+        return 0
+
+    def _reader(self, handle: int) -> _Reader | None:
+        """Return a connection as it is now, or None if the kernel tells nothing about it."""
+        link, told = _link(handle), _told(handle)
+        if told is None:
+            return None
+        acknowledged, unsent = told
+        now = time.monotonic()
+        reader = self._readers.setdefault(link, _Reader(acknowledged, acknowledged, now))
+        if acknowledged != reader.read:
+            reader.read, reader.at = acknowledged, now
+        elif not unsent and now - reader.at > FORGOTTEN:
+            reader.given = acknowledged
+        reader.given = max(reader.given, acknowledged)  # heartbeats and frames' heads are no allowance
+        return reader
+
+    def _forget_closed(self) -> None:
+        """Forget connections that have ended, and look again at the others."""
+        links = {_link(int(name)): int(name) for name in os.listdir("/proc/self/fd")}  # noqa: PTH208
+        self._readers = {link: reader for link, reader in self._readers.items() if link in links}
+        for link in [*self._readers]:
+            self._reader(links[link])
+
+
+def _link(handle: int) -> str:
+    """Return socket and inode of a descriptor, which is used again after a connection has ended."""
+    try:
+        return os.readlink(f"/proc/self/fd/{handle}")  # noqa: PTH115
+    except OSError:
+        return ""
+
+
+def _told(handle: int) -> tuple[int, int] | None:
+    """Return a connection's acknowledged bytes and those that the kernel has still to send, or None."""
+    if sys.platform != "linux":
+        return None
+    try:
+        borrowed = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, fileno=handle)
+    except OSError:
+        return None
+    try:
+        info = borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+        (acknowledged,) = struct.unpack_from("Q", info, _BYTES_ACKED)
+        (unsent,) = struct.unpack_from("I", info, _NOT_SENT)
+    except (OSError, struct.error):
+        return None
+    finally:
+        borrowed.detach()
+    return acknowledged, unsent
