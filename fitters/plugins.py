@@ -1,18 +1,19 @@
 """Finding and loading fitters: those of the entry point group `pzctl.fitters`, and those that settings name."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 
 from ..models.base.errors import PzctlError
 from ..models.base.names import among
-from .interface import Fitter
+from .interface import FitResult, FitTask, Fitter
 
 GROUP = "pzctl.fitters"
 DEFAULT = "mason"
 
 
 class PluginError(PzctlError):
-    """A fitter that is not installed, or that does not load."""
+    """A fitter that is not installed, does not load, or fails otherwise than with a FitError."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,16 @@ def load_configured(name: str) -> Fitter:
     Not for names that came in a message: a module is run as soon as it is imported. Raises PluginError.
     """
     return _new(EntryPoint(name, name, GROUP), f"fitter {name!r}") if ":" in name else load_fitter(name)
+
+
+def run(fitter: Fitter, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+    """Fit; whatever a third party's fitter raises becomes a PluginError with one sentence. Raises PzctlError."""
+    try:
+        return fitter.fit(task, progress)
+    except (PzctlError, MemoryError):
+        raise
+    except Exception as error:
+        raise PluginError(f"fitter {fitter.name!r} failed: {type(error).__name__}: {error}") from error
 
 
 def _new(point: EntryPoint, what: str) -> Fitter:

@@ -14,6 +14,6 @@ def open_store(place: Place, *, write: bool) -> Store:
         from .stores.postgres_store import PostgresStore
     except ModuleNotFoundError as error:
         raise JournalError(
-            f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install 'pzctl[postgres]'"
+            f"a journal on PostgreSQL needs {error.name}, which is not installed: pip install '{error.name}[binary]'"
         ) from None
     return PostgresStore(place, write=write)

@@ -184,7 +184,7 @@ class _PageRequestHandlers:
         try:
             from . import prometheus_metrics
         except ModuleNotFoundError as error:
-            says = f"{error.name} is not installed; metrics need it: pip install 'pzctl[metrics]'"
+            says = f"{error.name} is not installed; metrics need it: pip install {error.name}"
             return PlainTextResponse(says, 501)
         free = shutil.disk_usage(home()).free
         try:

@@ -4,7 +4,7 @@ from pzctl.daemon.samples.journal_manual_fit import of_sample
 from pzctl.daemon.report.fit_widget import sliders
 sliders(of_sample("S4"))
 
-Needs `pip install 'pzctl[notebook]'` (ipywidgets). `ManualFit` does the same without a widget.
+Needs ipywidgets (the extra `notebook`). `ManualFit` does the same without a widget.
 """
 
 import io
@@ -69,9 +69,7 @@ class FitWidget:
         try:
             import ipywidgets  # type: ignore[reportMissingTypeStubs]
         except ModuleNotFoundError:
-            raise FitWidgetError(
-                "ipywidgets is not installed; sliders need it: pip install 'pzctl[notebook]'"
-            ) from None
+            raise FitWidgetError("ipywidgets is not installed; sliders need it: pip install ipywidgets") from None
         self._widgets: Any = ipywidgets
         self._manual_fit, self._choices = manual_fit, choices
         self.result: FitResult | None = None

@@ -87,7 +87,7 @@ def fit_on_dask(
     try:
         distributed: Any = import_module("distributed")  # an extra: nothing else of pzctl needs it
     except ImportError:
-        raise BatchError("--dask needs Dask, which is not installed: pip install 'pzctl[dask]'") from None
+        raise BatchError("--dask needs Dask, which is not installed: pip install 'dask[distributed]'") from None
     try:
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:  # no such host; nobody there; no such port

@@ -49,7 +49,7 @@ class FtpServer:
             import aioftp
             from aioftp.pathio import MemoryPathIO, Node
         except ImportError:
-            raise SimError("simulator: the FTP server needs aioftp; pip install 'pzctl[ftp]'") from None
+            raise SimError("simulator: the FTP server needs aioftp: pip install aioftp") from None
 
         class Files(MemoryPathIO):
             """The files of the instrument; aioftp gets every file by its node."""

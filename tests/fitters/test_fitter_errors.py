@@ -257,3 +257,20 @@ def test_a_fitter_that_does_not_load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "entry_points", lambda group: [broken])
     with pytest.raises(plugins.PluginError, match=r"fitter 'broken' of .* does not load: ModuleNotFoundError"):
         plugins.load_fitter("broken")
+
+
+class _Demanding:
+    """A fitter with the documented signature, which gives up in its own way."""
+
+    name, version, summary = "demanding", "1", "asks for progress"
+
+    def fit(self, task, progress):
+        progress("dividing")
+        return 1 / 0
+
+
+def test_a_fitter_of_the_documented_signature_runs_and_what_it_raises_is_one_sentence() -> None:
+    heard: list[str] = []
+    with pytest.raises(plugins.PluginError, match=r"^fitter 'demanding' failed: ZeroDivisionError: division by zero$"):
+        plugins.run(_Demanding(), FitTask(None, {}), heard.append)
+    assert heard == ["dividing"]

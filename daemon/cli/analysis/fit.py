@@ -156,7 +156,7 @@ def _fitted(
     """Return the result of each fitter, and the build with the amendments. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended
     from ....fitters.interface import FitTask
-    from ....fitters.plugins import DEFAULT, load_fitter
+    from ....fitters.plugins import DEFAULT, load_fitter, run
     from ...files.builds.build_file import read_build
 
     fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
@@ -168,7 +168,7 @@ def _fitted(
     elif wanted.amendments != Amendments():
         raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
     task = FitTask(known, read_steps(recordings, accuracy), wanted.free, wanted.options)
-    return [fitter.fit(task) for fitter in fitters], known
+    return [run(fitter, task) for fitter in fitters], known
 
 
 def _show(

@@ -41,8 +41,9 @@ _LARGEST = 1_000_000
 """Bytes. A build file has a few kilobytes; anything larger is another file given by mistake."""
 
 
-def read_build(path: Path) -> Build:
+def read_build(path: Path | str) -> Build:
     """Read a transducer from build.toml. Raises BuildError with one sentence for a person."""
+    path = Path(path)
     try:
         if path.is_dir():
             raise BuildError(f"{path}: this is a folder; a file like build.toml is needed")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from ....fitters.interface import FitError, FitResult, FitTask, Fitter
-from ....fitters.plugins import load_configured
+from ....fitters.plugins import PluginError, load_configured, run
 from ....models.sweep import Sweep
 from ...client.client import Client
 from ...client.protocol import DaemonError
@@ -78,14 +78,14 @@ class FitterWorker:
         if not events:
             return
         try:
-            answer = self._fitter.fit(task_of(events))
-        except FitError as error:
-            answer = str(error)
+            answer = run(self._fitter, task_of(events))
         except MemoryError:  # leaked memory would make every later fit fail too: let the process be restarted
             raise
+        except FitError as error:
+            answer = str(error)
         except Exception as error:
             log.exception("measurement %s", measurement)
-            answer = f"fitter {self._name!r} failed: {type(error).__name__}: {error}"
+            answer = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
         self._submit(measurement, [received.event.id for received in events], answer)
         self._answered.add(measurement)
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from ....fitters.interface import FitError, FitResult
-from ....fitters.plugins import load_configured
+from ....fitters.plugins import load_configured, run
 from ...client.client import Client
 from ...files.auto_diagnosis import DIAGNOSIS
 from ...wire.events import ReceivedEvent, SweepEvent
@@ -30,7 +30,7 @@ def fit(client: Client, measurement: str, fitter: str) -> None:
     sweeps = client.sweeps(measurement)
     answer: FitResult | str
     try:
-        answer = loaded.fit(task_of(sweeps))
+        answer = run(loaded, task_of(sweeps))
     except FitError as error:
         answer = str(error)
     client.submit(measurement, _ids(sweeps), fitter, loaded.version, answer)
