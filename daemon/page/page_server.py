@@ -1,6 +1,7 @@
 """The page's web application: its files, the daemon's events, and the commands of its buttons."""
 
 import logging
+import shutil
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from email.message import Message
@@ -21,6 +22,7 @@ from ...drivers.recordings import csv_text
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..client.protocol import DaemonError
+from ..files.paths import home
 from ..report.document.html_report import report_html
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
@@ -184,11 +186,12 @@ class _PageRequestHandlers:
         except ModuleNotFoundError as error:
             says = f"{error.name} is not installed; metrics need it: pip install {error.name}"
             return PlainTextResponse(says, 501)
+        free = shutil.disk_usage(home()).free
         try:
             with PageClient(user.name) as lab:
-                text = prometheus_metrics.exposition(lab.metrics(), lab.status())
+                text = prometheus_metrics.exposition(lab.metrics(), lab.status(), free)
         except DaemonError:
-            text = prometheus_metrics.exposition(None, None)
+            text = prometheus_metrics.exposition(None, None, free)
         return Response(text, media_type=prometheus_metrics.CONTENT_TYPE)
 
     def record(self, words: dict[str, str], user: PageUser) -> Response:
