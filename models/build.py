@@ -1,7 +1,7 @@
 """A transducer as it is built up: its layers, and its gluing steps in order."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from .specification import Specification
@@ -65,6 +65,8 @@ class Step:
     layers: tuple[str, ...]
     reground: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """Thickness (m) of the layers that were ground since the previous step, by layer; valid from this step on."""
+    mass: Quantity | None = None
+    """Mass (kg) of all layers of this step, as weighed: a datum of their densities."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ class Build:
     """Limits of this sample, if the file states them; no plan that exceeds them is measured."""
     specification: Specification | None = None
     """Limits of the constants, if the file states them; each fit is compared with them."""
+    metadata: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
+    """What was noted at the measurement: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
 
     @property
     def data_sheet(self) -> dict[str, Quantity]:
@@ -97,6 +101,16 @@ class Build:
             for layer in self.layers
             for name, quantity in {**layer.values, **layer.nominal}.items()
         }
+
+    def noted(
+        self, step: str, metadata: Mapping[str, str | float] | None = None, mass: Quantity | None = None
+    ) -> "Build":
+        """Return the build with further metadata, and with the mass (kg) of a step. Raises KeyError."""
+        self.step(step)
+        steps = self.steps
+        if mass is not None:
+            steps = tuple(replace(one, mass=mass) if one.name == step else one for one in steps)
+        return replace(self, steps=steps, metadata={**self.metadata, **(metadata or {})})
 
     def layer(self, name: str) -> LayerSpec:
         """Return the layer named `name`. Raises KeyError."""

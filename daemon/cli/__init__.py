@@ -19,7 +19,7 @@ from .lab import compensate, doctor, screenshot, simulator
 from .lab import daemon as service
 from .lab import keys_commands as keys
 from .proof import prove
-from .records import chart, export, samples, show
+from .records import chart, export, samples, show, trend
 from .records import journal_commands as journal
 from .records import report_command as report
 
@@ -48,6 +48,7 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     "What was measured": {
         "samples": samples.samples,
         "chart": chart.chart,
+        "trend": trend.trend,
         "show": show.show,
         "report": report.report,
         "export": export.export,

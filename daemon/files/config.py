@@ -122,6 +122,7 @@ SETTINGS: Mapping[str, Setting] = {
         "a table with `to` (a folder, or USER@HOST:FOLDER) and `every_hours` (a number of hours above 0)", read_backup
     ),
     "diagnose": Setting("auto or asked", _when),
+    "readers": Setting("names of installed readers, each of at most 64 characters that can be printed", _names),
     "log": Setting("text or json", _form),
 }
 """All settings; each name is a flag, an environment variable and a key of the config file."""

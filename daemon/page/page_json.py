@@ -27,6 +27,7 @@ def event_json(received: ReceivedEvent) -> dict[str, Any]:
     for heavy in ("build", "columns", "report"):
         fields.pop(heavy, None)
     if isinstance(event, SweepEvent):
+        fields["metadata"] = dict(event.build.metadata)
         fields["sweep"] = sweep_json(received.sweep())
     if isinstance(event, FitEvent) and event.report is not None:
         fields["fit"] = fitted_json(fit_of(received), event.sample.step)
@@ -55,6 +56,7 @@ def record_json(record: StepRecord, build: Build) -> dict[str, Any]:
         "fits": [fitted_json(fit, step, build) for fit in record.fits],
         "refusals": list(record.refusals),
         "diagnosis": record.diagnosis.diagnosis if record.diagnosis else None,
+        "metadata": dict(record.metadata),
         "withdrawn": record.withdrawal.says if record.withdrawal else None,
     }
 

@@ -6,7 +6,7 @@ from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from email.message import Message
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 from starlette.applications import Starlette
@@ -21,12 +21,15 @@ from starlette.types import Scope
 from ...drivers.recordings import csv_text
 from ...fitters.population.conformity import judged
 from ...models.base.errors import PzctlError
-from ...models.build import Build
+from ...models.build import Build, Quantity
+from ...models.metadata import check_metadata
 from ..client.protocol import DaemonError
+from ..files.config import settings
 from ..files.paths import home
 from ..report.document.html_report import report_html
 from ..report.pictures.svg_pictures import svg_of
 from ..report.tables.verdict_table import verdict_json
+from ..samples.measurement_notes import noted_build
 from ..samples.process_chart import process_chart
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
@@ -92,8 +95,23 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
     return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token, users=users)])
 
 
+class _Mass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A mass from the balance."""
+
+    value: Annotated[float, msgspec.Meta(gt=0)]
+    """Grams."""
+    u: Annotated[float, msgspec.Meta(gt=0)]
+    """Standard uncertainty of the balance, grams."""
+
+
 class _Measure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A measurement of one step."""
+
     step: str
+    metadata: dict[str, str | float] = {}
+    """What to note with it: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
+    mass_g: _Mass | None = None
+    """Mass of all layers of this step; a datum of the density."""
 
 
 class _Diagnose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -229,10 +247,17 @@ class _PageRequestHandlers:
 
     def measure(self, command: _Measure, user: PageUser) -> Response:
         """Start measuring a step; a simulated bench first glues the layer."""
+        check_metadata(command.metadata, "metadata")
+        mass = command.mass_g and Quantity(command.mass_g.value / 1e3, u=command.mass_g.u / 1e3, source="balance")
+        signed = {"operator": user.name} if user.name else {}
+        notes = {**signed, **command.metadata}
         with PageClient(user.name) as lab:
             if lab.hello().bench is not None:
                 lab.bench({"command": "step", "name": command.step})
-            return JSONResponse({"measurement": lab.begin(self._build, command.step)})
+            build = self._build
+            if command.step in [step.name for step in build.steps]:  # the daemon refuses others
+                build = noted_build(build, command.step, notes, mass, settings({}).get("readers", ()))
+            return JSONResponse({"measurement": lab.begin(build, command.step)})
 
     def diagnose(self, command: _Diagnose, user: PageUser) -> Response:
         """Request the diagnosis of a measurement; the result arrives as an event."""

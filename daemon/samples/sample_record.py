@@ -1,7 +1,7 @@
 """The journal's record of one sample: the latest measurement of each gluing step, with its fits and diagnosis."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from ...fitters.interface import Curve, FitResult
@@ -36,6 +36,8 @@ class StepRecord:
     """The latest; its `diagnosis` is the object of `pzctl diagnose --json`."""
     diagnosis_curves: tuple[Curve, ...]
     """The curves of the diagnosis's picture; may be empty."""
+    metadata: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
+    """What was noted at the measurement, with `mass_g` if the step was weighed."""
     withdrawal: Withdrawal | None = None
     """The withdrawal of the measurement; only a request by its id returns a withdrawn one."""
 
@@ -129,4 +131,14 @@ def _step(journal: JournalReader, measurement: JournalMeasurement) -> StepRecord
     sentences = tuple(f"{name}: {why}" for name, why in refusals.items() if name not in fits)
     withdrawal = withdrawal_of(journal, measurement.id) if measurement.state == WITHDRAWN else None
     sweeps = tuple(received.sweep() for received in events)
-    return StepRecord(measurement, sweeps, idn, tuple(fits.values()), sentences, diagnosis, curves, withdrawal)
+    metadata = noted(journal, measurement)
+    return StepRecord(
+        measurement, sweeps, idn, tuple(fits.values()), sentences, diagnosis, curves, metadata, withdrawal
+    )
+
+
+def noted(journal: JournalReader, measurement: JournalMeasurement) -> dict[str, str | float]:
+    """Return what was noted at a measurement, with `mass_g` and `mass_u_g` if its step was weighed."""
+    build = journal.build(measurement.id)
+    mass = next((step.mass for step in build.steps if step.name == measurement.sample.step), None)
+    return {**build.metadata, **({} if mass is None else {"mass_g": 1e3 * mass.re, "mass_u_g": 1e3 * mass.u})}

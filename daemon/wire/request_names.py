@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from ...models.base.names import LONGEST_NAME, NameFault, check_name
 from ...models.build import Build
+from ...models.metadata import MetadataError, check_metadata
 from . import requests as ask
 from .frames import WireError
 
@@ -19,7 +20,9 @@ def check_names(request: ask.Request) -> None:
     try:
         for name, what, longest in _names(request):
             check_name(name, f"request: {what}", longest)
-    except NameFault as fault:
+        if isinstance(request, ask.MeasureRequest):
+            check_metadata(request.build.metadata, "request: metadata")
+    except (NameFault, MetadataError) as fault:
         raise WireError(str(fault)) from None
 
 

@@ -12,7 +12,7 @@ from ...models.constants.passivity import passivity_margin
 from ...models.constants.piezo_constants import Radial
 from ..engine.covariance import Estimate, estimate
 from ..engine.descent import Descent
-from ..engine.parameters.assembly import UNITS, between_bounds, is_held
+from ..engine.parameters.assembly import UNITS, between_bounds, is_held, weighings_of
 from ..engine.parameters.coordinates import Block, Coordinates, positive
 from ..engine.plausibility import strange
 from ..engine.recording import Prior
@@ -69,7 +69,7 @@ def disk_priors(disk: BareDisk, constants: tuple[str, ...]) -> tuple[Prior, ...]
         q = disk.layer.values.get(name)
         if q is not None and q.u > 0:
             priors.append(Prior(f"{at}.{name}.re", q.re, q.u))
-    return tuple(priors)
+    return (*priors, *weighings_of(disk.build, (disk.step,)))
 
 
 def planar_coordinates(

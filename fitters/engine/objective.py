@@ -51,7 +51,7 @@ class Objective:
         self.recordings = tuple(recordings)
         self.coordinates = coordinates
         known = [prior for prior in priors if isinstance(prior, Prior)]
-        self.priors = tuple(prior for prior in known if prior.parameter in coordinates.parameters)
+        self.priors = tuple(prior for prior in known if set(prior.needs) <= set(coordinates.parameters))
         self.posteriors = tuple(prior for prior in priors if isinstance(prior, Posterior))
         self.evaluations = 0
         self._row = {name: k for k, name in enumerate(coordinates.parameters)}
@@ -59,7 +59,6 @@ class Objective:
         told = {name for posterior in self.posteriors for name in posterior.names}
         self._losses = [k for k in coordinates.log_losses if coordinates.free[k] not in told]
         self._told = [self._told_by(posterior) for posterior in self.posteriors]
-        self._known = [self._row[prior.parameter] for prior in self.priors]
         self._mean = np.array([prior.mean for prior in self.priors])
         self._u = np.array([prior.u for prior in self.priors])
         self._tether = np.zeros((len(self.coordinates.free), len(self._losses)))
@@ -163,13 +162,21 @@ class Objective:
                 size = part.stop - part.start
                 J[:, row : row + size], J[:, row + size : row + 2 * size] = rows[:, 0::2], rows[:, 1::2]
                 row += 2 * size
-        near = row + len(self._known)
-        J[:, row:near] = (chain[self._known] / self._u[:, None]).T
+        near = row + len(self.priors)
+        J[:, row:near] = (self._prior_slopes(values) @ chain / self._u[:, None]).T
         J[:, near : near + len(self._losses)] = self._tether
         if self._told:
             _, slope = self.straight(x)
             J[:, near + len(self._losses) :] = np.concatenate([root * slope for root, _ in self._told]).T
         return _Evaluation(x.copy(), r, J, curves)
+
+    def _prior_slopes(self, values: Mapping[str, float]) -> Reals:
+        """Return the derivatives of what the priors are about by the parameters, shape (priors, P)."""
+        slopes = np.zeros((len(self.priors), len(self._row)))
+        for k, prior in enumerate(self.priors):
+            for name, slope in prior.slopes(values).items():
+                slopes[k, self._row[name]] = slope
+        return slopes
 
     def _parted(self, wholes: Sequence[Complexes]) -> tuple[Complexes, ...]:
         """Split curves over shared models into one curve per recording."""
@@ -192,7 +199,7 @@ class Objective:
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of priors, losses and earlier steps' posteriors."""
-        priors = (np.array([values[prior.parameter] for prior in self.priors]) - self._mean) / self._u
+        priors = (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
         y, _ = self.straight(x) if self._told else (x, x)
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]

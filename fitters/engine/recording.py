@@ -24,6 +24,59 @@ class Prior:
     mean: float
     u: float
 
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The model parameters that it is about."""
+        return (self.parameter,)
+
+    def predicted(self, values: Mapping[str, float]) -> float:
+        """Return the value of the model for which the mean was measured."""
+        return values[self.parameter]
+
+    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of `predicted` by the model parameters."""
+        return {self.parameter: 1.0}
+
+
+@dataclass(frozen=True)
+class Weighing(Prior):
+    """The mass (kg) of the layers of a step: area times the sum of density times thickness.
+
+    Unlike a density computed from the mass, it carries the correlation of density with thickness and area.
+    """
+
+    densities: tuple[tuple[str, ...], ...] = ()
+    """For each layer the parameter `density`, or those of an elastic layer: `z` and `c`, density = z/c."""
+    thicknesses: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Area, densities and thicknesses."""
+        return ("area", *(name for names in self.densities for name in names), *self.thicknesses)
+
+    def predicted(self, values: Mapping[str, float]) -> float:
+        """Return the mass of the model, kg."""
+        return values["area"] * sum(per_area for _, _, per_area in self._layers(values))
+
+    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the mass."""
+        layers, area = self._layers(values), values["area"]
+        slopes = dict.fromkeys(self.needs, 0.0)
+        slopes["area"] = sum(per_area for _, _, per_area in layers)
+        for names, thickness, per_area in layers:
+            for name, power in zip(names, (1, -1), strict=False):
+                slopes[name] += power * area * per_area / values[name]
+            slopes[thickness] += area * per_area / values[thickness]
+        return slopes
+
+    def _layers(self, values: Mapping[str, float]) -> list[tuple[tuple[str, ...], str, float]]:
+        """Return density names, thickness name and mass per area of each layer."""
+        pairs = zip(self.densities, self.thicknesses, strict=True)
+        return [
+            (names, thickness, values[names[0]] / (values[names[1]] if len(names) > 1 else 1.0) * values[thickness])
+            for names, thickness in pairs
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:

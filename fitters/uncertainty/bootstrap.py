@@ -54,7 +54,7 @@ def bootstrap(descent: Descent, draws: int = DRAWS, seed: int = SEED) -> Draws:
     for _ in range(draws):
         recordings = [_redrawn(r, Z, rng) for r, Z in zip(objective.recordings, fits, strict=True)]
         known: list[Prior | Posterior] = [
-            replace(p, mean=rng.normal(values[p.parameter], p.u)) for p in objective.priors
+            replace(p, mean=rng.normal(p.predicted(values), p.u)) for p in objective.priors
         ]
         known += [_shifted(posterior, objective, x, rng) for posterior in objective.posteriors]
         again = descend(Objective(recordings, objective.coordinates, known), x, _TOLERANCE)

@@ -107,4 +107,4 @@ class _Shares:
 
 
 def _is_dimension(name: str) -> bool:
-    return kind_of(name) in ("thickness", "density", "area")
+    return kind_of(name) in ("thickness", "density", "area", "mass")

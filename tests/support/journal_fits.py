@@ -22,9 +22,9 @@ def disk_build(name: str) -> Build:
     return parse_build(BUILD.format(name=name))
 
 
-def put_fit(journal: JournalWriter, name: str, c33D: float, *, kt: float = 0.46) -> str:
+def put_fit(journal: JournalWriter, name: str, c33D: float, *, kt: float = 0.46, build: Build | None = None) -> str:
     """Put a measurement of a sample's disk with a fit into the journal, and return its id."""
-    build, sample = disk_build(name), SampleStep(name, "disk")
+    build, sample = build or disk_build(name), SampleStep(name, "disk")
     measurement, _ = journal.begin_measurement(f"{name}-{journal.last_seq}", build, "disk")
     journal.append(StateEvent(state="measured", measurement=measurement, sample=sample))
     constants = {"disk.c33D": Constant(c33D, 0.011 * c33D, 1e9, 2e7, "Pa")}

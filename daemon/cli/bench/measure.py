@@ -13,6 +13,7 @@ import typer
 
 from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
+from .note_options import NoteOptions
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,6 +59,16 @@ def measure(
     limits: Annotated[
         Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")
     ] = None,
+    operator: Annotated[str | None, typer.Option(help="Who measures; kept with the measurement.")] = None,
+    temperature: Annotated[float | None, typer.Option(help="Temperature of the sample, degrees Celsius.")] = None,
+    mass: Annotated[
+        str | None, typer.Option(metavar="GRAMS:U", help="Mass from the balance; with --step. Decides the density.")
+    ] = None,
+    batch: Annotated[str | None, typer.Option(help="Batch or lot.")] = None,
+    barcode: Annotated[str | None, typer.Option(help="Barcode or serial number.")] = None,
+    note: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Anything else to keep; may be repeated.")
+    ] = None,
     yes: Annotated[
         bool, typer.Option("--yes", help="With --diagnose: make the proposed sweeps without asking.")
     ] = False,
@@ -78,6 +89,8 @@ def measure(
     from ...files.builds.limits_table import with_limits
     from ...report.terminal import console
 
+    notes = NoteOptions(operator, temperature, mass, batch, barcode, note or ())
+    notes.check(step)  # before anything is started
     device = with_limits(read_build(build or THESIS_BUILD), limits)
     names = [gluing_step.name for gluing_step in device.steps]
     if step is not None and step not in names:
@@ -92,7 +105,7 @@ def measure(
         diagnoser = _diagnoser(lab, device, screen, yes) if diagnose else None
         for name in [step] if step else names:
             _prepare(lab, name, simulated, screen)
-            _one_step(lab, device, name, wanted, screen, report, adaptive)
+            _one_step(lab, notes.noted(device, name), name, wanted, screen, report, adaptive)
             if diagnoser is not None:
                 report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:

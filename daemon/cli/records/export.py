@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -72,7 +73,8 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
     for step_record in record.steps:
         if step in (None, step_record.measurement.sample.step):
             stem = as_file_name(record.name, step_record.measurement.sample.step)
-            for k, sweep in enumerate(step_record.sweeps, start=1):
+            for k, measured in enumerate(step_record.sweeps, start=1):
+                sweep = replace(measured, settings={**step_record.metadata, **measured.settings})
                 files.append(folder / f"{stem}-{k}{FORMATS[form]}")
                 writers[form](sweep, files[-1])
     return files

@@ -138,6 +138,7 @@ def _state(journal: "JournalReader", measurement: "JournalMeasurement") -> str:
 
 def _plain(journal: "JournalReader", measurement: "JournalMeasurement") -> dict[str, Any]:
     from ...journal.withdrawal import withdrawal_of
+    from ...samples.sample_record import noted
 
     withdrawal = withdrawal_of(journal, measurement.id)
     return {
@@ -148,6 +149,7 @@ def _plain(journal: "JournalReader", measurement: "JournalMeasurement") -> dict[
         "time": measurement.time,
         "sweeps": list(journal.sweep_ids(measurement.id)),
         "fitters": list(journal.fitters(measurement.id)),
+        "metadata": noted(journal, measurement),
     }
 
 

@@ -11,6 +11,7 @@ from ....models.base.names import as_file_name, shown
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ....models.build import Build
     from ...samples.sample_record import SampleRecord, StepRecord
 
 
@@ -49,7 +50,7 @@ def show(
     plain: list[dict[str, Any]] = []
     for step_record in steps:
         drawings = _pictures(record, step_record, fitter, pictures)
-        plain.append(_plain(step_record, fitter, drawings))
+        plain.append(_plain(step_record, record.build, fitter, drawings))
         if not as_json:
             _print(screen, record, step_record, fitter)
         for path in drawings.values():
@@ -77,16 +78,17 @@ def _pictures(
     }
 
 
-def _plain(step_record: "StepRecord", fitter: str | None, drawings: dict[str, Path]) -> dict[str, Any]:
+def _plain(step_record: "StepRecord", build: "Build", fitter: str | None, drawings: dict[str, Path]) -> dict[str, Any]:
     from ...report.json_output.fit_json import fit_json
 
-    fits = [fit_json(fit) for fit in step_record.fits if fitter in (None, fit.fitter)]
+    fits = [fit_json(fit, build) for fit in step_record.fits if fitter in (None, fit.fitter)]
     for fit in fits:
         fit["picture"] = str(drawings[fit["fitter"]]) if fit["fitter"] in drawings else None
     return {
         "step": step_record.measurement.sample.step,
         "measurement": step_record.measurement.id,
         "time": step_record.measurement.time,
+        "metadata": dict(step_record.metadata),
         "sweeps": [sweep.id for sweep in step_record.sweeps],
         "fits": fits,
         "refusals": list(step_record.refusals),
@@ -105,6 +107,8 @@ def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord",
         style="bold cyan",
         highlight=False,
     )
+    if step_record.metadata:
+        screen.print(", ".join(f"{key} {value}" for key, value in step_record.metadata.items()), highlight=False)
     fits = [fit for fit in step_record.fits if fitter in (None, fit.fitter)]
     for fit in fits:
         print_fit(screen, fit, record.build)

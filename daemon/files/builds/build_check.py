@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
+from ....models.metadata import MetadataError, check_metadata
 from ....models.sweep_plan import PlanError
 from .build_table import BuildError
 from .limits_table import check_limits
@@ -26,6 +27,10 @@ def check_build(build: Build, source: str) -> None:
             raise BuildError(f"{source}: {error}") from None
     _check_layers(build, source)
     check_limits(build, source)
+    try:
+        check_metadata(build.metadata, f"{source}: measurement")
+    except MetadataError as error:
+        raise BuildError(str(error)) from None
     _check_unique((step.name for step in build.steps), source, "steps")
     if not build.steps:
         raise BuildError(f"{source}: steps is empty; at least one [[steps]] is needed")

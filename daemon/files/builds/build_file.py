@@ -11,6 +11,7 @@ import msgspec
 
 from ....models.base.errors import PzctlError
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
+from ....models.metadata import MetadataError, check_metadata
 from ....models.specification import SpecificationError
 from ....models.sweep_plan import BANDWIDTHS, USUAL_POINTS, LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
@@ -35,6 +36,7 @@ THESIS_BUILD = Path(__file__).with_name("thesis.toml")
 """The transducer of the 2012 thesis, which is also the one on the simulated bench."""
 
 LAYER_KEYS = ("name", "kind", "material")
+MASS_KEYS = {"mass_g": Key("mass", 1e-3)}
 SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3), "area_mm2": Key("area", 1e-6)}
 FREQUENCY_UNITS = {"MHz": 1e6, "kHz": 1e3, "Hz": 1.0}
 NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
@@ -81,7 +83,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
         ) from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits"))
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits", "measurement"))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
@@ -96,6 +98,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
         plan=_plan(top.table("sweep")) if "sweep" in data else None,
         limits=_limits(top.table("sample")) if "sample" in data else None,
+        metadata=_metadata(top.table("measurement")) if "measurement" in data else {},
         specification=read_limits(top.table("limits")) if "limits" in data else None,
     )
     check_build(build, source)
@@ -198,9 +201,12 @@ def _load(table: Table, key: str) -> LoadSpec:
 
 
 def _step(table: Table) -> Step:
-    table.only(("name", "layers", "reground"))
+    table.only(("name", "layers", "reground", *MASS_KEYS))
     reground = _reground(table.table("reground")) if "reground" in table.data else {}
-    return Step(table.string("name"), table.strings("layers"), reground)
+    mass = table.quantities(MASS_KEYS).get("mass")
+    if mass is not None and mass.u == 0:
+        raise table.error("mass_g", "has no u; write mass_g = { value = ..., u = ... } with the balance's uncertainty")
+    return Step(table.string("name"), table.strings("layers"), reground, mass)
 
 
 def _reground(table: Table) -> dict[str, Quantity]:
@@ -216,6 +222,15 @@ def _reground(table: Table) -> dict[str, Quantity]:
             raise inner.missing("thickness of its own", "a ground layer cannot be tied to another")
         reground[layer] = thickness
     return reground
+
+
+def _metadata(table: Table) -> dict[str, str | float]:
+    """Return the section [measurement]: what is noted at every measurement of this transducer."""
+    try:
+        check_metadata(table.data, f"{table.source}: {table.path}")
+    except MetadataError as error:
+        raise BuildError(str(error)) from None
+    return dict(table.data)
 
 
 def _limits(table: Table) -> LevelLimits:

@@ -51,7 +51,7 @@ PIEZO_KEYS = (
 ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3)}
 """Diameter of both electrodes if they end before the rim; a property of the disk, not of a material."""
 
-REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter"}
+REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter", "mass"}
 TIED = {"thickness", "z", "c", "q"}
 """Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}

@@ -25,8 +25,7 @@ JOIN fits f ON f.measurement = m.id AND f.kind = 'fit' AND f.ok = 1
     AND f.seq = (SELECT max(n.seq) FROM fits n WHERE n.measurement = f.measurement AND n.fitter = f.fitter
         AND n.kind = 'fit' AND n.ok = 1)
 JOIN events e ON e.station = f.station AND e.seq = f.seq
-LEFT JOIN events s ON s.measurement = m.id AND s.kind = 'sweep'
-    AND s.seq = (SELECT min(n.seq) FROM events n WHERE n.measurement = m.id AND n.kind = 'sweep')
+JOIN builds b ON b.hash = m.build
 $each
 WHERE m.state IN ('measured', 'withdrawn')
 """)
@@ -41,7 +40,7 @@ WHERE number = newest
 def _sqlite() -> str:
     report, meta = (
         "json_extract(CAST(e.header AS TEXT), '$.report.{}')",
-        "json_extract(CAST(s.header AS TEXT), '$.metadata{}')",
+        "json_extract(CAST(b.json AS TEXT), '$.metadata{}')",
     )
     each = "JOIN json_each(CAST(e.header AS TEXT), '$.report.{}') c"
     halves = [
@@ -56,7 +55,10 @@ def _sqlite() -> str:
             converged=report.format("converged"),
             operator=meta.format(".operator"),
             temperature=meta.format(".temperature_C"),
-            mass=meta.format(".mass_g"),
+            mass=(
+                "(SELECT 1000 * json_extract(t.value, '$.mass.re') FROM json_each(CAST(b.json AS TEXT), '$.steps') t "
+                "WHERE json_extract(t.value, '$.name') = m.step)"
+            ),
             batch=meta.format(".batch"),
             barcode=meta.format(".barcode"),
             metadata=meta.format(""),
@@ -70,7 +72,7 @@ def _sqlite() -> str:
 def _postgres() -> str:
     report, meta = (
         "(convert_from(e.header, 'UTF8')::json -> 'report'",
-        "(convert_from(s.header, 'UTF8')::json -> 'metadata'",
+        "(convert_from(b.json, 'UTF8')::json -> 'metadata'",
     )
     each = (
         f"CROSS JOIN LATERAL (SELECT key, value, 0 AS derived FROM json_each({report} -> 'constants')) "  # noqa: S608
@@ -87,7 +89,10 @@ def _postgres() -> str:
         converged=f"({report} ->> 'converged'))::boolean::int",
         operator=f"{meta} ->> 'operator')",
         temperature=f"({meta} ->> 'temperature_C'))::float8",
-        mass=f"({meta} ->> 'mass_g'))::float8",
+        mass=(
+            "(SELECT 1000 * (t -> 'mass' ->> 're')::float8 FROM json_array_elements("
+            "convert_from(b.json, 'UTF8')::json -> 'steps') t WHERE t ->> 'name' = m.step)"
+        ),
         batch=f"{meta} ->> 'batch')",
         barcode=f"{meta} ->> 'barcode')",
         metadata=f"{meta})::text",

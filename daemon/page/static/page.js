@@ -24,6 +24,23 @@ async function command(path, body) {
   try { await ask(path, body); } catch (error) { $("problem").textContent = error.message; }
 }
 
+// What is typed under "Note with the next measurement"; the mass belongs to one measurement only.
+function notes() {
+  const metadata = {}, number = (id) => Number($(id).value.trim().replace(",", "."));
+  for (const key of ["operator", "batch", "barcode"]) if ($(`note-${key}`).value.trim()) metadata[key] = $(`note-${key}`).value.trim();
+  if ($("note-temperature_C").value.trim()) metadata.temperature_C = number("note-temperature_C");
+  for (const pair of $("note-more").value.split(",").filter((one) => one.includes("="))) {
+    const [key, ...rest] = pair.split("="), value = rest.join("=").trim();
+    metadata[key.trim()] = value !== "" && Number.isFinite(Number(value)) ? Number(value) : value;
+  }
+  return { metadata, ...($("note-mass").value.trim() ? { mass_g: { value: number("note-mass"), u: number("note-mass-u") } } : {}) };
+}
+
+async function measure(step) {
+  await command("/api/measure", { step, ...notes() });
+  if (!$("problem").textContent) $("note-mass").value = "";
+}
+
 // ---- the view
 
 function showSegments() {
@@ -80,6 +97,7 @@ function showFit() {
   $("fitter").textContent = fit ? `fitter ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   const judged = fit?.verdict, limitsOf = (name) => (judged?.limits ?? []).filter((one) => one.constant.replace(/\.im$/, "") === name);
+  $("noted").textContent = Object.entries(view.metadata ?? {}).map(([key, value]) => `${key} ${value}`).join(", ");
   $("verdict").hidden = !judged;
   Object.assign($("verdict"), { textContent: judged ? `limits: ${judged.verdict}` : "", className: `verdict ${judged?.verdict ?? ""}` });
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
@@ -118,7 +136,7 @@ const byHand = (fit) => ((fit.chosen.model ?? "mason") === "mason" ? fit.fitter 
 function showControls() {
   const steps = view.build.steps.map((step) => step.name);
   $("steps").replaceChildren(...steps.map((step) => {
-    const button = element("button", step, { type: "button", disabled: Boolean(view.running), onclick: () => command("/api/measure", { step }) });
+    const button = element("button", step, { type: "button", disabled: Boolean(view.running), onclick: () => measure(step) });
     button.setAttribute("aria-pressed", String(step === view.step));
     return button;
   }));
@@ -188,7 +206,7 @@ function painted(time) {
 async function open(sample, step) {
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
   const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
-  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, fits: one.fits, fit: one.fits[0] ?? null, withdrawn: record.withdrawn });
+  Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, metadata: one.metadata, fits: one.fits, fit: one.fits[0] ?? null, withdrawn: record.withdrawn });
   showAll();
 }
 
@@ -243,7 +261,7 @@ const heard = {
   },
   sweep: (event) => {
     if (event.decides) return; // a further measurement for a diagnosis is not shown as the step's own
-    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, withdrawn: [] });
+    if (event.measurement !== view.measurement) Object.assign(view, { measurement: event.measurement, sample: event.sample.name, step: event.sample.step, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, withdrawn: [], metadata: event.metadata });
     view.sweeps.push(event.sweep);
     showAll();
     painted(event.time);
@@ -267,7 +285,7 @@ stream.onmessage = (message) => { const event = JSON.parse(message.data); heard[
 stream.onerror = () => say("connection lost");
 stream.onopen = () => begin();
 
-$("next").onclick = () => { const step = nextStep(); if (step) command("/api/measure", { step }); };
+$("next").onclick = () => { const step = nextStep(); if (step) measure(step); };
 $("stop").onclick = () => command("/api/cancel", {});
 $("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
 $("which").onchange = () => { showHistory(); $("chart-place").replaceChildren(); };

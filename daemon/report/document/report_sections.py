@@ -41,6 +41,12 @@ def measured(record: SampleRecord) -> str:
         for sweep in record_of_step.sweeps
     ]
     shown = table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
+    notes = [
+        (step.measurement.sample.step, ", ".join(f"{key} {_in_short(value)}" for key, value in step.metadata.items()))
+        for step in record.steps
+        if step.metadata
+    ]
+    shown += table(("step", "noted"), notes) if notes else ""
     return shown + "".join(f"<p>{escape(says)}.</p>" for says in record.withdrawn)
 
 

@@ -10,7 +10,7 @@ from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.stack import Elastic, HalfSpace, Piezo, Stack
 from ....models.sweep import Sweep
 from ...interface import TaskError
-from ..recording import Prior, Recording
+from ..recording import Prior, Recording, Weighing
 from .constraints import bounded, shared
 from .coordinates import Block, Coordinates, hardly_negative, positive, thickness_constants, to_h33
 
@@ -232,4 +232,28 @@ def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
             priors.append(Prior(f"{full}.re" if piezo else full, quantity.re, quantity.u))
         if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
             priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))
-    return tuple(priors)
+    return (*priors, *weighings_of(build, steps))
+
+
+def weighings_of(build: Build, steps: Iterable[str]) -> tuple[Weighing, ...]:
+    """Return the mass of each of these steps that was weighed, as prior knowledge."""
+    weighings: list[Weighing] = []
+    for step in (build.step(name) for name in steps):
+        if step.mass is None:
+            continue
+        fitted, ties = renamed(build, step.name), _followed(build)
+        densities: list[tuple[str, ...]] = []
+        for layer in map(build.layer, step.layers):
+            names = ("density",) if layer.kind == "piezo" else ("z", "c")
+            densities.append(tuple(ties.get(full, full) for full in (f"{layer.name}.{name}" for name in names)))
+        thicknesses = (f"{name}.thickness" for name in step.layers)
+        mass, shown = step.mass, f"mass@{step.name}"
+        named = tuple(ties.get(full, fitted.get(full, full)) for full in thicknesses)
+        weighings.append(Weighing(shown, mass.re, mass.u, tuple(densities), named))
+    return tuple(weighings)
+
+
+def _followed(build: Build) -> dict[str, str]:
+    """Return the leader of each tied constant, by full name."""
+    values = ((f"{layer.name}.{name}", q.same_as) for layer in build.layers for name, q in layer.values.items())
+    return {name: leader for name, leader in values if leader is not None}

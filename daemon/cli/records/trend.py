@@ -1,0 +1,97 @@
+"""`pzctl trend`: constants of a sample against temperature, with coefficients."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ...report.pictures.trend_picture import Series
+
+
+def trend(
+    sample: Annotated[str, typer.Argument(help="Name of a sample that was measured at several temperatures.")],
+    constants: Annotated[
+        list[str] | None, typer.Argument(help="Such as disk.c33D disk.kt; default: all that were fitted.")
+    ] = None,
+    against: Annotated[str, typer.Option(help="The noted number to plot against.")] = "temperature_C",
+    step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
+    fitter: Annotated[str | None, typer.Option(help="Use this fitter's fits; default: mason.")] = None,
+    degree: Annotated[int, typer.Option(min=1, max=3, help="Degree of the polynomial.")] = 1,
+    reference: Annotated[float, typer.Option(help="Where the value itself is given.")] = 25.0,
+    picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Fit the constants of a series against temperature: value at the reference, and relative change per kelvin.
+
+    The temperature is the one noted with `pzctl measure --temperature`, on the page, or by a reader.
+
+    Example: pzctl trend S4 disk.c33D disk.eps33S --picture temperature.png
+    """
+    from ....fitters.plugins import DEFAULT
+    from ...report.pictures.picture_file import check_picture, save_picture
+    from ...report.pictures.trend_picture import trend_figure
+    from ...report.terminal import console
+    from ...samples.constant_table import constants as table_of
+
+    if picture is not None:
+        check_picture(picture)
+    rows = table_of(sample, step, fitter or DEFAULT, every=True).rows
+    series = _series(rows, constants or [], sample, against, degree, reference)
+    if picture is not None:
+        save_picture(trend_figure(series, against), picture, dpi=110)
+    if as_json:
+        print(json.dumps({"sample": sample, "against": against, "constants": {one[0]: _plain(one) for one in series}}))
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from ....models.base.uncertain_numbers import with_uncertainty
+
+    shown = Table(header_style="bold", box=SIMPLE_HEAD)
+    powers = [f"a{k + 1}, 1e-6/{against}{'' if k == 0 else f'^{k + 1}'}" for k in range(degree)]
+    for column in ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter"):
+        shown.add_column(column)
+    for name, unit, _, _, _, found in series:
+        changes = [with_uncertainty(1e6 * a.value, 1e6 * a.u) for a in found.relative]
+        value = with_uncertainty(found.value.value, found.value.u)
+        shown.add_row(name, str(found.n), value, "" if unit == "1" else unit, *changes, f"{found.scatter:.2g}")
+    console().print(shown)
+    if picture is not None:
+        console().print(f"picture: {picture}", highlight=False, soft_wrap=True)
+
+
+def _series(
+    rows: tuple[dict[str, Any], ...], names: list[str], sample: str, against: str, degree: int, reference: float
+) -> "list[Series]":
+    """Return each constant's values and trend. Raises UnknownSampleError, TrendError."""
+    from ....fitters.population.trend import trend as trend_of
+    from ...samples.sample_record import UnknownSampleError
+
+    points: dict[str, list[tuple[float, float, float, str]]] = {}
+    for row in rows:
+        x = json.loads(row["metadata"] or "{}").get(against)
+        wanted = row["constant"] in names if names else row["free"] or row["derived"]
+        if wanted and isinstance(x, int | float) and row["converged"] and row["re"] is not None:
+            points.setdefault(row["constant"], []).append((float(x), row["re"], row["u_re"] or 0.0, row["unit"]))
+    missing = [name for name in names if name not in points]
+    if missing or not points:
+        what = f"constant {missing[0]!r}" if missing else "no fit"
+        raise UnknownSampleError(
+            f"sample {sample!r}: {what} with {against} noted; note it with `pzctl measure --temperature`, or --note"
+        )
+    series: list[Series] = []
+    for name, found in points.items():
+        x, y, u, units = zip(*found, strict=True)
+        if names or not math.isclose(min(y), max(y), rel_tol=1e-12):  # a held value has no trend
+            series.append((name, units[0], x, y, u, trend_of(x, y, degree, reference)))
+    return series
+
+
+def _plain(one: "Series") -> dict[str, Any]:
+    import msgspec
+
+    _, unit, x, y, u, found = one
+    return {"unit": unit, "x": list(x), "y": list(y), "u": list(u), **msgspec.to_builtins(found)}
