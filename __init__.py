@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .daemon.client.async_client import connect_async as connect_async
     from .daemon.client.client import connect as connect
+    from .daemon.samples.constant_table import constants as constants
+    from .daemon.samples.sweep_table import sweeps as sweeps
     from .models.build import Build as Build
     from .models.sweep import Sweep as Sweep
     from .models.sweep_plan import Segment as Segment
@@ -21,8 +23,10 @@ _HOME = {
     "SweepPlan": ".models.sweep_plan",
     "connect": ".daemon.client.client",
     "connect_async": ".daemon.client.async_client",
+    "constants": ".daemon.samples.constant_table",
+    "sweeps": ".daemon.samples.sweep_table",
 }
-__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect", "connect_async"]
+__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect", "connect_async", "constants", "sweeps"]
 
 
 def __getattr__(name: str) -> Any:

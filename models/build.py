@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .specification import Specification
 from .sweep_plan import LevelLimits, SweepPlan
 
 
@@ -85,6 +86,8 @@ class Build:
     """Measuring plan, if the file contains one."""
     limits: LevelLimits | None = None
     """Limits of this sample, if the file states them; no plan that exceeds them is measured."""
+    specification: Specification | None = None
+    """Limits of the constants, if the file states them; each fit is compared with them."""
 
     @property
     def data_sheet(self) -> dict[str, Quantity]:

@@ -19,7 +19,7 @@ from .lab import compensate, doctor, screenshot, simulator
 from .lab import daemon as service
 from .lab import keys_commands as keys
 from .proof import prove
-from .records import export, samples, show
+from .records import chart, export, samples, show
 from .records import journal_commands as journal
 from .records import report_command as report
 
@@ -47,6 +47,7 @@ _PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     },
     "What was measured": {
         "samples": samples.samples,
+        "chart": chart.chart,
         "show": show.show,
         "report": report.report,
         "export": export.export,
@@ -88,7 +89,8 @@ def pzctl(
 
     Begin with `pzctl measure --fit`: it measures and fits a whole transducer on a simulated bench.
 
-    Exit status: 0 done, 1 no result possible, 2 wrong usage, 130 stopped with Ctrl-C.
+    Exit status: 0 done, 1 no result possible, 2 wrong usage, 3 outside a limit, 4 not decided whether inside, 130
+    stopped with Ctrl-C.
     """
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -13,6 +14,7 @@ from .integrity.verification import faults_of
 from .opening import open_store
 from .store import JournalError, Place, digest_of
 from .stores.array_file import split_array
+from .stores.views import COLUMNS, constants_query
 
 MOST_REPLAYED = 16 << 20
 """Bytes of events after which one answer to a replay ends; the last event may exceed them."""
@@ -147,6 +149,11 @@ class JournalReader:
             History(measured, tuple(sweeps.get(measured.id, ())), tuple(fitters.get(measured.id, ())))
             for measured in self.measurements(where, *values)
         ]
+
+    def constants(self, *, latest: bool) -> list[dict[str, Any]]:
+        """Return the rows of the view `constants` (the latest measurements) or `constants_all`, by column."""
+        sql = constants_query(latest=latest, postgres=not isinstance(self._place, Path))
+        return [dict(zip(COLUMNS, row, strict=False)) for row in self._all(sql)]
 
     def sweep_ids(self, measurement: str) -> tuple[str, ...]:
         """Return the ids of a measurement's sweeps, in order."""

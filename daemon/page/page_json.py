@@ -38,12 +38,12 @@ def sweep_json(sweep: Sweep) -> dict[str, Any]:
     return {"id": sweep.id, "time": sweep.time, "f": sweep.frequency.tolist(), "z": numbers_json(sweep.impedance)}
 
 
-def fitted_json(fit: FitResult, step: str) -> dict[str, Any]:
-    """Return a fit with the curves of one gluing step."""
-    return fit_json(fit) | {"curves": [_curve(curve) for curve in fit.curves if curve.step == step]}
+def fitted_json(fit: FitResult, step: str, build: Build | None = None) -> dict[str, Any]:
+    """Return a fit with the curves of one gluing step, and with a verdict if the build has limits."""
+    return fit_json(fit, build) | {"curves": [_curve(curve) for curve in fit.curves if curve.step == step]}
 
 
-def record_json(record: StepRecord) -> dict[str, Any]:
+def record_json(record: StepRecord, build: Build) -> dict[str, Any]:
     """Return one measurement with its fits, refusals and diagnosis."""
     step = record.measurement.sample.step
     return {
@@ -52,7 +52,7 @@ def record_json(record: StepRecord) -> dict[str, Any]:
         "step": step,
         "time": record.measurement.time,
         "sweeps": [sweep_json(sweep) for sweep in record.sweeps],
-        "fits": [fitted_json(fit, step) for fit in record.fits],
+        "fits": [fitted_json(fit, step, build) for fit in record.fits],
         "refusals": list(record.refusals),
         "diagnosis": record.diagnosis.diagnosis if record.diagnosis else None,
         "withdrawn": record.withdrawal.says if record.withdrawal else None,
@@ -70,6 +70,7 @@ def build_json(build: Build) -> dict[str, Any]:
             for layer in build.layers
         ],
         "steps": [{"name": step.name, "layers": list(step.layers)} for step in build.steps],
+        "limits": build.specification is not None,
         "sheet": {
             name: {"re": quantity.re, "im": quantity.im, "u": quantity.u, "u_im": quantity.u_im}
             for name, quantity in build.data_sheet.items()

@@ -1,6 +1,7 @@
 """The page's web application: its files, the daemon's events, and the commands of its buttons."""
 
 import logging
+import shutil
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from email.message import Message
@@ -18,10 +19,15 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from ...drivers.recordings import csv_text
+from ...fitters.population.conformity import judged
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..client.protocol import DaemonError
+from ..files.paths import home
 from ..report.document.html_report import report_html
+from ..report.pictures.svg_pictures import svg_of
+from ..report.tables.verdict_table import verdict_json
+from ..samples.process_chart import process_chart
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
@@ -79,6 +85,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         _command("/api/keep", ManualFitRequest, keep),
         Route("/download/{measurement}/{segment}.csv", _answering(handlers.download)),
         Route("/report/{name:path}", _answering(handlers.report)),
+        Route("/chart/{constant}", _answering(handlers.chart)),
         Route("/pdf/{name:path}", _answering(handlers.pdf)),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
@@ -184,17 +191,18 @@ class _PageRequestHandlers:
         except ModuleNotFoundError as error:
             says = f"{error.name} is not installed; metrics need it: pip install {error.name}"
             return PlainTextResponse(says, 501)
+        free = shutil.disk_usage(home()).free
         try:
             with PageClient(user.name) as lab:
-                text = prometheus_metrics.exposition(lab.metrics(), lab.status())
+                text = prometheus_metrics.exposition(lab.metrics(), lab.status(), free)
         except DaemonError:
-            text = prometheus_metrics.exposition(None, None)
+            text = prometheus_metrics.exposition(None, None, free)
         return Response(text, media_type=prometheus_metrics.CONTENT_TYPE)
 
     def record(self, words: dict[str, str], user: PageUser) -> Response:
         """Return the record of a sample, or of one measurement."""
         record = _record(words["name"])
-        steps = [record_json(step) for step in record.steps]
+        steps = [record_json(step, record.build) for step in record.steps]
         return JSONResponse(
             {
                 "sample": record.name,
@@ -253,6 +261,21 @@ class _PageRequestHandlers:
         policy = "default-src 'none'; style-src 'unsafe-inline'"
         return HTMLResponse(report_html(_record(words["name"])), headers={"Content-Security-Policy": policy})
 
+    def chart(self, words: dict[str, str], user: PageUser) -> Response:
+        """Return the control charts of a constant over the samples as SVG, or as JSON if the name ends with .json."""
+        from ..report.pictures.control_chart_picture import control_chart_figure
+
+        journal = open_journal()
+        try:
+            chart = process_chart(journal, words["constant"].removesuffix(".json"))
+        finally:
+            journal.close()
+        if words["constant"].endswith(".json"):
+            return JSONResponse(chart.json())
+        svg = svg_of(control_chart_figure(chart.chart, chart.title, chart.unit, chart.limit), "control-chart")
+        policy = "default-src 'none'; style-src 'unsafe-inline'"
+        return Response(svg, media_type="image/svg+xml", headers={"Content-Security-Policy": policy})
+
     def pdf(self, words: dict[str, str], user: PageUser) -> Response:
         """Return the report of a sample as PDF."""
         from ..report.document.pdf_report import report_pdf  # a third of a second, which the page's start need not take
@@ -282,6 +305,7 @@ def _constants(record: SampleRecord) -> dict[str, Any]:
                 }
                 if step.fits
                 else {},
+                "verdict": verdict_json(judged(step.fits[0], record.build)) if step.fits else None,
             }
             for step in record.steps
         ],

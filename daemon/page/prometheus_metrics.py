@@ -13,17 +13,21 @@ from ..wire.replies import BackupState, MetricsAnswer, StatusAnswer
 CONTENT_TYPE = CONTENT_TYPE_LATEST
 
 
-def exposition(metrics: MetricsAnswer | None, status: StatusAnswer | None) -> bytes:
-    """Return the text for a Prometheus server; None for both answers means that no daemon runs."""
+def exposition(metrics: MetricsAnswer | None, status: StatusAnswer | None, free: int | None = None) -> bytes:
+    """Return the text for a Prometheus server; None for both answers means that no daemon runs.
+
+    `free` is the number of free bytes on the disk of the data folder.
+    """
     registry = CollectorRegistry()
-    registry.register(_Answers(metrics, status))
+    registry.register(_Answers(metrics, status, free))
     return generate_latest(registry)
 
 
 class _Answers(Collector):
     """The daemon's answers as metric families."""
 
-    def __init__(self, metrics: MetricsAnswer | None, status: StatusAnswer | None) -> None:
+    def __init__(self, metrics: MetricsAnswer | None, status: StatusAnswer | None, free: int | None) -> None:
+        self._free = free
         self._metrics = metrics
         self._status = status
 
@@ -31,6 +35,9 @@ class _Answers(Collector):
         """Yield the metric families."""
         there = self._metrics is not None and self._status is not None
         yield GaugeMetricFamily("pzctl_up", "Whether the daemon answers.", value=float(there))
+        if self._free is not None:
+            says = "Free on the disk of the data folder."
+            yield GaugeMetricFamily("pzctl_disk_free_bytes", says, value=self._free)
         if self._metrics is not None:
             yield from _counted(self._metrics)
         if self._status is not None:

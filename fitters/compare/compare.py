@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ...models.base.true_runs import true_runs
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
+from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
 from .comparison import ChangeFinding, ComparedCurve, Comparison, Verdict
 from .device_changes import device_changes
 from .hypothesis import Change, Fitted, Hypothesis, fitted
@@ -18,7 +19,7 @@ from .limits import limits, repeatability
 from .pair import Pair, pair_of
 from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
 from .resonances import fitted_poles, resonances_of
-from .search import Searched, search
+from .search import Searched, nothing_in_common, search
 from .shifts import resonance_shifts
 from .two_ports import TwoPort, two_ports
 
@@ -32,6 +33,8 @@ _FORMULA = 0.01
 """Part of what the largest change moves, up to which a further one is an error of its formula."""
 _SURE = 0.9
 """Probability from which recordings are said to differ by a change: below, nothing is."""
+_REMARKED = 0.1
+"""Probability from which something that is not sure is mentioned."""
 _ALIKE = 9.0
 """chi2 by which the predictions of two hypotheses differ, up to which a pair does not tell them apart: three u."""
 
@@ -42,23 +45,28 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
     pair = pair_of(before, after)
     poles = fitted_poles(pair, pair.before, pair.noise_before)
     own = resonances_of(poles, pair, pair.before)
+    after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
     errors = PairErrors(pair, own)
-    searched = search(errors, (*two_ports(), *device_changes(pair, own)))
-    return replace(concluded(errors, searched, began), resonances=resonance_shifts(pair, poles))
+    searched = search(errors, (*two_ports(), *device_changes(pair, own)), after_poles)
+    return replace(concluded(errors, searched, began), resonances=resonance_shifts(pair, poles, after_poles))
 
 
 def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:
     """Return the answer."""
     pair, nothing = errors.pair, searched.nothing
     alike = _class(searched, errors)
-    best = _substantial(searched, _simplest(searched, alike), errors)
-    verdict, probability = _verdict(searched, best, alike)
-    named = best if verdict in ("explained", "partly-explained") else nothing
+    best = _probable(errors, searched, _substantial(searched, _simplest(searched, alike), errors), alike)
+    told = _told(searched, best, alike)
+    verdict, named = told.verdict, nothing if told.verdict in ("unchanged", "unexplained") else best
     held = _held_out(pair.frequency.size)
-    findings = _findings(errors, searched, named, (alike, held)) if named.hypothesis.changes else ()
+    findings = _findings(errors, searched, best, (alike, held)) if best.hypothesis.changes else ()
     remarks: tuple[ChangeFinding, ...] = ()
-    if findings and verdict == "explained" and _usual(errors, named, nothing):
-        verdict, named, findings, remarks = "unchanged", nothing, (), findings
+    if verdict == "explained" and _usual(errors, named, nothing):
+        verdict, named = "unchanged", nothing
+        told = replace(told, verdict=verdict, probability=told.probability + told.still)
+    if named is nothing:
+        remarks = findings if verdict == "unchanged" and told.named > _REMARKED else ()
+        findings = ()
     findings = (*_turned(pair), *findings)
     if verdict == "unchanged" and findings:
         verdict = "explained"
@@ -67,7 +75,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
     return Comparison(
         verdict,
-        probability,
+        told.probability,
         change,
         findings,
         limits(errors, named) if verdict in ("unchanged", "explained") else (),
@@ -79,7 +87,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         held_out_chi2(errors, nothing, held),
         held_out_chi2(errors, named, held),
         tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in held),
-        _says(verdict, findings, change, left),
+        _says(replace(told, verdict=verdict), (findings, remarks), change, left),
         ComparedCurve(pair.frequency, pair.before, pair.after, named.at.predicted),
         time.monotonic() - began,
         remarks,
@@ -87,16 +95,19 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
 
 
 def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
-    """Return whether all that was found moves no point by more than two recordings of one device may differ by."""
+    """Return whether all that was found moves no point by more than two recordings of one device may differ by.
+
+    Noise does not count: it is known, and a change is found beside it.
+    """
     pair = errors.pair
     moved = np.abs(np.log(named.at.predicted / nothing.at.predicted))
-    usual = np.sqrt((2 * INSTRUMENT) ** 2 + (_DRIFT * np.abs(errors.slope)) ** 2 + 9 * pair.noise_before**2)
+    usual = np.sqrt((2 * INSTRUMENT) ** 2 + (_DRIFT * np.abs(errors.slope)) ** 2 + errors.of_fixture(pair.after) ** 2)
     return bool(np.mean(moved > usual) < _FEW)
 
 
 def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
     """Return, of those that the pair does not tell from the best, the one with fewest changes."""
-    return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.best)
+    return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.nothing)
 
 
 def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
@@ -115,33 +126,63 @@ def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted
     return best if len(kept) == len(changes) else _without(errors, searched, kept)
 
 
-def _verdict(searched: Searched, best: Fitted, alike: Sequence[int]) -> tuple[Verdict, float]:
-    """Return the verdict and how probable it is: the rest of the best hypothesis says whether it is all."""
-    chances = searched.probabilities()
-    usual = best.outcome.usual
-    if not best.hypothesis.changes:
-        share = float(chances[searched.fits.index(best)])
-        return ("unchanged", share * usual) if usual >= NAMED else ("unexplained", share * (1 - usual))
-    share = float(sum(chances[k] for k in alike))
-    nothing = float(chances[searched.fits.index(searched.nothing)]) if searched.nothing.outcome.usual >= NAMED else 0.0
-    if nothing > 1 - _SURE:
-        return "unchanged", nothing
-    if share < NAMED:
-        return "unexplained", 1 - share
+def _probable(errors: PairErrors, searched: Searched, best: Fitted, alike: Sequence[int]) -> Fitted:
+    """Return an explanation without the changes that are less likely than not."""
+    changes, chances = best.hypothesis.changes, searched.probabilities()
+    if len(changes) < 2 or float(sum(chances[k] for k in alike)) >= NAMED:
+        return best
+    kept = tuple(one for one in changes if _probability(searched, chances, one, ()) >= NAMED)
+    return _without(errors, searched, kept) if kept else best
+
+
+@dataclass(frozen=True)
+class _Told:
+    """The verdict, and how probable everything is."""
+
+    verdict: Verdict
+    probability: float
+    still: float
+    """That nothing changed."""
+    named: float
+    """That it was what is named."""
+    other: str = ""
+    """What is said of the most probable thing that has no name."""
+
+
+def _told(searched: Searched, best: Fitted, alike: Sequence[int]) -> _Told:
+    """Return the verdict: the rest of the best explanation says whether it is all."""
+    usual = searched.nothing.outcome.usual
+    apart = max(searched.apart, nothing_in_common(best) if best.hypothesis.changes else 0.0)
+    chances = searched.probabilities() * (1 - apart) / max(1 - searched.apart, 1e-300)
+    nothing = float(chances[searched.fits.index(searched.nothing)])
+    still = nothing * usual
+    every = [(float(c), one.hypothesis) for one, c in zip(searched.fits, chances, strict=True)]
+    kind = sum(c for c, one in every if ANOTHER in one.names)
+    named = max(
+        float(sum(chances[k] for k in alike)),
+        min((_probability(searched, chances, one, ()) for one in best.hypothesis.changes), default=0.0),
+    )
+    other = apart + kind + nothing * (1 - usual)
+    says = max((apart, NOTHING_IN_COMMON), (kind, DEVICES_OF_A_KIND), (nothing * (1 - usual), ""))[1]
+    if still >= max(named, other) or (still > 1 - _SURE and named >= other):
+        return _Told("unchanged", still, still, named)
+    if named < NAMED:
+        return _Told("unexplained", max(other, 1 - still - named), still, named, says)
     left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))
     change = float(np.sqrt(np.mean(np.abs(searched.nothing.outcome.left) ** 2)))
-    whole = usual >= NAMED or left < _EXPLAINED * change
-    return ("explained" if whole else "partly-explained"), share
+    whole = best.outcome.usual >= NAMED or left < _EXPLAINED * change
+    return _Told("explained" if whole else "partly-explained", named, still, named)
 
 
 def _class(searched: Searched, errors: PairErrors) -> list[int]:
     """Return the hypotheses that the pair does not tell from the best: as probable, or the same to within errors."""
-    best = searched.best
-    if not best.hypothesis.changes:
+    fits = [one for one in searched.fits if one.hypothesis.changes and ANOTHER not in one.hypothesis.names]
+    if not fits:
         return []
+    best = fits[0]
     alike: list[int] = []
     for k, one in enumerate(searched.fits):
-        if not one.hypothesis.changes:
+        if one not in fits:
             continue
         near = best.log_posterior - one.log_posterior
         if near < CLASS_NATS or (near < 15 and _difference(errors, best, one) < _ALIKE):
@@ -278,12 +319,23 @@ def _bands(pair: Pair, effect: "np.ndarray[tuple[int], np.dtype[np.complex128]]"
     return tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in pairs)
 
 
-def _says(verdict: Verdict, findings: Sequence[ChangeFinding], change: float, left: float) -> tuple[str, ...]:
-    told = f"{100 * change:.2g} % of Z"
-    first = {
-        "unchanged": f"Nothing changed beyond what two recordings of one device differ by ({told}).",
-        "explained": f"The recordings differ by {told}, and the findings explain it.",
-        "partly-explained": f"The recordings differ by {told}; the findings leave {100 * left:.2g} % unexplained.",
-        "unexplained": f"The recordings differ by {told}, and nothing known explains it.",
-    }[verdict]
-    return (first, *(finding.says for finding in findings))
+def _says(
+    told: _Told, known: tuple[Sequence[ChangeFinding], Sequence[ChangeFinding]], change: float, left: float
+) -> tuple[str, ...]:
+    """Return the answer in sentences; `known` are the findings and the remarks."""
+    size, (findings, remarks) = f"{100 * change:.2g} % of Z", known
+    sure = "" if told.probability >= _SURE else f" (probability {told.probability:.2f})"
+    maybe = " and ".join(f"{one.effect} (probability {one.probability:.2f})" for one in remarks)
+    if told.verdict == "unchanged" and told.probability < NAMED:
+        first = f"No change is sure: the recordings differ by {size}, perhaps by {maybe}."
+    elif told.verdict == "unchanged":
+        likely = "Nothing changed" if not sure else "Probably nothing changed"
+        first = f"{likely} beyond what two recordings of one device differ by ({size}){sure}."
+        first += f" Within that, {maybe} would fit." if maybe else ""
+    else:
+        first = {
+            "explained": f"The recordings differ by {size}, and the findings explain it{sure}.",
+            "partly-explained": f"The recordings differ by {size}; the findings leave {100 * left:.2g} % unexplained.",
+            "unexplained": f"The recordings differ by {size}, and nothing known explains it{sure}.",
+        }[told.verdict]
+    return (first, *((told.other,) if told.other else ()), *(finding.says for finding in findings))

@@ -9,6 +9,7 @@ from math import log
 import numpy as np
 
 from ...models.base.arrays import Complexes, Impedances, Reals
+from .another_device import EveryResonance
 from .change import TERMINALS
 from .device_changes import DeviceChange, NewResonance
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
@@ -31,7 +32,7 @@ _BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are not believed."""
 
 
-Change = TwoPort | Turned | DeviceChange
+Change = TwoPort | Turned | DeviceChange | EveryResonance
 State = tuple[Impedances, Resonances | None]
 """What is seen, ohm, and its resonances."""
 
@@ -134,7 +135,17 @@ class Fitted:
     @property
     def log_posterior(self) -> float:
         """Ln of evidence times prior odds."""
-        return self.outcome.log_evidence + self.hypothesis.log_prior - (0.0 if self.possible else _IMPOSSIBLE)
+        return self.weight(1.0)
+
+    def weight(self, coarseness: float) -> float:
+        """Return ln of evidence times prior odds where so much ln evidence counts as one nat."""
+        against = 0.0 if self.possible else _IMPOSSIBLE
+        return self.outcome.log_evidence / coarseness + self.hypothesis.log_prior - against
+
+    @cached_property
+    def shortfall(self) -> float:
+        """Ln likelihood that is missing beside an explanation that leaves noise and usual errors alone."""
+        return self.errors.shortfall(self.at, self.outcome)
 
     @cached_property
     def possible(self) -> bool:

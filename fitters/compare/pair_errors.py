@@ -15,7 +15,7 @@ by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import log
 from typing import Any
 
@@ -24,7 +24,7 @@ from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
 from ...models.circuits.terminals import skin
-from ..error_model.point_covariance import Kernel, PointErrors, in_noise
+from ..error_model.point_covariance import Kernel, PointErrors, in_noise, spread_of_variance
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
 from .pair import Pair
@@ -45,6 +45,8 @@ _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
 _USUAL_DRIFT = 1e-4
+_ONE_IN_TWENTY = 1.645
+"""Standard deviations that chance exceeds in one recording of twenty."""
 _FAR_BELOW = 30.0
 """Ln evidence behind the best size of a rest from which the ones beyond are no longer looked at."""
 _FURTHEST_DRIFT = 6e-4
@@ -85,6 +87,14 @@ class Sizes:
     def log_prior(self) -> float:
         """Ln of its probability on the grids."""
         return sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items()) + log(RESTS[self.rest])
+
+    def at_most(self, others: "Sizes") -> "Sizes":
+        """Return these sizes where they are no larger than others."""
+        return Sizes(**{own.name: min(getattr(self, own.name), getattr(others, own.name)) for own in fields(self)})
+
+
+USUAL = Sizes(1.0, 1.0, 1.0, 1e-4, 1e-4, 0.05, USUAL_REST)
+"""What two recordings of one device differ by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +221,10 @@ class PairErrors:
         """Return the same with blocks of points that take no part."""
         return self._with(self.recorded.without(held))
 
+    def with_noise(self, noise: Reals) -> "PairErrors":
+        """Return the same with another noise of the recording after, of ln Z, shape (N,)."""
+        return self._with(replace(self.recorded, noise_after=noise))
+
     def instead(self, after: Impedances) -> "PairErrors":
         """Return the same with another recording after, ohm, shape (N,); drift is linear about no drift."""
         return PairErrors(replace(self.recorded, after=after), self._first)
@@ -246,6 +260,10 @@ class PairErrors:
         each = s[:, None] * self._each if at.each is None else at.each
         r = r + each @ self._moved
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
+
+    def of_fixture(self, Z: Impedances) -> Reals:
+        """Return the standard deviation of ln Z that two fixtures' residuals cause, shape (N,)."""
+        return np.asarray(np.sqrt(2) * np.linalg.norm(self._fixture(Z), axis=1), np.float64)
 
     def _fixture(self, Z: Impedances) -> Complexes:
         one, jw = np.ones_like(Z), self._jw
@@ -330,6 +348,23 @@ class PairErrors:
         if own:
             made[own] = _beside(drift, at.slopes[:, own], 1 / self.points(at).noise)[1]
         return made
+
+    def shortfall(self, at: Linearised, outcome: Outcome) -> float:
+        """Return the ln likelihood that is missing beside noise and usual errors alone, chance left aside."""
+        X, where = self.columns(at)
+        points = self.points(at)
+        numbers = 2 * int(np.count_nonzero(np.isfinite(points.noise)))
+        found, usual = outcome.sizes, outcome.sizes.at_most(USUAL)
+        logs: list[float] = []
+        for sizes in (found, usual):
+            kernel = Kernel([points], 0.0, (sizes.rest, 0.0))
+            G = kernel.white([X]).squared() / sizes.noise**2
+            if sizes is usual:
+                G[0, :] = G[:, 0] = 0.0
+            log_det = kernel.log_det + 2 * numbers * log(sizes.noise)
+            logs.append(_log_density(G, log_det, _scale(where, sizes, G.shape[0])))
+        by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
+        return float(max(0.0, logs[1] - 0.5 * numbers - logs[0] - 0.5 * _ONE_IN_TWENTY * by_chance))
 
     def merit(self, near: Linearised, sizes: Sizes) -> Callable[[Impedances], float]:
         """Return chi2 as a function of what is predicted near here, all errors integrated out as they are here."""

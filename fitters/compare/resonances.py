@@ -30,7 +30,7 @@ class Resonances:
     """1/s over 2 pi, shape (P,): Im p is the frequency in Hz, -Re p half of its width."""
     residues: Complexes
     """S Hz, shape (P,)."""
-    _known: "list[tuple[Frequencies, Complexes]]" = field(default_factory=list)
+    _known: list[tuple[Frequencies, Complexes]] = field(default_factory=list[tuple[Frequencies, Complexes]])
     """What was computed last: every hypothesis asks for the same."""
 
     @property

@@ -2,10 +2,15 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import exp, log
 
 import numpy as np
 
 from ...models.base.arrays import Reals
+from ..diagnosis.data_quality.pole_fit import PoleFit
+from ..diagnosis.decision_rules import COARSENED
+from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit, screened
 from .pair_errors import PairErrors, Sizes
 
@@ -19,6 +24,8 @@ _MOST = 3
 """Changes at once. A budget."""
 _NOISE_ALONE = 1.2
 """chi2 per number up to which there is nothing but noise."""
+_NOTHING_ELSE = 0.99
+"""Part of the evidence in which nothing but usual errors is left, from which another device is out of the question."""
 _PAYS = 5.0
 """Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
 
@@ -29,20 +36,31 @@ class Searched:
 
     fits: tuple[Fitted, ...]
     nothing: Fitted
+    apart: float
+    """Probability that the recordings have nothing in common."""
 
     @property
     def best(self) -> Fitted:
         """The most probable."""
         return self.fits[0]
 
+    @cached_property
+    def coarseness(self) -> float:
+        """How much ln evidence counts as one nat.
+
+        Where even the best explanation leaves more than noise and usual errors, evidence between explanations is worth
+        as much less (a coarsened posterior, as in a diagnosis: `decision_rules.COARSENED`).
+        """
+        return 1 + COARSENED * self.best.shortfall
+
     def probabilities(self) -> Reals:
         """Return the posterior probability of each, shape (K,)."""
-        logs = np.array([one.log_posterior for one in self.fits])
-        return np.exp(logs - np.logaddexp.reduce(logs))
+        logs = np.array([one.weight(self.coarseness) for one in self.fits])
+        return (1 - self.apart) * np.exp(logs - np.logaddexp.reduce(logs))
 
 
-def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
-    """Return what was fitted to a pair."""
+def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Searched:
+    """Return what was fitted to a pair; `after`: poles of the second recording, found from those of the first."""
     nothing = fitted(Hypothesis(()), errors, np.zeros(0))
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
     singles = [Hypothesis((change,)) for change in changes]
@@ -61,7 +79,22 @@ def search(errors: PairErrors, changes: Sequence[Change]) -> Searched:
                     fits[hypothesis.changes] = fitted(hypothesis, errors, x, parent.outcome.sizes)
         if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
             break
-    return Searched(tuple(_ranked(fits.values())), nothing)
+    if _ranked(fits.values())[0].outcome.usual >= _NOTHING_ELSE:
+        return Searched(tuple(_ranked(fits.values())), nothing, 0.0)
+    every = every_resonance(errors.recorded, errors.own, after)
+    if every is not None:
+        hypothesis = Hypothesis((every[0],))
+        fits[hypothesis.changes] = fitted(hypothesis, errors, plain_fit(hypothesis, errors, every[1])[1])
+    ranked = tuple(_ranked(fits.values()))
+    return Searched(ranked, nothing, nothing_in_common(ranked[0]))
+
+
+def nothing_in_common(fit: Fitted) -> float:
+    """Return the probability, beside an explanation, that the recordings have nothing in common."""
+    if fit.outcome.usual >= _NOTHING_ELSE:
+        return 0.0
+    odds = log_odds_of_nothing_in_common(fit.errors, fit.at, fit.outcome) + log(ODDS) - fit.hypothesis.log_prior
+    return 1 / (1 + exp(-max(min(odds, 700.0), -700.0)))
 
 
 def _parents(ranked: Sequence[Fitted], errors: PairErrors) -> list[Fitted]:

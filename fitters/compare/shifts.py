@@ -6,7 +6,7 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from ..diagnosis.data_quality.pole_fit import PoleFit
 from .comparison import ResonanceShift
 from .pair import Pair
-from .resonances import fitted_poles, resonances_of
+from .resonances import resonances_of
 
 _NEAR = 3.0
 """Half widths of the wider of two poles, or this share of the frequency in per cent, within which they are the same."""
@@ -14,9 +14,8 @@ _KNOWN = 0.5
 """Uncertainty of a shift, in half widths, above which nothing is told of a resonance."""
 
 
-def resonance_shifts(pair: Pair, before: PoleFit) -> tuple[ResonanceShift, ...]:
+def resonance_shifts(pair: Pair, before: PoleFit, after: PoleFit) -> tuple[ResonanceShift, ...]:
     """Return the resonances before that are there after, with shift of frequency, ratio of Q and of strength."""
-    after = fitted_poles(pair, pair.after, pair.noise_after, before)
     first, second = (_told(fit, pair, Z) for fit, Z in ((before, pair.before), (after, pair.after)))
     made: list[ResonanceShift] = []
     taken: set[int] = set()

@@ -210,13 +210,17 @@ def fit(
     rounds: int = 3,
     fixed: bool = False,
     fast: bool = True,
+    tau: bool = True,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
-    `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed.
+    `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed; `tau`: whether smooth
+    errors of all constants are.
     """
+    if not tau:
+        starts = tuple(own.at("tau", 0.0) for own in starts)
     sizes, used, steps = starts[0], 0, 0
-    order = [name for name in ORDER if fast or name != "fast"]
+    order = [name for name in ORDER if (fast or name != "fast") and (tau or name != "tau")]
     columns = marginal.columns(x, fast=fast)
     for k in range(rounds):
         if k > 0:

@@ -35,7 +35,7 @@ class LeadInductance(Effect):
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0)),
             EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0)),
-            EffectParameter("capacitance", "F", typical=1e-13, prior=(5e-13, 1.5)),
+            EffectParameter("capacitance", "F", typical=1e-13, prior=(2e-13, 2.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -1,5 +1,6 @@
 """The scheduled backup: it survives the machine, never overwrites a good copy, and nobody misses that it failed."""
 
+import asyncio
 import os
 import shutil
 import signal
@@ -25,7 +26,10 @@ from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.page.prometheus_metrics import exposition
+from pzctl.daemon.server.workers.backup_schedule import BackupSchedule
 from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
+from pzctl.daemon.wire.frames import to_json
+from pzctl.daemon.wire.replies import BackupState
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
@@ -119,6 +123,28 @@ def test_a_failed_backup_is_an_alarm_until_one_succeeds(
         wait_until(lambda: (now := lab.status().backup) and now.last_success and not now.failed)
         assert b"pzctl_backup_alarm 0.0" in exposition(lab.metrics(), lab.status())
         assert (home() / "backup.json").stat().st_size
+
+
+def test_a_backup_that_cannot_even_begin_is_an_alarm_and_the_daemon_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text("no folder")
+    events: list[StateEvent] = []
+    schedule = BackupSchedule(BackupPlan("/nowhere", 24.0), tmp_path, events.append)
+    with pytest.raises(asyncio.TimeoutError):
+        asyncio.run(asyncio.wait_for(schedule.keep(), 1))
+    assert [event.state for event in events] == ["backup-failed"], "and it is not tried again at once"
+    assert schedule.state is not None
+    assert schedule.state.failed
+
+
+def test_a_clock_set_back_neither_puts_a_backup_off_nor_repeats_it_without_end(tmp_path: Path) -> None:
+    ahead = BackupState("/nowhere", 24.0, last_success="2999-01-01T00:00:00Z", last_failure="2999-01-02T00:00:00Z")
+    (tmp_path / "backup.json").write_bytes(to_json(ahead))
+    (tmp_path / "log").write_text("no folder")
+    events: list[StateEvent] = []
+    schedule = BackupSchedule(BackupPlan("/nowhere", 24.0), tmp_path, events.append)
+    with pytest.raises(asyncio.TimeoutError):
+        asyncio.run(asyncio.wait_for(schedule.keep(), 2))
+    assert len(events) == 1
 
 
 def test_the_next_backup_brings_the_copy_up_to_date_and_keeps_the_database_before(

@@ -110,6 +110,24 @@ def test_a_limit_that_is_none_is_refused(line: str, says: str) -> None:
         parse_build(f"{THESIS_BUILD.read_text()}\n[sample]\n{line}\n")
 
 
+def test_a_measurement_can_be_cancelled_in_every_state(
+    start_daemon: Callable[..., object], build: Build, wait_until: Callable[..., None]
+) -> None:
+    """The longest plan that is accepted, measured at the instrument's own pace: nobody has to wait for its end."""
+    start_daemon(time_scale=1.0)
+    long = SweepPlan(tuple(Segment(1e6, 6e6, 801) for _ in range(200)))
+    with connect() as lab:
+        runs, waits = lab.begin(build, "disk", long), lab.begin(build, "disk", long)
+        wait_until(lambda: lab.status().measuring == runs)
+        lab.cancel(waits)
+        lab.cancel(waits)  # twice: it is being cancelled already
+        lab.cancel(runs)
+        wait_until(lambda: lab.status().measuring is None and not lab.status().queue)
+        assert [one.state for one in lab.samples()[0].measurements] == ["cancelled", "cancelled"]
+        with pytest.raises(DaemonError, match="neither runs nor waits"):
+            lab.cancel(runs)
+
+
 def test_no_experiment_is_proposed_that_the_sample_does_not_stand() -> None:
     sweep = Sweep(np.linspace(1e6, 2e6, 11), np.full(11, 50 - 10j), {"oscillator_V": 0.2})
     plans = [one.plan for one in experiments([sweep], CAPABILITIES)]

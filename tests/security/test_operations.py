@@ -19,6 +19,7 @@ from page_requests import ask
 from pzctl.daemon.cli import app
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
+from pzctl.daemon.files.backup_plan import BackupPlan
 from pzctl.daemon.page.page_users import PageUsers, add_user
 from pzctl.models.build import Build
 
@@ -116,7 +117,9 @@ def test_prometheus_reads_what_the_daemon_counts_with_a_token_of_its_own(
         families = parser.text_string_to_metric_families(text.decode())
         return {(one.name, one.labels.get("what", "")): one.value for family in families for one in family.samples}
 
-    assert scraped() == {("pzctl_up", ""): 0.0}, "no daemon runs yet, and that is seen"
+    before = scraped()
+    assert before.pop(("pzctl_disk_free_bytes", "")) > 1e6
+    assert before == {("pzctl_up", ""): 0.0}, "no daemon runs yet, and that is seen"
     start_daemon()
     with connect() as lab:
         lab.measure(build, "disk")
@@ -124,6 +127,18 @@ def test_prometheus_reads_what_the_daemon_counts_with_a_token_of_its_own(
     assert found["pzctl_up", ""] == 1.0
     assert found["pzctl_counted_total", "sweep"] == 2.0
     assert found["pzctl_measuring", ""] == 0.0
+
+
+def test_every_alarm_of_the_guide_names_a_metric_that_is_told(
+    start_daemon: Callable[..., Location], tmp_path: Path
+) -> None:
+    pytest.importorskip("prometheus_client")
+    guide = (ROOT / "docs" / "service.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"expr: .*?(pzctl_\w+)", guide))
+    assert named == {"pzctl_up", "pzctl_disk_free_bytes", "pzctl_queue", "pzctl_backup_alarm"}
+    start_daemon(backup=BackupPlan(str(tmp_path / "nowhere"), 24.0))
+    told = ask("/metrics")[2].decode()
+    assert [name for name in named if f"\n{name}" not in told] == []
 
 
 def pzctl(home: Path, *words: str) -> str:

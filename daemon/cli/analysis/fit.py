@@ -97,6 +97,9 @@ def fit(
             help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
         ),
     ] = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")
+    ] = None,
     budget: Annotated[bool, typer.Option(help="Show what contributes to the uncertainties.")] = False,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     every: Annotated[
@@ -110,6 +113,8 @@ def fit(
 ) -> None:
     """Fit complex constants to recordings. Several files of one step are repeats or further segments.
 
+    Exit status with limits: 0 passed, 3 a limit is not kept, 4 the uncertainty is too large to decide.
+
     Example: pzctl fit --build build.toml disk=disk.csv ml1=ml1.csv
     """
     arguments = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
@@ -118,7 +123,9 @@ def fit(
     if every or dask or with_withdrawn or not recordings:
         needs_all = "--dask" if dask else "--with-withdrawn" if with_withdrawn else None
         _check_all(
-            every, needs_all, {"build": build, "picture": picture, "accuracy": accuracy, "budget": budget or None}
+            every,
+            needs_all,
+            {"build": build, "picture": picture, "accuracy": accuracy, "budget": budget or None, "limits": limits},
         )
         from .fit_all import fit_all
 
@@ -128,15 +135,25 @@ def fit(
         from ...report.pictures.picture_file import check_picture
 
         check_picture(picture)
-    results, known = _fitted(recordings, build, fitter or [], wanted, accuracy)
+    results, known = _fitted(recordings, build, limits, fitter or [], wanted, accuracy)
     if as_json:
         from ...report.json_output.fit_json import fit_json
 
-        objects = [fit_json(result) for result in results]
+        objects = [fit_json(result, known) for result in results]
         print(json.dumps(objects[0] if len(objects) == 1 else {"fits": objects}))
-        if picture is None:
-            return
-    _show(results, known, picture, as_json=as_json, budget=budget)
+    if picture is not None or not as_json:
+        _show(results, known, picture, as_json=as_json, budget=budget)
+    _exit_by_verdict(results, known)
+
+
+def _exit_by_verdict(results: "list[FitResult]", build: "Build | None") -> None:
+    """End with the status of the worst verdict, if the build has limits."""
+    if build is None or build.specification is None:
+        return
+    from ....fitters.population.conformity import judged, worst
+    from ...report.tables.verdict_table import EXIT_STATUS
+
+    sys.exit(EXIT_STATUS[worst([one.verdict for result in results if (one := judged(result, build))])])
 
 
 def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") -> None:
@@ -151,20 +168,28 @@ def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") 
 
 
 def _fitted(
-    recordings: list[str], build: Path | None, names: list[str], wanted: FitSelection, accuracy: float | None
+    recordings: list[str],
+    build: Path | None,
+    limits: Path | None,
+    names: list[str],
+    wanted: FitSelection,
+    accuracy: float | None,
 ) -> "tuple[list[FitResult], Build | None]":
     """Return the result of each fitter, and the build with the amendments. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended
     from ....fitters.interface import FitTask
     from ....fitters.plugins import DEFAULT, load_fitter, run
     from ...files.builds.build_file import read_build
+    from ...files.builds.limits_table import with_limits
 
     fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
     for fitter in fitters:
         check_options(fitter, wanted.options)
     known = read_build(build) if build is not None else None
     if known is not None:
-        known = amended(known, wanted.amendments)
+        known = amended(with_limits(known, limits), wanted.amendments)
+    elif limits is not None:
+        raise UsageError("--limits names layers of a build; give --build as well")
     elif wanted.amendments != Amendments():
         raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
     task = FitTask(known, read_steps(recordings, accuracy), wanted.free, wanted.options)

@@ -55,6 +55,9 @@ def measure(
     diagnose: Annotated[
         bool, typer.Option("--diagnose", help="Diagnose each step, and propose sweeps that would decide.")
     ] = False,
+    limits: Annotated[
+        Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")
+    ] = None,
     yes: Annotated[
         bool, typer.Option("--yes", help="With --diagnose: make the proposed sweeps without asking.")
     ] = False,
@@ -66,13 +69,16 @@ def measure(
     the settings of a daemon started here a flag precedes the environment (PZCTL_RESOURCE ...), which precedes
     config.toml.
 
+    Exit status with --fit and limits: 0 passed, 3 a limit is not kept, 4 too uncertain to decide.
+
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
     from ...client.result_waiter import require
     from ...files.builds.build_file import THESIS_BUILD, read_build
+    from ...files.builds.limits_table import with_limits
     from ...report.terminal import console
 
-    device = read_build(build or THESIS_BUILD)
+    device = with_limits(read_build(build or THESIS_BUILD), limits)
     names = [gluing_step.name for gluing_step in device.steps]
     if step is not None and step not in names:
         raise UsageError(f"--step {step}: build {device.name!r} has the steps {', '.join(names)}")
@@ -97,6 +103,12 @@ def measure(
             _against_truth(report.truth, report.fits[-1], screen)
     if as_json:
         print(json.dumps(asdict(report)))
+    verdicts = [fit["verdict"]["verdict"] for fit in report.fits if "verdict" in fit]
+    if verdicts:
+        from ....fitters.population.conformity import worst
+        from ...report.tables.verdict_table import EXIT_STATUS
+
+        sys.exit(EXIT_STATUS[worst(verdicts)])
 
 
 @contextmanager
@@ -242,7 +254,7 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
     picture = home() / "pictures" / f"{as_file_name(result.build, result.steps[-1], result.fitter)}.png"
     console.print(f"constants {seconds:.2f} s after the sweep", highlight=False)
     console.print(f"picture: {fit_picture(result, picture)}\n", highlight=False, soft_wrap=True)
-    report.fits.append(fit_json(result) | {"seconds_after_sweep": seconds, "picture": str(picture)})
+    report.fits.append(fit_json(result, build) | {"seconds_after_sweep": seconds, "picture": str(picture)})
 
 
 def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:

@@ -1,6 +1,7 @@
 """`pzctl report`: the complete report of a sample in one HTML or PDF file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,9 @@ def report(
     fitter: Annotated[
         str | None, typer.Option(help="Show this fitter's fits; default: the first fitter that answered.")
     ] = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the sample's build.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write a report of a sample: recordings, constants, uncertainties, misfit, provenance. Needs no daemon.
@@ -29,6 +33,7 @@ def report(
 
     Example: pzctl report S4 --out S4.pdf
     """
+    from ...files.builds.limits_table import with_limits
     from ...report.document.html_report import report_html
     from ...report.terminal import console
     from ...samples.sample_record import sample_record
@@ -45,6 +50,8 @@ def report(
         record = sample_record(journal, sample)
     finally:
         journal.close()
+    if limits is not None:
+        record = replace(record, build=with_limits(record.build, limits))
     target = out or Path(f"{as_file_name(record.name)}.html")
     _write(target, report_html(record, fitter))
     if as_json:

@@ -1,6 +1,7 @@
 """`pzctl samples`: the measurements of each sample, and statistics of the constants over all samples."""
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -20,6 +21,14 @@ def samples(
         str | None, typer.Option(help="With --constants: use this fitter's fits; default: mason.")
     ] = None,
     step: Annotated[str | None, typer.Option(help="With --constants: only fits of this gluing step.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="With --constants: write them as CSV, one row per sample, step and constant.")
+    ] = None,
+    parquet: Annotated[Path | None, typer.Option(help="The same as Parquet, with pyarrow.")] = None,
+    xlsx: Annotated[Path | None, typer.Option(help="The same as an Excel workbook, with openpyxl.")] = None,
+    every: Annotated[
+        bool, typer.Option("--every", help="With a file: all measurements, not only the latest of each step.")
+    ] = False,
     with_withdrawn: Annotated[
         bool, typer.Option("--with-withdrawn", help="With --constants: include withdrawn measurements.")
     ] = False,
@@ -27,7 +36,12 @@ def samples(
 ) -> None:
     """List the samples of the journal, or with --constants mean and scatter of each constant over their latest fits.
 
-    Example: pzctl samples --constants --step disk
+    With --csv, --parquet or --xlsx the constants themselves are written as a flat table, of all fitters unless one is
+    named.
+
+    Examples: pzctl samples --constants --step disk
+
+    pzctl samples --constants --xlsx constants.xlsx
     """
     from ...samples.sample_selection import open_journal
 
@@ -35,14 +49,49 @@ def samples(
         raise UsageError(f"--{'fitter' if fitter else 'step'} needs --constants; the list shows all fitters and steps")
     if not constants and with_withdrawn:
         raise UsageError("--with-withdrawn needs --constants; the list shows withdrawn measurements in any case")
+    files = {kind: path for kind, path in (("csv", csv), ("parquet", parquet), ("xlsx", xlsx)) if path is not None}
+    _check_files(files, constants=constants, every=every)
     journal = open_journal()
     try:
-        if constants:
+        if files:
+            _write(journal, files, (step, fitter), as_json, every=every, with_withdrawn=with_withdrawn)
+        elif constants:
             _constants(journal, fitter, step, as_json, with_withdrawn=with_withdrawn)
         else:
             _list(journal, as_json)
     finally:
         journal.close()
+
+
+def _check_files(files: dict[str, Path], *, constants: bool, every: bool) -> None:
+    """Raise UsageError for options of the flat table without the table."""
+    if files and not constants:
+        raise UsageError(f"--{next(iter(files))} needs --constants: it writes the constants")
+    if every and not files:
+        raise UsageError("--every needs --csv, --parquet or --xlsx")
+
+
+def _write(
+    journal: "JournalReader",
+    files: dict[str, Path],
+    chosen: tuple[str | None, str | None],
+    as_json: bool,
+    *,
+    every: bool,
+    with_withdrawn: bool,
+) -> None:
+    from ...report.terminal import console
+    from ...samples.constant_table import constants_of
+
+    table = constants_of(journal, None, *chosen, every=every, with_withdrawn=with_withdrawn)
+    writers = {"csv": table.write_csv, "parquet": table.write_parquet, "xlsx": table.write_xlsx}
+    for kind, path in files.items():
+        writers[kind](path)
+    if as_json:
+        print(json.dumps({"rows": len(table.rows), "files": [str(path) for path in files.values()]}))
+        return
+    for path in files.values():
+        console().print(f"{path}: {len(table.rows)} rows", highlight=False, soft_wrap=True)
 
 
 def _list(journal: "JournalReader", as_json: bool) -> None:

@@ -7,6 +7,7 @@ from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
 from ....models.sweep_plan import PlanError
 from .build_table import BuildError
+from .limits_table import check_limits
 
 RESERVED = ("area", "back", "front", "lead")
 """Prefixes of parameters that belong to no layer (`back.z`, `lead.inductance`)."""
@@ -24,6 +25,7 @@ def check_build(build: Build, source: str) -> None:
         except PlanError as error:
             raise BuildError(f"{source}: {error}") from None
     _check_layers(build, source)
+    check_limits(build, source)
     _check_unique((step.name for step in build.steps), source, "steps")
     if not build.steps:
         raise BuildError(f"{source}: steps is empty; at least one [[steps]] is needed")

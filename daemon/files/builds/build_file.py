@@ -11,6 +11,7 @@ import msgspec
 
 from ....models.base.errors import PzctlError
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
+from ....models.specification import SpecificationError
 from ....models.sweep_plan import BANDWIDTHS, USUAL_POINTS, LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
 from .build_table import (
@@ -24,6 +25,7 @@ from .build_table import (
     Table,
     keys_for,
 )
+from .limits_table import read_limits
 from .own_materials import find_material
 from .tied_parameters import resolved
 
@@ -79,7 +81,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
         ) from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample"))
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits"))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
@@ -94,6 +96,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
         plan=_plan(top.table("sweep")) if "sweep" in data else None,
         limits=_limits(top.table("sample")) if "sample" in data else None,
+        specification=read_limits(top.table("limits")) if "limits" in data else None,
     )
     check_build(build, source)
     return build
@@ -112,6 +115,8 @@ def build_from_json(obj: object) -> Build:
         raise BuildError(f"build: {error}") from None
     except PlanError as error:
         raise BuildError(f"build: plan: {error}") from None
+    except SpecificationError as error:
+        raise BuildError(f"build: specification: {error}") from None
     check_build(build, "build")
     return build
 

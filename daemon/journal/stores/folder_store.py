@@ -15,7 +15,8 @@ from typing import Any
 from ..store import JournalError, Store
 from .array_folder import ORPHANS, ArrayFolder
 from .database_file import DATABASE, check_beside_arrays
-from .migrations import check_version, migrate_sqlite
+from .migrations import VERSION, check_version, migrate_sqlite
+from .views import DROP, SQLITE_VIEWS
 
 log = logging.getLogger(__name__)
 
@@ -172,7 +173,10 @@ def _opened(folder: Path) -> sqlite3.Connection:
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
+        db.executescript(DROP)  # a view would keep the tables from being changed
         migrate_sqlite(db, folder)
+        if db.execute("PRAGMA user_version").fetchone()[0] == VERSION:
+            db.executescript(SQLITE_VIEWS)
         db.execute("PRAGMA foreign_keys=ON")
     except BaseException:
         db.close()

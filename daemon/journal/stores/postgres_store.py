@@ -11,7 +11,7 @@ write, end with the connection.
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
@@ -19,6 +19,7 @@ from psycopg.conninfo import conninfo_to_dict
 from ...files.database_url import without_password
 from ..store import JournalAway, JournalError, Store
 from .migrations import check_version, migrate_postgres
+from .views import POSTGRES_MARK, POSTGRES_VIEWS
 
 PATIENCE = 5.0
 """Seconds that a writer waits for the previous one to end."""
@@ -145,6 +146,15 @@ class PostgresStore(Store):
         if self._setting("fsync") != "on":
             raise JournalError(f"{self.name}: this server does not sync its disk (fsync = off)")
         migrate_postgres(self._db, self._version)
+        self._make_views()
+
+    def _make_views(self) -> None:
+        """Make the views for other programs, unless those of this version are there."""
+        mark = "SELECT obj_description(to_regclass('constants'), 'pg_class')"
+        with self._db.transaction():
+            self._db.execute("SELECT pg_advisory_xact_lock(hashtextextended(current_schema(), 3))")
+            if self._db.execute(mark).fetchone() != (POSTGRES_MARK,):
+                self._db.execute(cast(Any, f"{POSTGRES_VIEWS} COMMENT ON VIEW constants IS '{POSTGRES_MARK}'"))
 
     def _setting(self, name: str) -> str:
         row = self._db.execute("SELECT current_setting(%s)", (name,)).fetchone()

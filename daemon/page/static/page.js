@@ -3,7 +3,7 @@
 import { follow, wire } from "./byhand.js";
 import { circle, clear, columns, draw, overlay, resampled, smith } from "./plots.js";
 import { history, stack } from "./sketch.js";
-import { complexWithUncertainty } from "./numbers.js";
+import { complexWithUncertainty, withUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
 const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, withdrawn: [] };
@@ -79,18 +79,28 @@ function showFit() {
   $("diagnose").disabled = !view.measurement;
   $("fitter").textContent = fit ? `fitter ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
+  const judged = fit?.verdict, limitsOf = (name) => (judged?.limits ?? []).filter((one) => one.constant.replace(/\.im$/, "") === name);
+  $("verdict").hidden = !judged;
+  Object.assign($("verdict"), { textContent: judged ? `limits: ${judged.verdict}` : "", className: `verdict ${judged?.verdict ?? ""}` });
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
   const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "Model and recording agree to within the noise." : "The recording shows an effect that the model lacks."];
-  const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? [])];
+  const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? []), ...(judged?.limits ?? []).filter((one) => one.says).map((one) => `${one.constant}: ${one.says}`)];
   $("words").replaceChildren(...words.map((word) => element("p", word)));
-  body.replaceChildren(...Object.entries(fit?.constants ?? {}).map(([name, c]) => {
+  const derived = Object.entries(fit?.derived ?? {}).filter(([name]) => limitsOf(name).length);
+  body.replaceChildren(...[...Object.entries(fit?.constants ?? {}), ...derived].map(([name, c]) => {
     const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
     const percent = c.free && sheet?.re ? ` (${(100 * (c.re / sheet.re - 1)).toFixed(1)} %)` : "";
     const far = c.free && sheet && Math.abs(c.re - sheet.re) > 2 * Math.hypot(c.u_re ?? 0, sheet.u);
     row.append(element("td", name), element("td", complexWithUncertainty(c)), element("td", c.unit),
-      element("td", sheet ? complexWithUncertainty(sheet) + percent : "", { className: far ? "off" : "" }));
+      element("td", sheet ? complexWithUncertainty(sheet) + percent : "", { className: far ? "off" : "" }), limitsCell(limitsOf(name)));
     return row;
   }));
+}
+
+function limitsCell(of) {
+  const worst = ["fail", "undecided", "pass"].find((verdict) => of.some((one) => one.verdict === verdict)) ?? "";
+  const range = (one) => [one.min === null ? "" : `≥ ${withUncertainty(one.min)}`, one.max === null ? "" : `≤ ${withUncertainty(one.max)}`].join(" ").trim();
+  return element("td", of.map((one) => `${range(one)}: ${one.verdict}`).join("; "), { className: worst });
 }
 
 // One button for each fitter that answered, if there are several; that of a manual fit names the person.
@@ -138,7 +148,7 @@ function showHistory() {
   history($("history"), view.samples.flatMap((one) => one.steps.filter((step) => step.constants[chosen]).map((step) => ({ sample: one.name, step: step.step, ...step.constants[chosen] }))));
   $("samples").replaceChildren(...view.samples.flatMap((one) => one.steps.map((step) => {
     const item = document.createElement("li");
-    item.append(element("button", `${one.name} · ${step.step} · ${step.time.slice(0, 16).replace("T", " ")} UTC`, { type: "button", onclick: () => open(one.name, step.step) }));
+    item.append(element("button", `${one.name} · ${step.step} · ${step.time.slice(0, 16).replace("T", " ")} UTC`, { type: "button", className: step.verdict?.verdict ?? "", onclick: () => open(one.name, step.step) }));
     return item;
   })));
 }
@@ -198,6 +208,26 @@ async function begin() {
   if (!view.measurement && known) await open(known.name); else showAll();
 }
 
+// A fit's event comes without the build's limits; its record has the verdict.
+async function judge(measurement, fitter) {
+  const record = await ask(`/api/record/${measurement}`);
+  const verdict = record.steps[0].fits.find((one) => one.fitter === fitter)?.verdict;
+  const fit = view.fits.find((one) => one.fitter === fitter);
+  if (fit && measurement === view.measurement) { fit.verdict = verdict; showFit(); }
+}
+
+async function showChart() {
+  $("problem").textContent = "";
+  const name = encodeURIComponent($("which").value);
+  try {
+    const chart = await ask(`/chart/${name}.json`);
+    const says = chart.left.length ? `Out of control at ${chart.left.join(", ")}.` : "In control.";
+    const capable = chart.capability ? ` Cpk ${chart.capability.cpk.toFixed(2)}, Ppk ${chart.capability.ppk.toFixed(2)}.` : "";
+    const picture = element("img", "", { src: `/chart/${name}?${Date.now()}`, alt: `control charts of ${$("which").value}` });
+    $("chart-place").replaceChildren(element("p", says + capable, { className: chart.left.length ? "fail" : "pass" }), picture);
+  } catch (error) { $("chart-place").replaceChildren(element("p", error.message)); }
+}
+
 const heard = {
   daemon: (event) => (event.there ? begin() : showDaemon(event)),
   missing: (event) => { $("problem").textContent = event.says; },
@@ -225,6 +255,7 @@ const heard = {
       if (!view.fit || event.fit.chosen || event.fit.fitter === "mason" || view.fit.fitter !== "mason") view.fit = event.fit;
       showAll();
       refresh();
+      if (view.build.limits) judge(event.measurement, event.fit.fitter);
     }
     if (event.error) $("words").append(element("p", `${event.fitter}: ${event.error}`));
   },
@@ -239,7 +270,8 @@ stream.onopen = () => begin();
 $("next").onclick = () => { const step = nextStep(); if (step) command("/api/measure", { step }); };
 $("stop").onclick = () => command("/api/cancel", {});
 $("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
-$("which").onchange = showHistory;
+$("which").onchange = () => { showHistory(); $("chart-place").replaceChildren(); };
+$("chart").onclick = showChart;
 $("keep").onclick = () => { view.kept = view.kept ? null : { name: `${view.sample} · ${view.step}`, sweeps: view.sweeps }; showCurves(); showKept(); };
 view.changed = showAll;
 wire(view);

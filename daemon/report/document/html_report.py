@@ -26,6 +26,8 @@ tr.held td { color: var(--faint); } tr.near td:nth-child(5) { background: #e3f3e
 tr.off td:nth-child(5) { background: #fdf3d3; } tr.far td:nth-child(5) { background: #fbdcd6; }
 svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
 .verdict { font-weight: 700; }
+tr.pass td:nth-child(7) { background: #e3f3e6; } tr.undecided td:nth-child(7) { background: #fdf3d3; }
+tr.fail td:nth-child(7) { background: #fbdcd6; }
 @media print { body { max-width: none; padding: 0; } h2 { break-after: avoid; } svg, tr { break-inside: avoid; } }
 """
 
@@ -52,6 +54,7 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     parts = [
         ("What was measured", sections.measured(record)),
         ("The transducer", draw.stack_svg(record.build, _present(record, last), finding_places(last)) + _SCALE),
+        ("Verdict", sections.verdict(fit, record.build)),
         ("Constants", sections.constants(fit, record.build)),
         ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
         ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),

@@ -17,8 +17,12 @@ _TEXT, _SMALL = 9.5, 7.0
 """Sizes in points."""
 _HEADS = {"h1": 18.0, "h2": 13.0}
 _COLOURS = {"near": (227, 243, 230), "off": (253, 243, 211), "far": (251, 220, 214)}
-"""Background of the deviation's cell, as in the HTML report."""
-_DEVIATION = 4
+"""Background of the deviation's cell, as in the HTML report; of the verdict's cell likewise."""
+_COLOURED = {
+    **{name: (4, colour) for name, colour in _COLOURS.items()},
+    **{name: (6, _COLOURS[like]) for name, like in (("pass", "near"), ("undecided", "off"), ("fail", "far"))},
+}
+"""The coloured cell of a row of this class, and its colour."""
 _PICTURE = re.compile(r"(<svg.*?</svg>)", re.DOTALL)
 _BOX = re.compile(r'viewBox="[^"]*"')
 _MM = 25.4 / 72
@@ -118,8 +122,8 @@ class _Reader(HTMLParser):
             for classed, cells in self._rows:
                 row = table.row()
                 for k, cell in enumerate(cells):
-                    colour = _COLOURS.get(classed) if k == _DEVIATION else None
-                    row.cell(cell, style=FontFace(fill_color=colour) if colour else None)
+                    column, colour = _COLOURED.get(classed, (None, None))
+                    row.cell(cell, style=FontFace(fill_color=colour) if colour and k == column else None)
         paper.ln(2)
 
     def picture(self, svg: str) -> None:

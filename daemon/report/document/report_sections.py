@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 from ....fitters.interface import FitResult
+from ....fitters.population.conformity import judged
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ....models.build import Build
 from ...samples.sample_record import SampleRecord, StepRecord
@@ -14,6 +15,7 @@ from ...wire.frames import to_json
 from ..pictures import svg_pictures as draw
 from ..tables.deviation import deviation
 from ..tables.fit_tables import derived_shown
+from ..tables.verdict_table import HEADS, verdict_row
 from .diagnosis_section import diagnosis_section
 from .html_table import table
 
@@ -47,6 +49,21 @@ def _drive(settings: Any) -> str:
         if isinstance(settings.get(key), int | float):
             return f"{settings[key]:g} {unit}"
     return ""
+
+
+def verdict(fit: FitResult, build: Build) -> str:
+    """Return the verdict by the limits of the build, or an empty text if there are none."""
+    sample = judged(fit, build)
+    if sample is None:
+        return ""
+    rows = [verdict_row(one) for one in sample.limits]
+    rule = (
+        f"A constant passes if it keeps its limit with a probability of {sample.conformance:g} or more, and fails if "
+        "it violates it with that probability (decision rule of ISO 14253-1); between the two, within the guard band, "
+        "the measurement does not decide."
+    )
+    html = f"<p class='verdict'>{sample.verdict}</p><p>{rule}</p>"
+    return html + table(HEADS, rows, [one.verdict for one in sample.limits])
 
 
 def constants(fit: FitResult, build: Build) -> str:

@@ -7,6 +7,8 @@ from typing import Any
 import msgspec
 
 from ....fitters.interface import Constant, FitResult
+from ....fitters.population.conformity import judged
+from ....models.build import Build
 from ...wire.frames import to_json
 from ...wire.result_messages import report_of
 
@@ -21,9 +23,10 @@ def constants_json(constants: Mapping[str, Constant]) -> dict[str, dict[str, Any
     return _plain(constants)
 
 
-def fit_json(result: FitResult) -> dict[str, Any]:
-    """Return a fit result as one JSON object, without the curves."""
-    return _plain(report_of(result))
+def fit_json(result: FitResult, build: Build | None = None) -> dict[str, Any]:
+    """Return a fit result as one JSON object, without the curves; with `verdict` if the build has limits."""
+    verdict = judged(result, build)
+    return _plain(report_of(result)) | ({"verdict": _plain(verdict)} if verdict else {})
 
 
 def _plain(value: Any) -> Any:

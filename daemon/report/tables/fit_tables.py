@@ -5,9 +5,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ....fitters.interface import Constant, FitResult
+from ....fitters.population.conformity import judged
 from ....models.base.uncertain_numbers import complex_with_uncertainty
 from ....models.build import Build, Quantity
 from .deviation import deviation
+from .verdict_table import print_verdict
 
 _COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
 _DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", "delay"})
@@ -36,9 +38,10 @@ def derived_shown(result: FitResult) -> dict[str, Constant]:
 
 
 def print_fit(console: Console, result: FitResult, build: Build | None) -> None:
-    """Print the figures of merit, the table of constants, and the fitter's remarks."""
+    """Print the figures of merit, the table of constants, the verdict if there are limits, and the fitter's remarks."""
     console.print(_title(result), style="bold", highlight=False)
     console.print(fit_table(result, build))
+    print_verdict(console, judged(result, build))
     for sentence in result.says:
         console.print(f"! {sentence}", style="yellow", highlight=False)
 

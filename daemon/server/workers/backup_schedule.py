@@ -60,17 +60,25 @@ class BackupSchedule:
             await asyncio.sleep(LOOK)
 
     def _is_due(self, plan: BackupPlan) -> bool:
-        success, failure = _time(self._known.last_success), _time(self._known.last_failure)
-        last = max((time for time in (success, failure) if time), default=None)
+        known = self._known
+        last = _time(known.last_failure if known.failed else known.last_success)
         if last is None:
             return True
         wait = timedelta(hours=plan.every_hours)
-        if failure and last == failure:
+        if known.failed:
             wait = min(wait, RETRY)
         return not timedelta(0) <= datetime.now(UTC) - last < wait  # a clock set back does not put it off
 
     async def _back_up(self, plan: BackupPlan) -> None:
         self._known = msgspec.structs.replace(self._known, running=True)
+        try:
+            done, says = await self._run(plan)
+        except OSError as error:  # no log, no process: a failure of the backup, not of the daemon
+            done, says = False, f"{error.filename or 'backup'}: {error.strerror or error}"
+        self._ended(done, says)
+
+    async def _run(self, plan: BackupPlan) -> tuple[bool, str]:
+        """Run the process; return whether it succeeded, and its last words."""
         output = log_file(self._folder, "backup")
         again = ["--again"] if self._known.last_success else []
         arguments = [str(journal_folder(self._folder)), plan.to, *again]
@@ -89,7 +97,7 @@ class BackupSchedule:
                     os.killpg(process.pid, signal.SIGKILL)
             if process.stdin is not None:
                 process.stdin.close()
-        self._ended(process.returncode == 0, last_line(output))
+        return process.returncode == 0, last_line(output)
 
     def _ended(self, done: bool, says: str) -> None:
         now = now_utc()

@@ -94,13 +94,17 @@ def fitted(
     near: bool = False,
     rounds: int = 3,
     fast: bool = True,
+    tau: bool = True,
 ) -> Hypothesis:
-    """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum."""
+    """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
+
+    `fast`, `tau`: whether fast errors of the instrument and smooth ones of all constants are allowed.
+    """
     marginal = marginal_of(problem, effects, values)
     x = marginal.objective.coordinates.x
     if not near:
         x = plain(marginal, x)
-    found = fit(marginal, x, starts, rounds, fast=fast)
+    found = fit(marginal, x, starts, rounds, fast=fast, tau=tau)
     priors = SizePriors(effects, marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)

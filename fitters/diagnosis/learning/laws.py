@@ -14,7 +14,6 @@ from ....models.effects.learned.laws import laws
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
-from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .places import PlacedCorrection
@@ -52,7 +51,7 @@ def learned_laws(
         effect = LearnedLaw(placed.place, law, stack)
         one = Candidate(effect, placed.place.where, placed.steps, effect.effect_parameters(stack, placed.place.where))
         progress(f"trying the law {law.name} of {placed.place.says}")
-        best = _fitted(problem, parent, one, _start(effect, one, placed, stack), placed.hypothesis.fit.sizes)
+        best = _fitted(problem, parent, one, _start(effect, one, placed, stack), placed)
         if best is not None:
             made.append((effect, one, best))
     if not made:
@@ -66,14 +65,16 @@ def learned_laws(
 
 
 def _fitted(
-    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]], sizes: ErrorSizes
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]], placed: PlacedCorrection
 ) -> Hypothesis | None:
+    """Return the law fitted from where the smooth correction ended."""
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
+    values = {name: value for name, value in placed.hypothesis.values.items() if not name.startswith(one.prefix)}
     for start in starts:
-        for own in dict.fromkeys((sizes, parent.fit.sizes)):
+        for own in dict.fromkeys((placed.hypothesis.fit.sizes, parent.fit.sizes)):
             try:
-                made.append(fitted(problem, effects, {**parent.values, **start}, (own,), near=True, rounds=4))
+                made.append(fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)

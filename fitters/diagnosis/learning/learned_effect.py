@@ -7,7 +7,7 @@ import numpy as np
 
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
-from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Problem
 from ..inference.conclusion import Conclusion, NamedEffect, unexplained
 from ..inference.effect_size import sizes_of
@@ -32,7 +32,10 @@ def with_learned(
     if not found:
         return conclusion
     best = max(found, key=lambda one: one.hypothesis.log_evidence)
-    probability = _probability(conclusion.final, best, found)
+    alone = fitted(
+        problem, conclusion.final.effects, conclusion.final.values, (conclusion.final.fit.sizes,), near=True, tau=False
+    )
+    probability = _probability(alone, best, found)
     if probability < NAMED:
         return conclusion
     return _extended(problem, conclusion, best, found, probability)
@@ -54,7 +57,8 @@ def _extended(
     found: Sequence[LearnedCorrection],
     probability: float,
 ) -> Conclusion:
-    final = best.hypothesis
+    law = best.hypothesis
+    final = fitted(problem, law.effects, law.values, (law.fit.sizes,), near=True)
     moves = sizes_of(problem, final)
     others = tuple(
         Alternative(

@@ -49,7 +49,14 @@ class PlacedCorrection:
 def placed_corrections(
     problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[PlacedCorrection, ...]:
-    """Return a smooth correction at each place of the device beside a hypothesis, most probable first."""
+    """Return a smooth correction at each place of the device beside a hypothesis, most probable first.
+
+    No other smooth error of the model is allowed beside it: the question is which place alone explains what is left.
+    """
+    try:
+        alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return ()
     screened = [
         (trial, place, steps)
         for place, steps in _places(problem).items()
@@ -66,7 +73,7 @@ def placed_corrections(
         return ()
     best = max((hypothesis for *_, hypothesis in found), key=lambda one: one.log_evidence)
     temper = best.coarseness
-    weights = np.array([parent.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
+    weights = np.array([alone.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
     part = np.exp(weights - np.max(weights))
     shares = (part / np.sum(part)).tolist()[1:]
     drawn = [_drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
@@ -134,10 +141,10 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
 def _fitted(problem: Problem, parent: Hypothesis, trial: _Trial) -> Hypothesis | None:
     made: list[Hypothesis] = []
     effects = (*parent.effects, trial.candidate)
-    for values in (dict(parent.values), trial.start):
+    for values, near in ((dict(parent.values), False), (trial.start, True)):
         for sizes in dict.fromkeys((trial.sizes, parent.fit.sizes)):  # one by one: each leads to an end of its own
             try:
-                made.append(fitted(problem, effects, values, (sizes,), near=True, rounds=4))
+                made.append(fitted(problem, effects, values, (sizes,), near=near, rounds=4, tau=False))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
@@ -154,7 +161,7 @@ def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> _Trial:
     marginal = marginal_of(problem, (*parent.effects, one), parent.values)
     x = marginal.objective.coordinates.x
     gram = marginal.gram(x, parent.fit.gram.columns)
-    sizes, value = chosen(gram, (parent.fit.sizes, parent.fit.sizes.at("tau", 0.0)), ORDER)
+    sizes, value = chosen(gram, (parent.fit.sizes.at("tau", 0.0),), [name for name in ORDER if name != "tau"])
     step = value.step / max(1.0, float(np.max(np.abs(value.step))))
     start, _ = marginal.objective.coordinates.forward(x + _STEP * step)
     return _Trial(one, value.log_evidence, sizes, dict(start))

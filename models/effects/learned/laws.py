@@ -17,8 +17,7 @@ from .corrections import CONSTANTS, Quantity
 Values = Mapping[str, float]
 _SIZE = 0.01, 2.0
 """Prior of a size: median and standard deviation of the logarithm."""
-_OPPOSITE = "stiffness", "coupling"
-"""Constants that a relaxation raises with frequency; a permittivity falls."""
+_Function = Callable[[Reals, Values], Complexes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,35 +90,46 @@ def laws(quantity: Quantity) -> tuple[Law, ...]:
 
 
 def _of_constant(quantity: Quantity) -> tuple[Law, ...]:
-    sign = -1.0 if quantity in _OPPOSITE else 1.0
-    power = _power if quantity in _OPPOSITE else _falling_power
+    if quantity == "coupling":  # it dissipates nothing by itself, so that it may rise or fall
+        return (*_with_sign(-1.0, _power, ""), *_with_sign(1.0, _falling_power, "-falling"))
+    return _with_sign(-1.0, _power, "") if quantity == "stiffness" else _with_sign(1.0, _falling_power, "")
 
-    def from_reference(of: Callable[[Reals, Values], Complexes], sign: float) -> Callable[[Reals, Values], Complexes]:
+
+def _with_sign(sign: float, power: _Function, ending: str) -> tuple[Law, ...]:
+    """Return the laws of a constant that rises (-1) or falls (1) with frequency."""
+
+    def from_reference(of: _Function, sign: float) -> _Function:
         one = np.ones(1)
         return lambda x, values: np.asarray(sign * (of(x, values) - of(one, values)), np.complex128)
 
     def relaxation(x: Reals, values: Values) -> Complexes:
         return values["size"] * _relaxed(x, values["at"], values.get("spread", 1.0), values.get("skew", 1.0))
 
+    relaxed = from_reference(relaxation, sign)
     return (
-        Law("power", (_size(), _EXPONENT), from_reference(power, 1.0), "follows a power law with exponent {exponent}"),
-        Law("debye", (_size(), _at()), from_reference(relaxation, sign), "relaxes at {at} with strength {size}"),
         Law(
-            "cole-cole",
+            f"power{ending}",
+            (_size(), _EXPONENT),
+            from_reference(power, 1.0),
+            "follows a power law with exponent {exponent}",
+        ),
+        Law(f"debye{ending}", (_size(), _at()), relaxed, "relaxes at {at} with strength {size}"),
+        Law(
+            f"cole-cole{ending}",
             (_size(), _at(), _SPREAD),
-            from_reference(relaxation, sign),
+            relaxed,
             "relaxes at {at} with strength {size} and a spread of times (Cole-Cole exponent {spread})",
         ),
         Law(
-            "havriliak-negami",
+            f"havriliak-negami{ending}",
             (_size(), _at(), _SPREAD, _SKEW),
-            from_reference(relaxation, sign),
+            relaxed,
             "relaxes at {at} with strength {size} (Havriliak-Negami exponents {spread} and {skew})",
         ),
         Law(
-            "resonance",
+            f"resonance{ending}",
             (_size(), _at(), _Q),
-            from_reference(_resonant, 1.0),
+            from_reference(_resonant, 1.0 if not ending else -1.0),
             "resonates at {at} with strength {size} and Q {q}",
         ),
     )

@@ -90,6 +90,28 @@ def test_names_what_changed_in_the_device(change: dict[str, float], effect: str,
     assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
 
 
+def test_two_different_devices_are_not_explained_by_changes_of_one() -> None:
+    rng = np.random.default_rng(4)
+    Y = JW * 4e-10 * (1 - 0.01j)
+    for f0 in rng.uniform(0.85e6, 1.35e6, 4):
+        Y = Y + JW * 10 ** rng.uniform(-12, -10.5) / (1 - (F / f0) ** 2 + 1j * F / f0 / 100)
+    found = compare([recorded(device(), 1)], [recorded(1 / Y, 2)])
+    assert found.verdict == "unexplained"
+    assert not found.findings
+    assert found.probability > 0.9
+    assert any("two" in sentence for sentence in found.says)
+
+
+def test_what_is_not_sure_is_not_said_to_be() -> None:
+    rng = np.random.default_rng(5)
+    noisy = [Sweep(F, Z * np.exp(0.02 * (rng.normal(size=201) + 1j * rng.normal(size=201)))) for Z in (device(),) * 2]
+    small = Sweep(F, noisy[1].impedance + 1.0)
+    found = compare([noisy[0]], [small])
+    assert found.verdict == "unchanged"
+    assert found.probability < 0.9
+    assert found.says[0].startswith(("Probably", "No change is sure"))
+
+
 def test_the_table_of_resonances_says_how_each_moved() -> None:
     found = compare([recorded(device(), 1)], [recorded(device(shift=0.997), 2)])
     assert [one.frequency_Hz for one in found.resonances] == pytest.approx([0.98e6, 1.13e6, 1.27e6], rel=1e-3)

@@ -1,0 +1,101 @@
+"""The section [limits] of build.toml, or a specification file that holds nothing else.
+
+[limits]
+conformance = 0.95                            # how sure a verdict must be; 0.95 where it is left out
+
+[limits.disk]                                 # by layer; keys as in [[layers]], and the derived constants
+c33D_1e10_Pa = { min = 14.6, max = 15.6 }
+kt = { min = 0.45 }
+Qm = { min = 70 }
+"""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+from ....models.build import Build
+from ....models.specification import USUAL_CONFORMANCE, Limit, Specification, SpecificationError
+from .build_table import ELASTIC_KEYS, PIEZO_KEYS, BuildError, Key, Table
+
+_DERIVED_KEYS = {
+    "kt": Key("kt", 1.0),
+    "Qm": Key("Qm", 1.0),
+    "tan_delta": Key("tan_delta", 1.0),
+    "v33D_m_s": Key("v33D", 1.0),
+    "z33D_MRayl": Key("z33D", 1e6),
+    "fp_MHz": Key("fp", 1e6),
+    "fp_Hz": Key("fp", 1.0),
+    "c33_GPa": Key("c33", 1e9),
+    "delay_ns": Key("delay", 1e-9),
+}
+LIMIT_KEYS = PIEZO_KEYS | ELASTIC_KEYS | _DERIVED_KEYS
+"""The keys of a layer's table in [limits]; each ends in its unit."""
+_ENDS = {"min": ("", "low"), "max": ("", "high"), "min_im": (".im", "low"), "max_im": (".im", "high")}
+
+
+def read_limits(table: Table) -> Specification:
+    """Return the limits of the section. Raises BuildError."""
+    conformance = table.number("conformance") if "conformance" in table.data else USUAL_CONFORMANCE
+    limits: dict[str, Limit] = {}
+    for layer in table.data:
+        if layer != "conformance":
+            limits |= _of_layer(layer, table.table(layer))
+    if not limits:
+        raise table.missing("limit", "write a table such as [limits.disk] with kt = { min = 0.45 }")
+    try:
+        return Specification(limits, conformance)
+    except SpecificationError as error:
+        raise BuildError(f"{table.source}: {table.path}: {error}") from None
+
+
+def with_limits(build: Build, path: Path | None) -> Build:
+    """Return the build with the limits of a specification file in place of its own. Raises BuildError."""
+    if path is None:
+        return build
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise BuildError(f"{path}: this is not TOML: {error}") from None
+    top = Table(data, str(path))
+    top.only(("limits",))
+    changed = replace(build, specification=read_limits(top.table("limits")))
+    check_limits(changed, str(path))
+    return changed
+
+
+def check_limits(build: Build, source: str) -> None:
+    """Raise BuildError if limits name a layer that the build does not have."""
+    layers = [layer.name for layer in build.layers]
+    for name in build.specification.limits if build.specification else ():
+        layer = name.split(".")[0]
+        if layer not in layers:
+            raise BuildError(f"{source}: limits.{layer}: the build has no such layer; it has {', '.join(layers)}")
+
+
+def _of_layer(layer: str, table: Table) -> dict[str, Limit]:
+    table.only(LIMIT_KEYS)
+    ends: dict[str, dict[str, float]] = {}
+    given: dict[str, str] = {}
+    for key in table.data:
+        what = LIMIT_KEYS[key]
+        if what.name in given:
+            raise table.error(key, f"is given beside {given[what.name]}; give one of the two")
+        given[what.name] = key
+        inner = table.table(key)
+        inner.only(_ENDS)
+        if not inner.data:
+            raise inner.missing("min or max", f"write {key} = {{ min = ..., max = ... }}")
+        for end in inner.data:
+            part, side = _ENDS[end]
+            ends.setdefault(f"{layer}.{what.name}{part}", {})[side] = what.factor * inner.number(end)
+    limits: dict[str, Limit] = {}
+    for name, sides in ends.items():
+        try:
+            limits[name] = Limit(**sides)
+        except SpecificationError as error:
+            raise table.error(
+                given[name.removeprefix(f"{layer}.").removesuffix(".im")], f"has limits: {error}"
+            ) from None
+    return limits
