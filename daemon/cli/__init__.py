@@ -135,3 +135,21 @@ def main() -> None:
     except KeyboardInterrupt:
         print("pzctl: stopped", file=sys.stderr)
         sys.exit(130)
+    except Exception as error:
+        print(f"pzctl: {_unexpected(error)}", file=sys.stderr)
+        sys.exit(1)
+
+
+def _unexpected(error: Exception) -> str:
+    """Return the sentence for an error that only a mistake in pzctl can raise; its traceback goes into a file."""
+    import traceback
+
+    from ..files.paths import home, log_file
+
+    what = shown(f"a mistake in pzctl: {type(error).__name__}: {error}")
+    try:
+        file = log_file(home(), "unexpected")
+        file.write_text(shown(" ".join(sys.argv)) + "\n" + "".join(traceback.format_exception(error)), encoding="utf-8")
+    except (OSError, PzctlError):
+        return what
+    return f"{what}; where it happened stands in {file}, which helps us to mend it"

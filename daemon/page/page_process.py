@@ -33,7 +33,7 @@ def check_installed() -> None:
         import starlette  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import uvicorn  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ModuleNotFoundError as error:
-        raise PageError(f"{error.name} is not installed; the page needs it: pip install {error.name}") from None
+        raise PageError(f"{error.name} is not installed; the page needs it: pip install starlette uvicorn") from None
 
 
 def serve(

@@ -13,7 +13,14 @@ from .covariance import posterior
 from .descent import Descent, approach, chi2_per_point, settle, thinned, with_model_discrepancy
 from .noise import noise_of
 from .objective import Objective
-from .parameters.assembly import coordinates_of, layers_of, nominal_parameters, priors_of, recordings_of
+from .parameters.assembly import (
+    ELASTIC_CONSTANTS,
+    coordinates_of,
+    layers_of,
+    nominal_parameters,
+    priors_of,
+    recordings_of,
+)
 from .parameters.coordinates import Coordinates
 from .recording import Posterior, Prior, Recording, rms
 from .refine import refined
@@ -25,6 +32,8 @@ _CLOSE = 10.0
 _NEAR, _LOST = 0.01, 0.05
 # Rms of ln Z: below the first, all points together lead to the minimum; above the second, the search goes on, because
 # missing physics never leaves that much but a wrong minimum does.
+_OTHER_Z, _OTHER_C = (0.4, 2.0, 4.0), (0.7, 1.0, 1.4)
+# Factors of impedance and speed that lead from one material to another: loaded epoxies lie between 1 and 10 MRayl.
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +114,38 @@ class _StepwiseFit:
         new = _new_layers(self.build, before, step)
         starts = [self._coordinates((*before, step), start) for start in _start_values(new, here, self.values)]
         earlier = self.recordings if self.procedure == "joint" else []
-        self.descent, tried = _best_descent(earlier, here, starts, self._priors(before, step))
+        priors = self._priors(before, step)
+        self.descent, tried = _best_descent(earlier, here, starts, priors)
         self.evaluations += len(starts) + tried
+        if _rms(self.descent.objective, self.descent.x) > _LOST:
+            self._try_other_material(new[-1:], earlier, here, priors)
         self.recordings = [*self.recordings[: len(before) - len(earlier)], *self.descent.objective.recordings]
         first, _ = self.descent.objective.coordinates.forward(self.descent.start)
         self.begun |= {name: value for name, value in first.items() if name.split(".")[0] in {n.name for n in new}}
         self.values |= self.descent.objective.coordinates.forward(self.descent.x)[0]
+
+    def _try_other_material(
+        self,
+        outermost: Sequence[LayerSpec],
+        earlier: Sequence[Recording],
+        here: Sequence[Recording],
+        priors: Sequence[Prior | Posterior],
+    ) -> None:
+        """Search as if the outermost layer were of any material; keep a minimum that describes the recordings."""
+        starts = [start for layer in outermost for start in _other_material(layer, self.values)]
+        if not starts:
+            return
+        steps = dict.fromkeys(recording.step for recording in (*self.recordings, *here))
+        doubted = {f"{layer.name}.{name}" for layer in outermost for name in ELASTIC_CONSTANTS}
+        others = [prior for prior in priors if not isinstance(prior, Prior) or prior.parameter not in doubted]
+        found, tried = _best_descent(earlier, here, [self._coordinates(tuple(steps), s) for s in starts], others)
+        objective = found.objective
+        elsewhere = settle(objective.recordings, objective.coordinates, priors, found.x)
+        self.evaluations += len(starts) + tried + elsewhere.evaluations
+        if self.descent is None or _rms(objective, elsewhere.x) < min(
+            _LOST, _rms(self.descent.objective, self.descent.x)
+        ):
+            self.descent = replace(elsewhere, start=found.start)
 
     def _coordinates(self, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of the next fit; in a frozen procedure, without those of earlier fits."""
@@ -172,6 +207,15 @@ def _start_values(
         if layer.values[name].u > 0 and layer.values[name].same_as is None
     }
     return [values | spread for spread in spread_starts(values, uncertain, list(uncertain))]
+
+
+def _other_material(layer: LayerSpec, values: dict[str, float]) -> list[dict[str, float]]:
+    """Return starts for the case that a layer is of another material than the build says; none if it may not be."""
+    if layer.kind != "elastic" or layer.values["z"].u == 0 or layer.values["z"].same_as is not None:
+        return []
+    z, c = f"{layer.name}.z", f"{layer.name}.c"
+    speeds = _OTHER_C if layer.values["c"].u > 0 and layer.values["c"].same_as is None else (1.0,)
+    return [values | {z: k * values[z], c: j * values[c]} for k in _OTHER_Z for j in speeds]
 
 
 def _best_descent(

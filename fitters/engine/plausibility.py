@@ -19,6 +19,10 @@ _BELOW = 0.4
 _MOST = 0.5
 _NOISE = 0.01
 # Part of |Z| below which the sign of a resistance is not significant.
+_OTHER, _ABSENT, _NO_WAVE, _RAN_AWAY = 6.0, 0.03, 1.0, 0.02
+# Standard uncertainties from the build's value beyond which a layer is another one; part of its impedance below which
+# it is not there; a quality factor that only a fit without a minimum ends at; RMS log error that is no missing detail
+# but a wrong device.
 _NEED, _WANT = 0.25, 3.0
 # Points per linewidth: below the first a resonance may lie between two points, below the second the loss depends on the
 # model's shape of the flanks.
@@ -120,8 +124,9 @@ def doubts(
     sweeps: Mapping[str, Sequence[Sweep]],
     constants: Mapping[str, Constant],
     derived: Mapping[str, Constant],
+    rms_log_error: float,
 ) -> tuple[str, ...]:
-    """Return warnings about the result of a stack.
+    """Return warnings about the result of a stack; `rms_log_error` tells a fit that ran away from another material.
 
     Raises FitError if the recordings have too few points to resolve a resonance of that width, or if the constants are
     those of another disk than the build's.
@@ -130,7 +135,34 @@ def doubts(
     bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
     c33D, fp = constants[f"{piezo.name}.c33D"], derived[f"{piezo.name}.fp"].re
     refuse_lost(bare, fp, c33D.im / c33D.re)
-    return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants))
+    glued = (layer for layer in build.layers if layer.kind == "elastic" and f"{layer.name}.z" in constants)
+    elsewhere = (_elsewhere(layer, constants, ran_away=rms_log_error > _RAN_AWAY) for layer in glued)
+    return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants), *filter(None, elsewhere))
+
+
+def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away: bool) -> str | None:
+    """Return a warning if the constants of a glued layer are far from the build's, or its damping is without limit."""
+    z = constants[f"{layer.name}.z"]
+    if z.free and z.re < _ABSENT * layer.values["z"].re:
+        return f"{z.re:.2g} Rayl is no layer: {layer.name!r} is not on the device that was measured as its step."
+    found: list[str] = []
+    for name in ("z", "c", "q", "thickness"):
+        given, fitted = layer.values[name], constants[f"{layer.name}.{name}"]
+        away = abs(fitted.re - given.re) / given.u if given.u > 0 else 0.0
+        if name == "q" and given.u > 0 and fitted.re < _NO_WAVE:
+            found.append(f"{layer.name}.q reached its lower limit, {fitted.re:.2g}")
+        elif name != "q" and away > _OTHER:
+            of = f" of {layer.material}" if layer.material and given.source != "build.toml" else " of the build"
+            found.append(f"{layer.name}.{name} is {fitted.re:.3g}, {away:.0f} u from the {given.re:.3g}{of}")
+    if not found:
+        return None
+    which = "; ".join(found)
+    if ran_away:
+        return (
+            f"The fit ran away: {which}. No layer like {layer.name!r} of the build describes this recording: check "
+            "that this step is what was measured, and the layer's material and thickness. Do not use these constants."
+        )
+    return f"{which}: this layer has another material or thickness than the build file says."
 
 
 def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:

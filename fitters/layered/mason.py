@@ -36,5 +36,5 @@ class Mason:
         coupled = task.options.objective == "kt2"
         solution = solve_coupling(task, progress) if coupled else solve(task, progress)
         answer = least_squares_answer(self.name, self.version, solution, task.options)
-        doubted = doubts(build, sweeps, answer.constants, answer.derived)
+        doubted = doubts(build, sweeps, answer.constants, answer.derived, answer.rms_log_error)
         return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))

@@ -236,7 +236,7 @@ def _answer(
         evaluations=search.evaluations,
         seconds=seconds,
         says=(
-            *doubts(build, sweeps, constants, derived),
+            *doubts(build, sweeps, constants, derived, rms(misfit)),
             "This baseline fitter gives no uncertainties and may have ended in a local minimum. It fits the "
             "constants of the thesis and ignores held values, ties, bounds and priors.",
         ),

@@ -80,7 +80,7 @@ class NloptGlobal:
             build, noises, last, begun, blunt.evaluations + last.evaluations, time.perf_counter() - began
         )
         answer = least_squares_answer(self.name, self.version, solution)
-        doubted = doubts(build, sweeps, answer.constants, answer.derived)
+        doubted = doubts(build, sweeps, answer.constants, answer.derived, answer.rms_log_error)
         return replace(answer, says=(*_says(multistart, why), *_at_bounds(stuck), *doubted, *answer.says))
 
     def _search(

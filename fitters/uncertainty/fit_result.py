@@ -1,16 +1,18 @@
 """From a minimum to the complete result of a fit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ...models.base.arrays import Reals
+from ...models.base.arrays import Frequencies, Impedances, Reals
+from ...models.base.local_maxima import prominent_peaks
 from ...models.build import Build, LayerSpec
 from ..engine.covariance import Estimate, estimate
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
 from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
 from ..error_model.marginal_estimate import marginal_estimate
 from ..interface import Constant, Curve, FitResult, Options
@@ -27,6 +29,9 @@ _FROZEN = (
     "include them."
 )
 _MENTION = 0.9
+_WIDE, _GROSS, _PROMINENT = 40.0, 0.02, 0.01
+# Diameter/thickness above which a disk is a plate; RMS log error that radial overtones leave; part of the largest
+# conductance by which a maximum counts.
 _MISFIT = 1.5
 # chi2 per degree of freedom above which a misfit is reported: the noise estimate has a few per cent of uncertainty,
 # and 1600 residuals scatter by 3.5 %.
@@ -108,7 +113,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     noise = max(solution.noises.values(), key=lambda n: n.relative)
     constants = fitted_constants(layers, values, coordinates.parameters, covariance)
     derived = derived_constants(layers, values, coordinates.parameters, covariance)
-    says = verdict(result, _aspect(solution.build), noise.relative)
+    curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
+    says = verdict(result, solution.build, curves, noise.relative)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
     if options.procedure == "frozen" and len(solution.noises) > 1:
@@ -133,7 +139,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         evaluations=solution.evaluations,
         seconds=solution.seconds,
         says=says,
-        curves=curves_of(objective, coordinates.inverse(solution.begun), result.x),
+        curves=curves,
         budget=budget_of(solution, by) if options.procedure != "frozen" and options.objective != "kt2" else None,
     )
 
@@ -156,20 +162,43 @@ def _aspect(build: Build) -> float | None:
     return build.diameter.re / piezo.values["thickness"].re
 
 
-def verdict(result: Estimate, diameter_to_thickness: float | None, noise: float) -> tuple[str, ...]:
+def verdict(result: Estimate, build: Build, curves: Sequence[Curve], noise: float) -> tuple[str, ...]:
     """Return what a person must know before using the numbers."""
     says: list[str] = []
     if result.chi2_per_dof > _MISFIT:
+        errors = {step: _rms_of_step(curves, step) for step in dict.fromkeys(curve.step for curve in curves)}
+        worst = max(errors, key=lambda step: errors[step])
+        of, error = (f"step {worst!r}", errors[worst]) if len(errors) > 1 else ("this recording", result.rms_log_error)
         says.append(
-            f"A 1-D model does not describe this recording: RMS log error {result.rms_log_error:.2g} where the noise "
+            f"A 1-D model does not describe {of}: RMS log error {error:.2g} where the noise "
             f"is {noise:.1g} (chi2 per degree of freedom {result.chi2_per_dof:.3g}). The uncertainties are widened by "
             "the misfit, but the constants may have a bias that they do not include."
         )
-        if diameter_to_thickness is not None and diameter_to_thickness < 40 and result.rms_log_error > 0.02:
-            says.append(
-                f"Diameter/thickness is {diameter_to_thickness:.1f}: radial overtones and the edge mode overlap "
-                "the thickness resonance of such a disk, and a 1-D model mistakes them for loss."
-            )
+        says += _lateral(build, curves)
     if not result.converged:
         says.append("The fit stopped before it converged; do not use these numbers.")
     return tuple(says)
+
+
+def _rms_of_step(curves: Sequence[Curve], step: str) -> float:
+    return rms(*(np.log(curve.fitted / curve.measured) for curve in curves if curve.step == step))
+
+
+def _lateral(build: Build, curves: Sequence[Curve]) -> tuple[str, ...]:
+    """Return the hint that a disk's diameter shows, if its bare recording has more resonances than a plate."""
+    aspect, disk = _aspect(build), next(layer for layer in build.layers if layer.kind == "piezo")
+    bare = [curve for curve in curves if build.step(curve.step).layers == (disk.name,)]
+    if aspect is None or aspect > _WIDE or not bare or _rms_of_step(bare, bare[0].step) < _GROSS:
+        return ()
+    if not any(_resonances(c.frequency, c.measured) > _resonances(c.frequency, c.fitted) + 1 for c in bare):
+        return ()
+    return (
+        f"Diameter/thickness is {aspect:.1f}: radial overtones and the edge mode overlap the thickness resonance of "
+        "such a disk, and a 1-D model mistakes them for loss. `--fitter disk2d` models them, for the bare disk.",
+    )
+
+
+def _resonances(frequency: Frequencies, impedance: Impedances) -> int:
+    """Return the number of maxima of the conductance that stand out from noise and rounding."""
+    G = (1 / impedance).real
+    return len(prominent_peaks(G, _PROMINENT * float(np.ptp(G)))[0])

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 _THICKNESS_MODE = ("density", "c33D", "h33", "eps33S")
 _ELASTIC = ("z", "c", "q")
+_MATCHING = (("thesis ML1", 0.01, 0.139), ("thesis ML2", 0.005, 0.147), ("epoxy", 0.01, 0.15))
+# Proposed for each matching layer in turn: material, thickness of the glue below it and its own, mm. Together with the
+# disk's 0.512 mm of Pz27 this is the transducer on the simulated bench, so that Enter everywhere gives a build of it.
 
 
 class NotWritten(PzctlError):
@@ -27,6 +30,7 @@ def new(
 ) -> None:
     """Ask a few questions and write a commented build.toml with nominal values and their sources.
 
+    The proposed answers describe the transducer on the simulated bench.
     Questions go to standard error. An existing file is never overwritten. Exit status: 0 written, 2 not.
 
     Example: pzctl new S4.toml
@@ -71,13 +75,14 @@ def _layers() -> "list[NewLayer]":
     from .build_template import NewLayer
 
     disk = _ask_material("Material of the piezo disk", "Pz27", _THICKNESS_MODE)
-    layers = [NewLayer("disk", "piezo", disk, *_thickness("the disk", 0.5, 0.001))]
+    layers = [NewLayer("disk", "piezo", disk, *_thickness("the disk", 0.512, 0.001))]
     while typer.confirm(f"Is a layer glued in front of {layers[-1].name!r}?", default=len(layers) == 1, err=True):
         k = len(layers) // 2 + 1
-        glue = _ask_material(f"Glue below matching layer {k}", "epoxy", _ELASTIC)
-        layers.append(NewLayer(f"glue{k}", "elastic", glue, *_thickness("this glue line", 0.01, 0.005)))
-        matching = _ask_material(f"Material of matching layer {k}", "epoxy", _ELASTIC)
-        layers.append(NewLayer(f"ml{k}", "elastic", matching, *_thickness(f"matching layer {k}", 0.15, 0.002)))
+        material, bond, thickness = _MATCHING[min(k, len(_MATCHING)) - 1]
+        glue = _ask_material(f"Glue below matching layer {k}", "thesis glue", _ELASTIC)
+        layers.append(NewLayer(f"glue{k}", "elastic", glue, *_thickness("this glue line", bond, bond / 2)))
+        matching = _ask_material(f"Material of matching layer {k}", material, _ELASTIC)
+        layers.append(NewLayer(f"ml{k}", "elastic", matching, *_thickness(f"matching layer {k}", thickness, 0.001)))
     return layers
 
 

@@ -23,15 +23,12 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
         table.add_column(column)
     table.add_column("deviation", justify="right")
     nominal = build.data_sheet if build is not None else {}
-    layer = ""
-    for name, constant in result.constants.items():
-        owner = name.split(".")[0]
-        if layer and owner != layer:
-            _derived_rows(table, result, layer)
-            table.add_section()
-        layer = owner
-        _row(table, name, constant, nominal.get(name))
-    _derived_rows(table, result, layer)
+    for layer in dict.fromkeys(name.split(".")[0] for name in result.constants):
+        for name, constant in result.constants.items():
+            if name.split(".")[0] == layer:
+                _row(table, name, constant, nominal.get(name))
+        _derived_rows(table, result, layer)
+        table.add_section()
     return table
 
 

@@ -12,7 +12,7 @@ from ....models.sweep import Sweep
 from ...interface import TaskError
 from ..recording import Prior, Recording, Weighing
 from .constraints import bounded, shared
-from .coordinates import Block, Coordinates, hardly_negative, positive, thickness_constants, to_h33
+from .coordinates import LEAST_Q, Block, Coordinates, hardly_negative, positive, quality, thickness_constants, to_h33
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")
@@ -136,10 +136,20 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
             if quantity.same_as is not None:
                 followers.setdefault(quantity.same_as, []).append(full)
             else:
-                blocks.append(between_bounds(positive(full), {full: quantity.bounds} if quantity.bounds else {}))
+                blocks.append(_in_bounds(_unbounded(full, quantity), full, quantity))
     for name, quantity in _ground(build, steps).items():
-        blocks.append(between_bounds(positive(name), {name: quantity.bounds} if quantity.bounds else {}))
+        blocks.append(_in_bounds(positive(name), name, quantity))
     return _with_ties(build, blocks, followers)
+
+
+def _unbounded(name: str, quantity: Quantity) -> Block:
+    """Return the block of a positive constant; a quality factor stays above critical damping, if the build's is."""
+    wave = name.endswith(".q") and quantity.re > 2 * LEAST_Q and quantity.bounds is None
+    return quality(name) if wave else positive(name)
+
+
+def _in_bounds(block: Block, name: str, quantity: Quantity) -> Block:
+    return between_bounds(block, {name: quantity.bounds} if quantity.bounds else {})
 
 
 def between_bounds(block: Block, bounds: Mapping[str, tuple[float, float]]) -> Block:
@@ -158,8 +168,7 @@ def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[s
     kept = [block for block in blocks if block.coordinates[0] not in followers]
     for leader, names in followers.items():
         quantity = known_as(build, leader)
-        block = shared(leader, tuple(names))
-        kept.append(between_bounds(block, {leader: quantity.bounds} if quantity.bounds else {}))
+        kept.append(_in_bounds(shared(_unbounded(leader, quantity), tuple(names)), leader, quantity))
     return tuple(kept)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from .coordinates import Block, positive
+from .coordinates import Block
 
 _EDGE = 0.999
 # Largest |sin y| at the start: at the bound itself the derivative vanishes and the fit would not move.
@@ -37,9 +37,9 @@ def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
     return replace(block, forward=forward, inverse=inverse)
 
 
-def shared(leader: str, followers: tuple[str, ...]) -> Block:
-    """Return a positive constant shared by several layers: one coordinate for several equal parameters."""
-    leader_block, count = positive(leader), 1 + len(followers)
+def shared(leader_block: Block, followers: tuple[str, ...]) -> Block:
+    """Return the leader's constant shared by several layers: one coordinate for several equal parameters."""
+    (leader,), count = leader_block.coordinates, 1 + len(followers)
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
         p, J = leader_block.forward(x)

@@ -16,6 +16,8 @@ from ....models.base.arrays import Reals
 
 _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
+LEAST_Q = 0.5
+# Quality factor of critical damping: below it nothing oscillates, and (1 + j/Q) describes no wave in a layer.
 _H_UNIT = 1e8
 # V/m. Above it the coordinate of h33 is logarithmic, like those of the constants that it is correlated with: the valley
 # along c33D/(h33^2 eps33S), which thickness and density leave open to a per cent, is then straight. h33 has any sign.
@@ -45,6 +47,16 @@ def _exp(x: Reals) -> tuple[Reals, Reals]:
 def positive(name: str) -> Block:
     """Return the block of a positive constant: x = ln p."""
     return Block((name,), (name,), _exp, np.log)
+
+
+def quality(name: str) -> Block:
+    """Return the block of a quality factor, which is above that of critical damping: x = ln(Q - 1/2)."""
+
+    def forward(x: Reals) -> tuple[Reals, Reals]:
+        above = np.exp(x)
+        return LEAST_Q + above, above[:, None]
+
+    return Block((name,), (name,), forward, lambda p: np.log(np.maximum(p - LEAST_Q, _LOSS_FLOOR)))
 
 
 def linear(name: str, unit: float) -> Block:

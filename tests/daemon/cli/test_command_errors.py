@@ -12,6 +12,7 @@ import pytest
 import zmq
 from typer.testing import CliRunner
 
+from pzctl.daemon import cli
 from pzctl.daemon.cli import app
 from pzctl.daemon.cli.bench.adaptive_measure import adapted_plan
 from pzctl.daemon.cli.records import export
@@ -287,17 +288,17 @@ def test_a_port_that_is_taken(here: Path) -> None:
         (
             "starlette",
             lambda: serve(read_build(BUILD), "127.0.0.1", 0, None),
-            r"starlette is not installed; the page needs it: pip install 'pzctl\[web\]'",
+            r"starlette is not installed; the page needs it: pip install starlette uvicorn",
         ),
         (
             "ipywidgets",
             lambda: sliders(None),  # type: ignore[arg-type]
-            r"ipywidgets is not installed; sliders need it: pip install 'pzctl\[notebook\]'",
+            r"ipywidgets is not installed; sliders need it: pip install ipywidgets",
         ),
         (
             "psycopg",
             lambda: open_store("postgresql://lab/record", write=False),
-            r"a journal on PostgreSQL needs psycopg, which is not installed: pip install 'pzctl\[postgres\]'",
+            r"a journal on PostgreSQL needs psycopg, which is not installed: pip install 'psycopg\[binary\]'",
         ),
     ],
 )
@@ -316,3 +317,19 @@ def test_a_file_that_cannot_be_written(here: Path) -> None:
     answers = "\n".join(("S1", "16", "Pz27", "0.5", "0.001", "n", "air", "air"))
     done = CliRunner().invoke(app, ["new", "file/build.toml"], input=answers)
     assert str(done.exception) == "file/build.toml: cannot be written: Not a directory"
+
+
+def test_a_mistake_of_ours_is_one_sentence_and_its_traceback_a_file(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken() -> None:
+        np.linalg.cholesky(np.array([[1.0, 2.0], [2.0, 1.0]]))
+
+    monkeypatch.setattr(cli, "app", broken)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 1
+    assert said.startswith("pzctl: a mistake in pzctl: LinAlgError: Matrix is not positive definite; where it happened")
+    assert said.count("\n") == 1
+    assert "cholesky(np.array" in (home() / "log" / "unexpected.log").read_text()

@@ -5,13 +5,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from pzctl.daemon.cli import app
 from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.fitters.interface import FitTask
+from pzctl.fitters.layered.mason import Mason
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.materials import MATERIALS
+from pzctl.models.sweep import Sweep
+from pzctl.sim.bench.sample import sample
 
 
 def answer(out: Path, *answers: str) -> Result:
@@ -35,6 +40,25 @@ def test_a_disk_with_two_layers(tmp_path: Path) -> None:
     text = (tmp_path / "S4.toml").read_text()
     assert "#   c33D = 1.44(8)e11" in text
     assert "Ferroperm data sheet" in text
+
+
+@pytest.mark.parametrize("more", [(), (*[""] * 12, "y")], ids=["Enter everywhere", "a second layer"])
+def test_the_proposed_answers_are_a_build_of_the_simulated_bench(tmp_path: Path, more: tuple[str, ...]) -> None:
+    done = answer(tmp_path / "S4.toml", *more, *[""] * 20)
+    assert done.exit_code == 0, done.stderr
+    build, on_the_bench, rng = read_build(tmp_path / "S4.toml"), sample(0), np.random.default_rng(1)
+    f = np.linspace(1e6, 12e6, 400)
+    noise = 1 + 3e-5 * (rng.standard_normal((3, 400)) + 1j * rng.standard_normal((3, 400)))
+    names = [step.name for step in build.steps]
+    sweeps = {
+        name: (Sweep(f, on_the_bench.stack(name).impedance(f) * noisy),)
+        for name, noisy in zip(names, noise, strict=False)
+    }
+    result = Mason().fit(FitTask(build, sweeps))
+    assert names == ["disk", "ml1", "ml2"][: len(names)]
+    assert len(names) == (3 if more else 2)
+    assert result.chi2_per_dof < 1.3
+    assert result.constants["ml1.z"].re == pytest.approx(on_the_bench.truth()["ml1.z"]["re"], rel=0.1)
 
 
 def test_wrong_answers_are_asked_again(tmp_path: Path) -> None:

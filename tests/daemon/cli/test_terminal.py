@@ -99,6 +99,16 @@ def test_the_table_shows_by_colour_what_is_within_tolerance_and_does_without_whe
     assert "\x1b" not in drawn(build, colours=False)
 
 
+def test_a_constant_stands_once_in_the_table_whatever_order_the_constants_come_in() -> None:
+    names = ("disk.c33E", "area", "disk.thickness", "glue1.z")
+    constants = {name: Constant(1.0, 0.0, 0.1, 0.0, "1") for name in names}
+    derived = {"disk.kt": Constant(0.48, 0.0, 0.01, 0.0, "1")}
+    noise = Noise(1e-4, "repeats")
+    result = FitResult("B", "disk2d", "1", ("disk",), noise, 1.0, constants, derived, (), 1e-4, True, 1, 0.1)
+    (column, *_) = fit_table(result, None).columns
+    assert [str(cell).strip() for cell in column.cells] == ["disk.c33E", "disk.thickness", "disk.kt", "area", "glue1.z"]
+
+
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 

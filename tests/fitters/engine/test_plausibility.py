@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pzctl.daemon.files.builds.build_file import read_build
+from pzctl.daemon.files.builds.build_file import parse_build, read_build
 from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitResult, FitTask
 from pzctl.fitters.layered.mason import Mason
 from pzctl.models.base.arrays import Complexes, Reals
 from pzctl.models.sweep import Sweep
+from pzctl.sim.bench.sample import sample
 
 RNG = np.random.default_rng(5)
 
@@ -96,3 +98,78 @@ def right_diameter(cases: Path) -> float:
     right = read_build(cases / "null" / "build.toml").diameter
     assert right is not None
     return 1e3 * right.re
+
+
+GLUED = """
+name = "S1"
+diameter_mm = 16
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "Pz27"
+thickness_mm = { value = 0.512, u = 0.001 }
+[[layers]]
+name = "glue1"
+kind = "elastic"
+material = "epoxy"
+thickness_mm = { value = 0.01, u = 0.005 }
+[[layers]]
+name = "ml1"
+kind = "elastic"
+material = "epoxy"
+thickness_mm = { value = 0.14, u = 0.002 }
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+[[steps]]
+name = "ml1"
+layers = ["disk", "glue1", "ml1"]
+"""
+
+
+def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]]) -> FitResult:
+    """Fit disk and first layer of the simulated bench; `change` makes of both curves the factor of f, and ml1's."""
+    f, rng = np.linspace(1e6, 12e6, 400), np.random.default_rng(3)
+    noise = 1 + 3e-5 * (rng.standard_normal((2, f.size)) + 1j * rng.standard_normal((2, f.size)))
+    disk, glued = (sample(0).stack(step).impedance(f) * n for step, n in zip(("disk", "ml1"), noise, strict=True))
+    factor, glued = change(disk, glued)
+    return Mason().fit(FitTask(parse_build(GLUED), {"disk": (Sweep(f, disk),), "ml1": (Sweep(factor * f, glued),)}))
+
+
+def test_a_layer_of_another_material_is_found_and_said() -> None:
+    result = fit_glued(lambda _, glued: (1.0, glued))
+    assert result.chi2_per_dof < 1.3
+    assert result.constants["ml1.z"].re == pytest.approx(sample(0).truth()["ml1.z"]["re"], rel=0.2)
+    (said,) = [sentence for sentence in result.says if "another material" in sentence]
+    assert said.startswith("ml1.z is ")
+    assert "u from the 2.42e+06 of epoxy" in said
+
+
+def test_a_fit_that_ran_away_says_so_and_why_and_stays_physical() -> None:
+    result = fit_glued(lambda _, glued: (1.3, glued))
+    says = " ".join(result.says)
+    assert "The fit ran away: ml1." in says
+    assert "does not describe step 'ml1'" in says
+    assert "overtones" not in says, "the bare disk is described to its noise: its diameter is not the cause"
+    for name in ("glue1.q", "ml1.q"):
+        assert result.constants[name].re >= 0.5
+
+
+def test_a_layer_that_was_not_glued_on_is_said() -> None:
+    assert any("'ml1' is not on the device" in s for s in fit_glued(lambda disk, _: (1.0, disk)).says)
+
+
+def test_radial_overtones_are_blamed_where_they_are_seen_and_the_fitter_for_them_is_named(recordings: Path) -> None:
+    sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
+    only = GLUED.partition('[[layers]]\nname = "glue1"')[0].replace("0.512", "2.013").replace("16", "20")
+    tail = '[load]\nback = "air"\nfront = "air"\n[[steps]]\nname = "disk"\nlayers = ["disk"]\n'
+    build = parse_build(only + tail)
+    hints = [s for s in Mason().fit(FitTask(build, {"disk": (sweep,)})).says if "overtones" in s]
+    assert "`--fitter disk2d`" in hints[0]
+    resistor = stack_of(build, build.step("disk")).impedance(sweep.frequency) + 20
+    says = Mason().fit(FitTask(build, {"disk": (Sweep(sweep.frequency, resistor),)})).says
+    assert any("does not describe" in s for s in says)
+    assert not any("overtones" in s for s in says), "a misfit without further resonances has another cause"
