@@ -90,8 +90,8 @@ def every_resonance(pair: Pair, own: Resonances, after: PoleFit) -> tuple[EveryR
         q = np.log((abs(to) / -to.real) / (abs(p) / -p.real))
         strength = np.log(abs(now.residues[j]) / abs(own.residues[k])) - 2 * shift
         for m, value in enumerate((shift, q, strength)):
-            x[1 + m * count + k] = value / _SIZES[m][1]
-    return EveryResonance(own, tuple(sizes)), np.asarray(np.clip(x, -_KNOWN, _KNOWN), np.float64)
+            x[1 + m * count + k] = min(max(float(value) / _SIZES[m][1], -_KNOWN), _KNOWN)
+    return EveryResonance(own, tuple(sizes)), x
 
 
 def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: Outcome) -> float:
@@ -109,7 +109,7 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     relative = (fit.residual[:points] + 1j * fit.residual[points:]) * finite
     predicted = np.asarray(recorded.after / (1 - relative), np.complex128)
     pair = replace(recorded, before=recorded.after, noise_before=0 * noise, noise_after=noise)
-    slopes = -_numbers(fit)
+    slopes: Complexes = -_numbers(fit)
     zero = np.zeros(points, np.complex128)
     alone = Linearised(predicted, zero, slopes, slopes[:, :0], np.zeros(slopes.shape[1]), (), pair.frequency)
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))

@@ -25,7 +25,7 @@ _MOST = 3
 _NOISE_ALONE = 1.2
 """chi2 per number up to which there is nothing but noise."""
 _NOTHING_ELSE = 0.99
-"""Part of the evidence in which nothing but usual errors is left, from which another device is out of the question."""
+"""Part of the evidence in which the rest is no more than usual, from which that is all."""
 _PAYS = 5.0
 """Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
 
@@ -79,7 +79,7 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
                     fits[hypothesis.changes] = fitted(hypothesis, errors, x, parent.outcome.sizes)
         if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
             break
-    if _ranked(fits.values())[0].outcome.usual >= _NOTHING_ELSE:
+    if _nothing_else(_ranked(fits.values())[0]):
         return Searched(tuple(_ranked(fits.values())), nothing, 0.0)
     every = every_resonance(errors.recorded, errors.own, after)
     if every is not None:
@@ -89,9 +89,14 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
     return Searched(ranked, nothing, nothing_in_common(ranked[0]))
 
 
+def _nothing_else(best: Fitted) -> bool:
+    """Return whether an explanation leaves nothing but usual errors: then another device is out of the question."""
+    return best.outcome.usual >= _NOTHING_ELSE and best.shortfall == 0.0
+
+
 def nothing_in_common(fit: Fitted) -> float:
     """Return the probability, beside an explanation, that the recordings have nothing in common."""
-    if fit.outcome.usual >= _NOTHING_ELSE:
+    if _nothing_else(fit):
         return 0.0
     odds = log_odds_of_nothing_in_common(fit.errors, fit.at, fit.outcome) + log(ODDS) - fit.hypothesis.log_prior
     return 1 / (1 + exp(-max(min(odds, 700.0), -700.0)))
