@@ -9,10 +9,10 @@ Two hypotheses compete with all that have names, so that enough changes of one d
   many independent points as it has (coarsened likelihoods: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammaln
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
@@ -115,7 +115,7 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))
     evidence = PairErrors(pair, none).outcome(alone, (0.0,), outcome.sizes, rounds=1).log_evidence
     # Numbers are where their fit is, not at the middle of their priors; and poles have no order among themselves.
-    paid = 0.5 * 4 * fit.poles.size - float(gammaln(fit.poles.size + 1))
+    paid = 0.5 * 4 * fit.poles.size - math.lgamma(fit.poles.size + 1)
     return evidence - paid - changes
 
 
