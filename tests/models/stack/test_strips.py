@@ -1,4 +1,4 @@
-"""Stacks side by side, evaluated together, against each for itself."""
+"""Parallel stacks evaluated together, compared with each of them separately."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ STACK: Stack = (AIR | DISK | GLUE | LAYER | AIR).with_area(2e-4)
         [{"ml1.thickness": 1e-4}],
     ],
 )
-def test_together_they_are_what_each_is_alone(changes: list[dict[str, float]]) -> None:
+def test_stacks_evaluated_together_equal_separate_ones(changes: list[dict[str, float]]) -> None:
     stacks = [STACK.replace(change) for change in changes]
     fractions = [1 / (2 + k) for k in range(len(stacks))]
     alone = sum(part / stack.impedance(FREQUENCY) for part, stack in zip(fractions, stacks, strict=True))
