@@ -70,6 +70,24 @@ class Step:
 
 
 @dataclass(frozen=True)
+class EffectSpec:
+    """An effect that the sample is known to have; it is part of the model of its steps."""
+
+    effect: str
+    """Name in the catalogue; `learned` for a law found by `pzctl diagnose --learn`."""
+    where: str
+    """Place: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
+    values: Mapping[str, Quantity]
+    """Value of each of its parameters, SI units; one with an uncertainty is fitted."""
+    steps: tuple[str, ...] = ()
+    """Steps that have it; empty: all that have its place."""
+    quantity: str = ""
+    """What a learned law corrects: `permittivity`, `series` ..."""
+    law: str = ""
+    """Name of a learned law."""
+
+
+@dataclass(frozen=True)
 class Build:
     """One transducer, from `build.toml`."""
 
@@ -92,14 +110,24 @@ class Build:
     """Limits of the constants, if the file states them; each fit is compared with them."""
     metadata: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
     """What was noted at the measurement: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
+    effects: tuple[EffectSpec, ...] = ()
+    """Effects that the sample is known to have."""
 
     @property
     def data_sheet(self) -> dict[str, Quantity]:
-        """Data-sheet value of each constant (`disk.c33D`); that of the build file if there is no data sheet."""
-        return {
+        """Data-sheet value of each constant (`disk.c33D`); that of the build file if there is no data sheet.
+
+        Also the value of each effect's parameters (`lead-inductance@terminals.inductance`).
+        """
+        constants = {
             f"{layer.name}.{name}": quantity
             for layer in self.layers
             for name, quantity in {**layer.values, **layer.nominal}.items()
+        }
+        return constants | {
+            f"{one.effect}@{one.where}.{name}": quantity
+            for one in self.effects
+            for name, quantity in one.values.items()
         }
 
     def noted(

@@ -4,24 +4,21 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..engine.multi_step_fit import solve
 from ..interface import FitTask
 from ..uncertainty.fit_result import curves_of
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
-from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Size, Verdict
+from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Verdict
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
-from .hypotheses.hypothesis import Hypothesis
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
-from .hypotheses.problem import Candidate, Problem
-from .hypotheses.size_priors import shown
+from .hypotheses.problem import Problem
 from .inference import finite_diameter as lateral
 from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.data_findings import of_the_data, verdict_with, where_disturbed
-from .inference.effect_size import constants_of, covariance_of
+from .inference.effect_size import constants_of, parameters_of
+from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
 from .learning.learned_effect import with_learned
 from .learning.places import PlacedCorrection, placed_corrections
@@ -63,7 +60,7 @@ def diagnose(
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
-    if found.something_left and any(one.effect.name == lateral.NAME for one in choice):
+    if found.something_left and not problem.build.effects and any(one.effect.name == lateral.NAME for one in choice):
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
@@ -72,15 +69,17 @@ def diagnose(
         found = with_learned(search.problem, found, places, progress)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
-    told = [(one, _finding(problem, one, found, final, (held_before, held_after))) for one in found.named]
+    # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
+    coarse = found.final.coarseness if found.verdict != "no-mismatch" else 1.0
+    told = [(one, _finding(problem, one, found, final, (held_before, held_after), coarse)) for one in found.named]
     told = [(one, said) for one, said in told if not where_disturbed(gated, one.candidate, final)]
     left = remainder(final)
     findings = [said for one, said in told if one.kind == "finding"]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left, places))
-    constants = constants_of(problem, found.final)
+        findings.append(_unknown(final, held_after, left, places, found.something_else))
+    constants = constants_of(problem, found.final, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress) for name, other in (others or {}).items())
     progress("searching for effects that the constants would hide")
     remaining = scores(problem, choice, final.objective, final.descent.x)
@@ -100,6 +99,7 @@ def diagnose(
         remaining=found.remaining,
         remarks=tuple(said for one, said in told if one.kind == "remark"),
         places=tuple(_place(one) for one in places),
+        effects=stated(problem, found.final, [one for one, _ in told], coarse),
         seconds=time.perf_counter() - began,
     )
 
@@ -158,7 +158,7 @@ def _in_two_dimensions(
 
 
 def _finding(
-    problem: Problem, named: NamedEffect, found: Conclusion, final: Refit, held: tuple[float, float]
+    problem: Problem, named: NamedEffect, found: Conclusion, final: Refit, held: tuple[float, float], coarse: float
 ) -> Finding:
     candidate, without = named.candidate, as_refit(problem, named.without)
     fall = excess_of(without.in_noise, final.in_noise)
@@ -169,7 +169,7 @@ def _finding(
         for band in guilty_bands(recording.sweep.frequency, 1 + excess)
     ]
     before = held_out_chi2(problem, without) if len(final.effects) > 1 else held[0]
-    sizes = _sizes(candidate, found.final)
+    sizes = parameters_of(candidate, found.final, coarse)
     says = candidate.effect.sentence(
         candidate.where, {name: (size.value, size.u, size.unit) for name, size in sizes.items()}
     )
@@ -196,25 +196,9 @@ def _finding(
     )
 
 
-def _sizes(candidate: Candidate, final: Hypothesis) -> dict[str, Size]:
-    """Return the parameters of an effect as shown to the user, with standard uncertainties."""
-    names = final.objective.coordinates.parameters
-    covariance = covariance_of(final)
-    values = shown(final.values, candidate)
-    u = {
-        knob.name: float(np.sqrt(max(0.0, covariance[k, k])))
-        for knob in candidate.effect_parameters
-        for k in [names.index(candidate.prefix + knob.name)]
-    }
-    sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.effect_parameters}
-    first = candidate.effect_parameters[0]
-    for name, (value, unit) in candidate.effect.shown(values).items():
-        more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
-        sizes[name] = Size(value, abs(more - value), unit)
-    return sizes
-
-
-def _unknown(final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection]) -> Finding:
+def _unknown(
+    final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection], probability: float
+) -> Finding:
     likely = [one for one in places[:1] if one.probability > NAMED]
     where = "".join(
         f" Most probably (P = {one.probability:.2f}) it acts on {one.place.says}; `--learn` looks for its law."
@@ -224,7 +208,7 @@ def _unknown(final: Refit, held: float, left: Leftover, places: Sequence[PlacedC
         effect=UNKNOWN,
         where=ANY,
         step=left.step,
-        probability=0.95,
+        probability=probability,
         bands_Hz=left.bands_Hz,
         parameters={},
         chi2_per_dof_before=final.chi2_per_dof,

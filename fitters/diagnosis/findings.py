@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from ...models.build import EffectSpec
 from ..interface import Constant, Curve
 from .data_quality.data_issues import DataCheck
 
@@ -200,3 +201,5 @@ class Diagnosis:
     """Findings that move no constant by its uncertainty and no point by more than the instrument's error."""
     places: tuple[MismatchPlace, ...] = ()
     """Where the physics that no effect of the catalogue describes acts, most probable place first."""
+    effects: tuple[EffectSpec, ...] = ()
+    """The findings as a build states them: those that a fit can use."""

@@ -10,7 +10,7 @@ from ...models.base.arrays import Reals
 from ...models.base.model import Model
 from ...models.build import Build, LayerSpec, Quantity
 from ...models.sweep import Sweep
-from ..engine.multi_step_fit import check_task
+from ..engine.multi_step_fit import check_task, refuse_effects
 from ..engine.noise import noise_of
 from ..engine.plausibility import refuse_another_device
 from ..engine.recording import log_ratio, rms
@@ -125,6 +125,7 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
             f"`{fitter}` reads all constants off the recording: it cannot free {', '.join(task.free)} alone"
         )
     build, sweeps = check_task(replace(task, free=None))
+    refuse_effects(build, fitter)
     for step in sweeps:
         layers = [build.layer(name) for name in build.step(step).layers]
         if len(layers) == 1 and layers[0].kind == "piezo":

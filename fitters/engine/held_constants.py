@@ -31,8 +31,11 @@ def kind_of(name: str) -> str:
 
 
 def held_constants(coordinates: Coordinates, values: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Return the held coordinates, and the tolerance of each in SI units (of a loss: relative)."""
-    held = tuple(name for name in coordinates.names if name not in coordinates.free)
+    """Return the held coordinates, and the tolerance of each in SI units (of a loss: relative).
+
+    Held parameters of an effect are not among them: a build that states one without uncertainty means it.
+    """
+    held = tuple(name for name in coordinates.names if name not in coordinates.free and not _of_effect(name))
     tolerances: dict[str, float] = {}
     for name in held:
         value = abs(values.get(name, values.get(f"{name}.re", 1.0)))
@@ -41,6 +44,11 @@ def held_constants(coordinates: Coordinates, values: Mapping[str, float]) -> tup
         size = relative if name.endswith(".loss") else relative * value
         tolerances[name] = min(size, _THICKNESS) if kind == "thickness" else size
     return held, tolerances
+
+
+def _of_effect(name: str) -> bool:
+    """Return whether a name is that of an effect's parameter: `lead-inductance@terminals.inductance`."""
+    return "@" in name.partition(".")[0]
 
 
 def slopes_by_held(objective: Objective, held: tuple[str, ...], values: Mapping[str, float]) -> Reals:

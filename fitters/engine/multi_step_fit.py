@@ -75,6 +75,13 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     return task.build, there
 
 
+def refuse_effects(build: Build, fitter: str) -> None:
+    """Raise TaskError if the build states effects, for a fitter whose model has none."""
+    if build.effects:
+        names = ", ".join(f"{one.effect} at {one.where}" for one in build.effects)
+        raise TaskError(f"{fitter} cannot model the effects of build {build.name!r} ({names}); fit it with mason")
+
+
 def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     """Fit all steps jointly; each new step starts from the result of the earlier ones. Raises FitError."""
     began = time.perf_counter()

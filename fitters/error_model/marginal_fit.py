@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from ...models.effects import Device
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, WeakLine, columns_of, place_of
@@ -73,7 +74,7 @@ class Marginal:
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
-        return cls(bare, known or Nothing(), shapes or {}, lines)
+        return cls(bare, known or Nothing(), {**_stated_shapes(bare), **(shapes or {})}, lines)
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
@@ -201,6 +202,17 @@ class MarginalFit:
     def values(self) -> dict[str, float]:
         """Every model parameter."""
         return self.marginal.objective.coordinates.forward(self.x)[0]
+
+
+def _stated_shapes(objective: Objective) -> Shapes:
+    """Return the sizes of the effects that the build states, whose coordinates are logarithms of the sizes."""
+    devices = [recording.model for recording in objective.recordings if isinstance(recording.model, Device)]
+    free = objective.coordinates.free
+    return {
+        one.prefix: tuple((name, lambda _: 1.0) for name in list(one.parameters())[: one.effect.sizes] if name in free)
+        for device in devices
+        for one in device.added
+    }
 
 
 def fit(

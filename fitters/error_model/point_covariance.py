@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg.lapack import dpttrf, dpttrs
+from scipy.linalg.lapack import dpttrf, dtbtrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
@@ -70,14 +70,12 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """Columns whitened by the whole covariance K: X^T K^-1 Y is `plain plain^T` minus `rough solved^T`."""
+    """Columns whitened by the whole covariance K: X^T K^-1 Y is `plain plain^T` minus `rough rough^T`."""
 
     plain: Sequence[Reals]
     """For each recording, shape (P, 2N), in units of the coloured noise."""
     rough: Sequence[Reals]
-    """Of each recording that has a rough error, V of it, shape (P, 2N)."""
-    solved: Sequence[Reals]
-    """Of the same, M^-1 V: M its precision beside noise."""
+    """Of each recording that has a rough error, shape (P, 2N)."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -86,13 +84,13 @@ class WhitenedColumns:
     def lengths(self) -> Reals:
         """Return the diagonal of X^T K^-1 X, shape (P,)."""
         more = sum(np.einsum("pn,pn->p", own, own) for own in self.plain)
-        less = sum(np.einsum("pn,pn->p", V, own) for V, own in zip(self.rough, self.solved, strict=True))
+        less = sum(np.einsum("pn,pn->p", own, own) for own in self.rough)
         return np.asarray(more - less, np.float64)
 
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
         more = sum(own @ its.T for own, its in zip(self.plain, other.plain, strict=True))
-        less = sum(own @ its.T for own, its in zip(self.rough, other.solved, strict=True))
+        less = sum(own @ its.T for own, its in zip(self.rough, other.rough, strict=True))
         return np.asarray(more - less, np.float64)
 
 
@@ -112,9 +110,7 @@ class Kernel:
         """Return columns in units of K from columns in units of white noise."""
         plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
         rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
-        return WhitenedColumns(
-            [_flat(Y) for Y in plain], [_flat(V) for V, _ in rough], [_flat(solved) for _, solved in rough]
-        )
+        return WhitenedColumns([_flat(Y) for Y in plain], [_flat(V) for V in rough])
 
 
 class _One:
@@ -145,18 +141,24 @@ class _One:
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
-        self._factor = d, e
+        # M = L D L^T: columns of M^-1/2 V need only L, whose diagonal is one
+        self._lower = np.zeros((2, n), order="F")
+        self._lower[1, :-1] = e
+        self._root = 1 / np.sqrt(d)
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def plain(self, X: Reals) -> Reals:
         """Return columns (P, 2, N) in units of the coloured noise."""
         return _whitened(X if self._under == 1 else self._under * X, self._colour)
 
-    def rough(self, Y: Reals) -> tuple[Reals, Reals]:
-        """Return V, the rough error's share of columns, and M^-1 V, each (P, 2, N): M its precision beside noise."""
-        V = self._amplitude * _back(Y, self._colour)
-        solved, _ = dpttrs(*self._factor, V.reshape(-1, V.shape[-1]).T if V.size else np.zeros((V.shape[-1], 0)))
-        return V, np.asarray(solved.T, np.float64).reshape(V.shape)
+    def rough(self, Y: Reals) -> Reals:
+        """Return M^-1/2 times the rough error's share of columns, shape (P, 2, N): M is its precision beside noise."""
+        share = self._amplitude * _back(Y, self._colour)
+        if not share.size:
+            return share
+        flat = share.reshape(-1, share.shape[-1]).T
+        solved, _ = dtbtrs(self._lower, flat, uplo="L", diag="U", overwrite_b=1)
+        return np.asarray(self._root * solved.T, np.float64).reshape(share.shape)
 
 
 def _flat(Y: Reals) -> Reals:

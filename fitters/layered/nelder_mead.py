@@ -17,7 +17,7 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
-from ..engine.multi_step_fit import check_task
+from ..engine.multi_step_fit import check_task, refuse_effects
 from ..engine.noise import noise_of
 from ..engine.parameters.assembly import ground_name, layers_of, nominal_parameters, renamed, stack_of
 from ..engine.plausibility import doubts, refuse_degenerate
@@ -90,6 +90,7 @@ class MasonNelderMead:
         if task.free is not None:
             raise TaskError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
         build, sweeps = check_task(task)
+        refuse_effects(build, self.name)
         refuse_degenerate(build, sweeps)
         first = next(iter(sweeps))
         if [build.layer(name).kind for name in build.step(first).layers] != ["piezo"]:

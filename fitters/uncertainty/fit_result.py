@@ -11,7 +11,8 @@ from ...models.build import Build, LayerSpec
 from ..engine.covariance import Estimate, estimate
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
-from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, layers_of
+from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, effects_of, layers_of
+from ..engine.parameters.known_effects import KnownEffect
 from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
 from ..error_model.marginal_estimate import marginal_estimate
@@ -42,9 +43,12 @@ def fitted_constants(
     values: Mapping[str, float],
     names: tuple[str, ...],
     covariance: Reals | None,
-    by: Mapping[str, Reals] | None = None,
+    effects: Sequence[KnownEffect] = (),
 ) -> dict[str, Constant]:
-    """Return the constants of all layers; `covariance` is that of the parameters `names`, None if there is none."""
+    """Return the constants of all layers, and the parameters of the effects that the build states.
+
+    `covariance` is that of the parameters `names`, None if there is none.
+    """
     variance = dict(zip(names, np.diag(covariance), strict=True)) if covariance is not None else None
 
     def u(name: str) -> float | None:
@@ -60,6 +64,8 @@ def fitted_constants(
             elif full in values:
                 for name_ in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
                     constants[name_] = Constant(values[name_], 0.0, u(name_), 0.0, UNITS[name], free=u(name_) != 0)
+    for name, knob in (parameter for one in effects for parameter in one.parameters):
+        constants[name] = Constant(values[name], 0.0, u(name), 0.0, knob.unit, free=u(name) != 0)
     return constants
 
 
@@ -111,7 +117,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         result = replace(result, x=estimated.x)
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
-    constants = fitted_constants(layers, values, coordinates.parameters, covariance)
+    effects = effects_of(solution.build, solution.noises)
+    constants = fitted_constants(layers, values, coordinates.parameters, covariance, effects=effects)
     derived = derived_constants(layers, values, coordinates.parameters, covariance)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
     says = verdict(result, solution.build, curves, noise.relative)

@@ -65,24 +65,25 @@ class Network:
             return {self.first: 1.0}, self.active[self.first].self_impedance(*self.sources[self.first])
         ports = self._ports()
         if not parallel:
-            return dict.fromkeys(self.active, 1.0), ports.sum(axis=(1, 2))
-        shares = np.linalg.solve(ports, np.ones((*ports.shape[:2], 1)))[:, :, 0]
-        Z = 1.0 / shares.sum(axis=1)
-        return {k: shares[:, i] * Z for i, k in enumerate(self.active)}, Z
+            return dict.fromkeys(self.active, 1.0), ports.sum(axis=(-2, -1))
+        shares = np.linalg.solve(ports, np.ones((*ports.shape[:-1], 1)))[..., 0]
+        Z = 1.0 / shares.sum(axis=-1)
+        return {k: shares[..., i] * Z for i, k in enumerate(self.active)}, Z
 
     def _ports(self) -> Complexes:
-        """Return the impedance matrix of the piezoelectric layers as separate ports, ohm m2, shape (N, m, m)."""
+        """Return the impedance matrix of the piezoelectric layers as separate ports, ohm m2, shape (..., m, m)."""
         m, keys = len(self.active), list(self.active)
-        ports = np.empty((self.sources[self.first][0].size, m, m), np.complex128)
+        shape = np.broadcast_shapes(*(np.shape(velocity) for pair in self.sources.values() for velocity in pair))
+        ports = np.empty((*shape, m, m), np.complex128)
         for i, sender in enumerate(keys):
-            ports[:, i, i] = self.active[sender].self_impedance(*self.sources[sender])
+            ports[..., i, i] = self.active[sender].self_impedance(*self.sources[sender])
             travelling: ComplexLike = -self.sources[sender][1]
             for k in range(sender + 1, self.last + 1):
                 share = self.forward.share[k]
                 if k in self.active:
                     j = keys.index(k)
-                    ports[:, i, j] = self.active[k].open_circuit_voltage(self.forward.Z[k + 1], share) * travelling
-                    ports[:, j, i] = ports[:, i, j]
+                    ports[..., i, j] = self.active[k].open_circuit_voltage(self.forward.Z[k + 1], share) * travelling
+                    ports[..., j, i] = ports[..., i, j]
                 travelling = travelling * self.sections[k].transmission(share)
         return ports
 

@@ -1,5 +1,6 @@
-"""Parallel stacks that differ in the thickness of one layer only, evaluated together."""
+"""Parallel stacks: those that differ in the thickness of one layer only are evaluated together."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import fields
 
@@ -18,30 +19,40 @@ _TOGETHER = 4096
 
 
 def parallel_admittance(stacks: Sequence[Stack], fractions: Sequence[float], frequency: Frequencies) -> Complexes:
-    """Return the sum of fraction/Z, S, shape (N,), of Q stacks that share an area."""
+    """Return the sum of fraction/Z, S, shape (N,), of Q stacks."""
+    alike: dict[tuple[object, ...], list[int]] = defaultdict(list)
+    for i, stack in enumerate(stacks):
+        alike[tuple(layer.name for layer in stack.layers), stack.back, stack.front].append(i)
+    total = np.zeros(frequency.size, np.complex128)
+    for indices in alike.values():
+        total += _together([stacks[i] for i in indices], np.array([fractions[i] for i in indices]), frequency)
+    return total
+
+
+def _together(stacks: Sequence[Stack], fractions: Reals, frequency: Frequencies) -> Complexes:
+    """Return the sum of fraction/Z of stacks with the same layers, with array operations over those that allow it."""
     varied = _varied(stacks)
     total = np.zeros(frequency.size, np.complex128)
     if varied is None:
-        for stack, fraction in zip(stacks, fractions, strict=True):
+        for stack, fraction in zip(stacks, fractions.tolist(), strict=True):
             total += fraction / stack.impedance(frequency)
         return total
     k, thickness = varied
     first = stacks[0]
     loads = first.back.impedance(frequency), first.front.impedance(frequency)
     sections = sections_of(first.layers, frequency)
-    weights = np.array(fractions)
     few = max(1, _TOGETHER // frequency.size)
     for at in range(0, len(stacks), few):
         sections[k] = _line(first.layers[k], frequency, thickness[at : at + few, None])
         Z = Network(sections, *loads, parallel=first.connection == "parallel").Z / first.area
-        total += weights[at : at + few] @ (1.0 / Z)
+        total += fractions[at : at + few] @ (1.0 / Z)
     return total
 
 
 def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
     """Return the index of the only layer that differs, and its thickness in each stack; None if more differs."""
     first = stacks[0]
-    if len(stacks) < 2 or sum(isinstance(layer, Piezo) for layer in first.layers) > 1:
+    if len(stacks) < 2:
         return None
     places: set[int] = set()
     for other in stacks[1:]:

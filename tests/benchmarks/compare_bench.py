@@ -20,8 +20,10 @@ def device(rng: np.random.Generator, middle: float, clamped: float) -> list[Mode
     """Draw a device: a strong mode with overtones or neighbours, and weak ones in between."""
     strong = middle * (1 + 0.03 * rng.normal())
     modes = [(strong, 10 ** rng.uniform(1.3, 2.2), rng.uniform(0.05, 0.25))]
-    for _ in range(int(rng.integers(2, 9))):
-        modes.append((middle * rng.uniform(0.6, 1.5), 10 ** rng.uniform(1.3, 2.2), 10 ** rng.uniform(-3.5, -1.5)))
+    modes += [
+        (middle * rng.uniform(0.6, 1.5), 10 ** rng.uniform(1.3, 2.2), 10 ** rng.uniform(-3.5, -1.5))
+        for _ in range(int(rng.integers(2, 9)))
+    ]
     return modes
 
 

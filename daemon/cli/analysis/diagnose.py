@@ -42,7 +42,10 @@ def diagnose(
         ),
     ] = None,
     learn: Annotated[
-        bool, typer.Option("--learn", help="Look for the law of what no effect of the catalogue explains.")
+        bool,
+        typer.Option(
+            "--learn", help="Look for laws of what the catalogue does not explain; write all found to the build."
+        ),
     ] = False,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
@@ -56,6 +59,7 @@ def diagnose(
     from ....fitters.interface import FitTask
     from ....models.effects import find_effect
     from ...files.builds.build_file import read_build
+    from ...files.builds.effects_writing import append_effects
     from ...report.pictures.diagnosis_picture import diagnosis_picture
     from ...report.pictures.picture_file import check_picture
     from ...report.tables.diagnosis_output import diagnosis_curves, diagnosis_json, print_constants, print_diagnosis
@@ -85,6 +89,10 @@ def diagnose(
             print_constants(console(), diagnosis)
     if picture is None and as_json:
         return
+    if learn and diagnosis.effects:
+        append_effects(build, diagnosis.effects)
+        names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)
+        console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
     target = picture or Path(f"{device.name}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)

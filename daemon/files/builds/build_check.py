@@ -8,6 +8,7 @@ from ....models.build import Build, Step
 from ....models.metadata import MetadataError, check_metadata
 from ....models.sweep_plan import PlanError
 from .build_table import BuildError
+from .effects_table import check_effects
 from .limits_table import check_limits
 
 RESERVED = ("area", "back", "front", "lead")
@@ -56,6 +57,7 @@ def check_build(build: Build, source: str) -> None:
                 f"{where} lacks {gone[0]}, which the step before ({before.name}) has; list the steps in gluing order, "
                 "each with all layers of the one before"
             )
+    check_effects(build, source)
 
 
 def check_build_name(name: str, where: str) -> None:

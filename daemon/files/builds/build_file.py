@@ -26,6 +26,7 @@ from .build_table import (
     Table,
     keys_for,
 )
+from .effects_table import with_effects
 from .limits_table import read_limits
 from .own_materials import find_material
 from .tied_parameters import resolved
@@ -83,7 +84,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
         ) from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits", "measurement"))
+    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits", "measurement", "effects"))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
@@ -101,6 +102,8 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
         metadata=_metadata(top.table("measurement")) if "measurement" in data else {},
         specification=read_limits(top.table("limits")) if "limits" in data else None,
     )
+    if "effects" in data:
+        build = with_effects(build, top.tables("effects", "effect"))
     check_build(build, source)
     return build
 

@@ -173,15 +173,24 @@ def _opened(folder: Path) -> sqlite3.Connection:
     db = sqlite3.connect(folder / DATABASE, isolation_level=None, timeout=PATIENCE)
     try:
         db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL")
-        db.executescript(DROP)  # a view would keep the tables from being changed
-        migrate_sqlite(db, folder)
-        if db.execute("PRAGMA user_version").fetchone()[0] == VERSION:
-            db.executescript(SQLITE_VIEWS)
+        if not _is_current(db):
+            db.executescript(DROP)  # a view would keep the tables from being changed
+            migrate_sqlite(db, folder)
+            if db.execute("PRAGMA user_version").fetchone()[0] == VERSION:
+                for statement in SQLITE_VIEWS:
+                    db.execute(statement)
         db.execute("PRAGMA foreign_keys=ON")
     except BaseException:
         db.close()
         raise
     return db
+
+
+def _is_current(db: sqlite3.Connection) -> bool:
+    """Return whether tables and views are those of this version, so that opening the database changes nothing in it."""
+    views = {row[0].strip() for row in db.execute("SELECT sql FROM sqlite_master WHERE type = 'view'")}
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    return version == VERSION and views == {statement.strip() for statement in SQLITE_VIEWS}
 
 
 def _readable(folder: Path) -> sqlite3.Connection:

@@ -101,7 +101,7 @@ def _postgres() -> str:
 
 
 DROP = "DROP VIEW IF EXISTS constants; DROP VIEW IF EXISTS constants_all;"
-SQLITE_VIEWS = f"{DROP} CREATE VIEW constants_all AS {_sqlite()}; CREATE VIEW constants AS {_LATEST};"
+SQLITE_VIEWS = (f"CREATE VIEW constants_all AS {_sqlite()}", f"CREATE VIEW constants AS {_LATEST}")
 POSTGRES_VIEWS = f"{DROP} CREATE VIEW constants_all AS {_postgres()}; CREATE VIEW constants AS {_LATEST};"
 POSTGRES_MARK = hashlib.sha256(POSTGRES_VIEWS.encode()).hexdigest()[:16]
 """Comment on the view in PostgreSQL, by which a daemon sees whether the views are those of its version."""

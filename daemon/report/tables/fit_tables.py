@@ -20,7 +20,7 @@ def fit_table(result: FitResult, build: Build | None) -> Table:
     """Return the table of a fit: constants with uncertainties beside their data sheet values."""
     table = Table(header_style="bold")
     for column in ("constant", "fitted", "unit", "data sheet, build"):
-        table.add_column(column)
+        table.add_column(column, overflow="fold")
     table.add_column("deviation", justify="right")
     nominal = build.data_sheet if build is not None else {}
     for layer in dict.fromkeys(name.split(".")[0] for name in result.constants):

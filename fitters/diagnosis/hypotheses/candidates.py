@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....models.base.model import Model
 from ....models.effects import Device, Effect, EffectParameter, catalogue
 from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
 from .instrument_artefacts import ANY, FLAWS
@@ -44,9 +45,17 @@ def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
         if not effect_parameters:
             continue
         effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
-        groups = _groups(where, steps)
+        open_steps = [step for step in steps if not _is_known(devices[step], effect, where)]
+        groups = _groups(where, open_steps) if open_steps else []
         found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
+
+
+def _is_known(device: Model, effect: Effect, where: str) -> bool:
+    """Return whether the build states this effect, which is therefore part of the device already."""
+    return isinstance(device, Device) and any(
+        (one.effect.name, one.where) == (effect.name, where) for one in device.added
+    )
 
 
 def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:

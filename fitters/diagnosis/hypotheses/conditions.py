@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 
+from ....models.base.model import Model
 from ....models.effects import Conditions, Device
 from ....models.sweep import Sweep
 from ...engine.recording import Recording
@@ -19,9 +20,14 @@ def as_devices(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         of_step = [recording.sweep for recording in recordings if recording.step == step]
         ran |= {id(sweep): one for sweep, one in zip(of_step, conditions_of(of_step), strict=True)}
     return tuple(
-        replace(recording, model=Device(recording.model, conditions=ran[id(recording.sweep)]))  # type: ignore[arg-type]
-        for recording in recordings
+        replace(recording, model=_device(recording.model, ran[id(recording.sweep)])) for recording in recordings
     )
+
+
+def _device(model: Model, conditions: Conditions) -> Device:
+    if isinstance(model, Device):
+        return replace(model, conditions=conditions)
+    return Device(model, conditions=conditions)  # type: ignore[arg-type]
 
 
 def conditions_of(sweeps: Sequence[Sweep]) -> tuple[Conditions, ...]:

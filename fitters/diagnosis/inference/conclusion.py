@@ -14,7 +14,7 @@ from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import CLASS, CLASS_NATS, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.changes import change_by, projected
-from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.hypothesis import Hypothesis, probabilities
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
@@ -48,6 +48,8 @@ class Conclusion:
     remaining: Remaining
     something_left: bool
     """Whether no effect explains a residual larger than the instrument's error."""
+    something_else: float
+    """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
     nearest: tuple[Candidate, float] | None
     """The single effect that explains most, and its part of the misfit; None if no effect explains half of it."""
 
@@ -103,7 +105,17 @@ def conclude(search: GreedySearch) -> Conclusion:
         )
     taken = taken_up(final.fit)
     remaining = Remaining(_rms(final), _size(taken.instrument))
-    return Conclusion(null, final, tuple(named), remaining, unexplained(final) > LEFT, _nearest(search, null))
+    left = unexplained(final) > LEFT
+    return Conclusion(
+        null, final, tuple(named), remaining, left, _something_else(search, final.key), _nearest(search, null)
+    )
+
+
+def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
+    """Return the posterior probability of hypotheses that have other effects than these, or leave too much."""
+    parts = zip(search.ranked, probabilities(search.ranked).tolist(), strict=True)
+    enough = sum(part for one, part in parts if one.key <= named and unexplained(one) <= LEFT)
+    return max(0.0, 1.0 - enough)
 
 
 @dataclass(frozen=True)

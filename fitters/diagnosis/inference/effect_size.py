@@ -5,13 +5,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ...engine.parameters.assembly import layers_of
+from ...engine.parameters.assembly import effects_of, layers_of
 from ...error_model.uncertainty_sources import spread_of
 from ...interface import Constant
 from ...uncertainty.fit_result import fitted_constants
+from ..findings import Size
 from ..hypotheses.changes import change_by, projected
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
+from ..hypotheses.size_priors import shown
 
 
 def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
@@ -34,18 +36,43 @@ def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
     return float(np.max(np.abs(change)))
 
 
-def covariance_of(one: Hypothesis) -> Reals:
-    """Return the covariance of all model parameters."""
+def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:
+    """Return the covariance of all model parameters.
+
+    `coarseness` is the factor by which ln likelihood counts less (see `hypothesis.probabilities`), and by which the
+    covariance is therefore larger; what follows from priors, such as the dimensions of a build, stays as it is.
+    """
     _, chain = one.objective.coordinates.forward(one.fit.x)
-    return np.asarray(chain @ spread_of(one.fit).whole @ chain.T, np.float64)
+    by = spread_of(one.fit).by
+    whole = sum((part * (1.0 if name == "dimensions" else coarseness) for name, part in by.items()), np.zeros(()))
+    return np.asarray(chain @ whole @ chain.T, np.float64)
 
 
-def constants_of(problem: Problem, one: Hypothesis) -> dict[str, Constant]:
-    """Return the constants with standard uncertainties."""
-    covariance = covariance_of(one)
+def constants_of(problem: Problem, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Constant]:
+    """Return the constants with standard uncertainties; for `coarseness` see `covariance_of`."""
+    covariance = covariance_of(one, coarseness)
     names = one.objective.coordinates.parameters
     layers = layers_of(problem.build, problem.steps)
-    return fitted_constants(layers, one.values, names, covariance)
+    known = effects_of(problem.build, problem.steps)
+    return fitted_constants(layers, one.values, names, covariance, effects=known)
+
+
+def parameters_of(candidate: Candidate, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Size]:
+    """Return the parameters of an effect as shown to people; for `coarseness` see `covariance_of`."""
+    names = one.objective.coordinates.parameters
+    covariance = covariance_of(one, coarseness)
+    values = shown(one.values, candidate)
+    u = {
+        knob.name: float(np.sqrt(max(0.0, covariance[k, k])))
+        for knob in candidate.effect_parameters
+        for k in [names.index(candidate.prefix + knob.name)]
+    }
+    sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.effect_parameters}
+    first = candidate.effect_parameters[0]
+    for name, (value, unit) in candidate.effect.shown(values).items():
+        more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
+        sizes[name] = Size(value, abs(more - value), unit)
+    return sizes
 
 
 def moves_a_constant(before: Mapping[str, Constant], after: Mapping[str, Constant]) -> bool:

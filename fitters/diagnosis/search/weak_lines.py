@@ -85,7 +85,7 @@ class _Residual:
             return [], self._evidence([])
         found: list[WeakLine] = []
         white = self.kernel.white(self._columns(trials))
-        lengths = _pairs(white.plain, white.rough, white.solved)
+        lengths = _pairs(white)
         width = self._width()
         price = 0.0
         for _ in range(LINES):
@@ -113,7 +113,7 @@ class _Residual:
                 for stretch in (1 / steeper, 1.0, steeper)
             ]
             white = self.kernel.white(self._columns(near))
-            gains = self._gains(G, seen.times(white), _pairs(white.plain, white.rough, white.solved))
+            gains = self._gains(G, seen.times(white), _pairs(white))
             line = near[int(np.argmax(gains))]
             apart, steeper = apart / 1.6, steeper**0.7
         return line
@@ -188,11 +188,11 @@ class _Residual:
         return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
 
 
-def _pairs(plain: Sequence[Reals], rough: Sequence[Reals], solved: Sequence[Reals]) -> Reals:
+def _pairs(white: WhitenedColumns) -> Reals:
     """Return, for each pair of neighbouring columns, their two squared lengths and their product, shape (T, 3)."""
 
-    def of(X: Sequence[Reals], Y: Sequence[Reals], i: int, j: int) -> NDArray[np.float64]:
-        return np.asarray(sum(np.einsum("tn,tn->t", x[i::2], y[j::2]) for x, y in zip(X, Y, strict=True)), np.float64)
+    def of(blocks: Sequence[Reals], i: int, j: int) -> NDArray[np.float64]:
+        products = (np.einsum("tn,tn->t", X[i::2], X[j::2]) for X in blocks)
+        return sum(products, np.zeros(len(white.plain[0]) // 2))
 
-    parts = [of(plain, plain, i, j) - (of(rough, solved, i, j) if rough else 0.0) for i, j in ((0, 0), (1, 1), (0, 1))]
-    return np.stack(parts, axis=1)
+    return np.stack([of(white.plain, i, j) - of(white.rough, i, j) for i, j in ((0, 0), (1, 1), (0, 1))], axis=1)

@@ -13,6 +13,7 @@ from ...interface import TaskError
 from ..recording import Prior, Recording, Weighing
 from .constraints import bounded, shared
 from .coordinates import LEAST_Q, Block, Coordinates, hardly_negative, positive, quality, thickness_constants, to_h33
+from .known_effects import KnownEffect, known_effects, with_effects
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")
@@ -47,8 +48,21 @@ def renamed(build: Build, step: str) -> dict[str, str]:
 
 def recordings_of(build: Build, step: str, sweeps: Iterable[Sweep], noise: Iterable[Reals]) -> list[Recording]:
     """Return the recordings of a step; `noise`: standard deviation of Re and Im of ln Z of each sweep."""
-    stack, names = stack_of(build, build.step(step)), renamed(build, step)
-    return [Recording(step, sweep, stack, sigma, renamed=names) for sweep, sigma in zip(sweeps, noise, strict=True)]
+    model = with_effects(stack_of(build, build.step(step)), step, effects_of(build))
+    names = renamed(build, step)
+    return [Recording(step, sweep, model, sigma, renamed=names) for sweep, sigma in zip(sweeps, noise, strict=True)]
+
+
+def effects_of(build: Build, steps: Iterable[str] | None = None) -> tuple[KnownEffect, ...]:
+    """Return the effects that a build states, or those of them that any of these steps has.
+
+    Raises KnownEffectError for an effect that this sample cannot have.
+    """
+    if not build.effects:
+        return ()
+    known = known_effects(build.effects, {step.name: stack_of(build, step) for step in build.steps})
+    there = None if steps is None else set(steps)
+    return tuple(one for one in known if there is None or there & set(one.steps))
 
 
 def _layer(spec: LayerSpec, ground: Quantity | None) -> Piezo | Elastic:
@@ -74,7 +88,7 @@ def _half_space(load: LoadSpec) -> HalfSpace:
 
 
 def stack_of(build: Build, step: Step) -> Stack:
-    """Return the stack of a step at its nominal values."""
+    """Return the stack of a step at its nominal values, without the effects that the build states."""
     ground = {layer: thickness for layer, (_, thickness) in build.reground(step.name).items()}
     return Stack(
         layers=tuple(_layer(build.layer(name), ground.get(name)) for name in step.layers),
@@ -91,7 +105,7 @@ def layers_of(build: Build, steps: Iterable[str]) -> tuple[LayerSpec, ...]:
 
 
 def nominal_parameters(build: Build) -> dict[str, float]:
-    """Return every model parameter of every layer at its nominal value, with `area` and loads."""
+    """Return every model parameter of every layer and effect at its nominal value, with `area` and loads."""
     values = {"area": build.area.re} | {name: quantity.re for name, quantity in _loads(build).items()}
     values |= {name: quantity.re for name, quantity in _ground(build, (step.name for step in build.steps)).items()}
     for layer in build.layers:
@@ -101,7 +115,7 @@ def nominal_parameters(build: Build) -> dict[str, float]:
                 values[f"{layer.name}.{name}.im"] = quantity.im
             else:
                 values[f"{layer.name}.{name}"] = quantity.re
-    return values
+    return values | {name: value for one in effects_of(build) for name, value in one.values.items()}
 
 
 def _loads(build: Build) -> dict[str, Quantity]:
@@ -139,6 +153,7 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
                 blocks.append(_in_bounds(_unbounded(full, quantity), full, quantity))
     for name, quantity in _ground(build, steps).items():
         blocks.append(_in_bounds(positive(name), name, quantity))
+    blocks += [block for one in effects_of(build, steps) for block in one.blocks]
     return _with_ties(build, blocks, followers)
 
 
@@ -192,6 +207,7 @@ def _free_by_default(build: Build, steps: Iterable[str]) -> set[str]:
     free = {name for name, quantity in ground.items() if quantity.u > 0}
     free |= {name for name, quantity in _loads(build).items() if quantity.u > 0}
     free |= set() if build.area.u == 0 else {"area"}
+    free |= {name for one in effects_of(build, steps) for name in one.free}
     for layer in layers:
         names = PIEZO_CONSTANTS if layer.kind == "piezo" else ELASTIC_CONSTANTS
         for name in (*names, "thickness", "density"):
@@ -241,7 +257,8 @@ def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
             priors.append(Prior(f"{full}.re" if piezo else full, quantity.re, quantity.u))
         if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
             priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))
-    return (*priors, *weighings_of(build, steps))
+    of_effects = (prior for one in effects_of(build, steps) for prior in one.priors)
+    return (*priors, *of_effects, *weighings_of(build, steps))
 
 
 def weighings_of(build: Build, steps: Iterable[str]) -> tuple[Weighing, ...]:

@@ -1,17 +1,20 @@
 """Learned physics outside the catalogue: place, law and its numbers; and weak lines, which are not findings."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.interface import FitTask
+from pzctl.fitters.plugins import load_fitter, run
 from pzctl.models.effects import Device
 from pzctl.models.stack import Piezo
 from pzctl.models.sweep import Sweep
@@ -27,7 +30,7 @@ def _recorded(Z: np.ndarray) -> FitTask:
     return FitTask(BUILD, {"disk": (Sweep(F, noisy),)})
 
 
-def test_a_relaxation_outside_the_catalogue_is_located_named_and_sized(bare: Device) -> None:
+def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
     """The disk is computed separately at each frequency with its permittivity there; no law of the library is used."""
     strength, at = 0.2, 4e6
     stack = bare.bare
@@ -44,7 +47,8 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_and_sized(bare: Dev
             for f in F
         ]
     )
-    diagnosis = diagnose(_recorded(Z), effects=("polarity",), learn=True)
+    task = _recorded(Z)
+    diagnosis = diagnose(task, effects=("polarity",), learn=True)
     assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
     assert diagnosis.places[0].probability > 0.9
     (finding,) = (one for one in diagnosis.findings if one.effect == "learned")
@@ -54,6 +58,14 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_and_sized(bare: Dev
     assert relaxation.value == pytest.approx(at, rel=0.2)
     assert "permittivity of disk relaxes at" in finding.says
     assert diagnosis.final.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
+
+    build = tmp_path / "build.toml"
+    build.write_text(THESIS_BUILD.read_text(encoding="utf-8"), encoding="utf-8")
+    append_effects(build, diagnosis.effects)
+    fit = run(load_fitter("mason"), replace(task, build=read_build(build)))
+    assert fit.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
+    name = next(name for name in fit.constants if name.startswith("learned@layer:disk") and name.endswith(".at"))
+    assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:

@@ -96,7 +96,7 @@ def test_a_dask_cluster_answers_the_same_to_the_last_bit(cluster: str, on_cores:
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(BatchError, match=r"not installed: pip install 'pzctl\[dask\]'"):
+    with pytest.raises(BatchError, match=r"not installed: pip install 'dask\[distributed\]'"):
         fit_on_dask(JOBS, "mason", "tcp://127.0.0.1:8786")
 
 

@@ -1,9 +1,12 @@
 """Parallel stacks evaluated together, compared with each of them separately."""
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 
-from pzctl.models.stack import AIR, Elastic, Piezo, Stack, parallel_admittance
+from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo, Stack, parallel_admittance
 
 FREQUENCY = np.linspace(1e6, 6e6, 301)
 DISK = Piezo("disk", thickness=0.5e-3, density=7700.0, c33D=1.44e11 * (1 + 1j / 80), h33=2e9, eps33S=8e-9 * (1 - 0.02j))
@@ -23,7 +26,25 @@ STACK: Stack = (AIR | DISK | GLUE | LAYER | AIR).with_area(2e-4)
     ],
 )
 def test_stacks_evaluated_together_equal_separate_ones(changes: list[dict[str, float]]) -> None:
-    stacks = [STACK.replace(change) for change in changes]
+    check([STACK.replace(change) for change in changes])
+
+
+@pytest.mark.parametrize("connection", ["series", "parallel"])
+def test_a_strip_may_have_several_piezoelectric_layers(connection: Literal["series", "parallel"]) -> None:
+    second = replace(DISK, name="second", thickness=0.3e-3)
+    stack = Stack((DISK, GLUE, second), AIR, AIR, 2e-4, connection)
+    check([stack.replace({"disk.thickness": t}) for t in (1e-4, 2e-4, 3e-4)])
+    check([stack.replace({"glue.thickness": t}) for t in (1e-5, 2e-5, 3e-5)])
+
+
+def test_strips_of_different_layers_and_loads_are_summed() -> None:
+    bare: Stack = (AIR | DISK | AIR).with_area(2e-4)
+    wet: Stack = (AIR | DISK | HalfSpace("water", 1.5e6)).with_area(2e-4)
+    check([stack.replace({"disk.thickness": t}) for t in (4e-4, 5e-4, 6e-4) for stack in (bare, STACK, wet)])
+
+
+def check(stacks: list[Stack]) -> None:
+    """Compare the sum of these stacks with each evaluated separately."""
     fractions = [1 / (2 + k) for k in range(len(stacks))]
     alone = sum(part / stack.impedance(FREQUENCY) for part, stack in zip(fractions, stacks, strict=True))
     np.testing.assert_allclose(parallel_admittance(stacks, fractions, FREQUENCY), alone, rtol=1e-12)

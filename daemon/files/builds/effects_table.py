@@ -1,0 +1,61 @@
+"""The sections [[effects]] of build.toml: effects that the sample is known to have.
+
+[[effects]]
+effect = "lead-inductance"                    # a name of `pzctl diagnose`, or "learned"
+where = "terminals"                           # as `pzctl diagnose` says it
+inductance_H = { value = 5.3e-8, u = 1e-9 }   # its parameters with their SI units; one with u is fitted
+"""
+
+from dataclasses import replace
+from typing import Any, cast
+
+from ....fitters.engine.parameters.assembly import effects_of, stack_of
+from ....fitters.engine.parameters.known_effects import effect_parameters, parameter_key
+from ....models.base.errors import PzctlError
+from ....models.build import Build, EffectSpec, Quantity
+from .build_table import BuildError, Key, Table
+
+_KEYS = ("effect", "where", "steps", "quantity", "law")
+
+
+def with_effects(build: Build, tables: tuple[Table, ...]) -> Build:
+    """Return the build with the effects of these sections. Raises BuildError."""
+    return replace(build, effects=tuple(_effect(build, table) for table in tables))
+
+
+def _effect(build: Build, table: Table) -> EffectSpec:
+    spec = EffectSpec(
+        effect=table.string("effect"),
+        where=table.string("where"),
+        values={},
+        steps=table.strings("steps") if "steps" in table.data else (),
+        quantity=table.string("quantity") if "quantity" in table.data else "",
+        law=table.string("law") if "law" in table.data else "",
+    )
+    try:
+        _, knobs = effect_parameters(spec, {step.name: stack_of(build, step) for step in build.steps})
+    except PzctlError as error:
+        raise BuildError(f"{table.source}: {table.path}: {error}") from None
+    keys = {parameter_key(knob): knob.name for knob in knobs}
+    table.only((*_KEYS, *keys))
+    absent = {knob.name: Quantity(0.0, source="build.toml") for knob in knobs[1:] if knob.from_nothing}
+    given = {name: _quantity(table, key) for key, name in keys.items() if key in table.data}
+    return replace(spec, values={**absent, **given})
+
+
+def _quantity(table: Table, key: str) -> Quantity:
+    value = table.data[key]
+    if isinstance(value, dict):
+        inner = Table(cast("dict[str, Any]", value), table.source, table.key(key))
+        inner.only(("value", "u"))
+        if "value" not in inner.data:
+            raise inner.missing("value", f"write {key} = {{ value = ..., u = ... }}")
+    return table.quantity(key, Key(key, 1.0))
+
+
+def check_effects(build: Build, source: str) -> None:
+    """Raise BuildError for an effect that this sample cannot have."""
+    try:
+        effects_of(build)
+    except PzctlError as error:
+        raise BuildError(f"{source}: effects: {error}") from None

@@ -1,0 +1,36 @@
+"""Effects that a diagnosis found, written to the end of a build file."""
+
+from pathlib import Path
+
+from ....fitters.engine.parameters.assembly import stack_of
+from ....fitters.engine.parameters.known_effects import effect_parameters, parameter_key
+from ....models.build import Build, EffectSpec
+from .build_file import parse_build
+from .build_table import BuildError
+
+
+def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> None:
+    """Write effects to the end of a build file, which stays as it is otherwise. Raises BuildError."""
+    try:
+        before = path.read_text(encoding="utf-8-sig")
+        build = parse_build(before, str(path))
+        text = before.rstrip() + "\n" + "".join(_section(spec, build) for spec in specs)
+        parse_build(text, str(path))
+        new = path.with_name(f"{path.name}.new")
+        new.write_text(text, encoding="utf-8")
+        new.replace(path)
+    except OSError as error:
+        raise BuildError(f"{path}: the effects cannot be written: {error.strerror or error}") from None
+
+
+def _section(spec: EffectSpec, build: Build) -> str:
+    """Return the section of an effect as TOML."""
+    _, knobs = effect_parameters(spec, {step.name: stack_of(build, step) for step in build.steps})
+    steps = ", ".join(f'"{step}"' for step in spec.steps)
+    lines = ["", "[[effects]]", f'effect = "{spec.effect}"', f'where = "{spec.where}"']
+    lines += [f"steps = [{steps}]"] if steps else []
+    lines += [f'{key} = "{value}"' for key, value in (("quantity", spec.quantity), ("law", spec.law)) if value]
+    for knob in knobs:
+        value = spec.values[knob.name]
+        lines.append(f"{parameter_key(knob)} = {{ value = {value.re:.9g}, u = {value.u:.3g} }}")
+    return "\n".join([*lines, ""])

@@ -1,0 +1,44 @@
+"""Findings as a build states them, so that a fit has them in its model."""
+
+from collections.abc import Sequence
+
+from ....models.build import EffectSpec, Quantity
+from ....models.effects import Stage
+from ....models.effects.learned.learned import LearnedLaw
+from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.instrument_artefacts import UNKNOWN
+from ..hypotheses.problem import Problem
+from .conclusion import NamedEffect
+from .effect_size import parameters_of
+from .finite_diameter import NAME as FINITE_DIAMETER
+
+
+def stated(
+    problem: Problem, final: Hypothesis, named: Sequence[NamedEffect], coarseness: float
+) -> tuple[EffectSpec, ...]:
+    """Return those of the named effects that belong to the sample; effects of a sweep do not."""
+    return tuple(_stated(problem, final, one, coarseness) for one in named if _belongs_to_the_sample(one))
+
+
+def _belongs_to_the_sample(named: NamedEffect) -> bool:
+    effect = named.candidate.effect
+    return (
+        named.kind == "finding" and effect.name not in (UNKNOWN, FINITE_DIAMETER) and effect.stage != Stage.ACQUISITION
+    )
+
+
+def _stated(problem: Problem, final: Hypothesis, named: NamedEffect, coarseness: float) -> EffectSpec:
+    one = named.candidate
+    sizes = parameters_of(one, final, coarseness)
+    law = one.effect if isinstance(one.effect, LearnedLaw) else None
+    return EffectSpec(
+        effect=one.effect.name,
+        where=one.where,
+        values={
+            knob.name: Quantity(sizes[knob.name].value, u=sizes[knob.name].u, source="diagnosis")
+            for knob in one.effect_parameters
+        },
+        steps=() if one.steps == problem.steps else one.steps,
+        quantity=law.place.quantity if law else "",
+        law=law.law.name if law else "",
+    )

@@ -1,0 +1,107 @@
+"""Effects that a build states: part of the model, fitted like constants."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, build_from_json, build_to_json, parse_build
+from pzctl.daemon.files.builds.build_table import BuildError
+from pzctl.daemon.files.builds.effects_writing import append_effects
+from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.interface import FitTask, TaskError
+from pzctl.fitters.plugins import load_fitter, run
+from pzctl.models.sweep import Sweep
+
+TEXT = THESIS_BUILD.read_text(encoding="utf-8")
+LEAD = """
+[[effects]]
+effect = "lead-inductance"
+where = "terminals"
+inductance_H = { value = 5e-8, u = 2e-8 }
+"""
+F = np.linspace(1.5e6, 7.5e6, 301)
+INDUCTANCE = 3.7e-8
+
+
+@pytest.fixture(scope="module")
+def behind_a_lead() -> dict[str, tuple[Sweep, ...]]:
+    """A disk behind an inductance, whose impedance is added here."""
+    random = np.random.default_rng(4)
+    noise = 2e-4 * (random.normal(size=F.size) + 1j * random.normal(size=F.size))
+    build = parse_build(TEXT)
+    disk = stack_of(build, build.step("disk")).impedance(F)
+    return {"disk": (Sweep(F, (disk + 2j * np.pi * F * INDUCTANCE) * np.exp(noise)),)}
+
+
+def test_a_stated_lead_is_fitted_with_its_uncertainty(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
+    build = parse_build(TEXT + LEAD)
+    assert build_from_json(build_to_json(build)) == build
+    fit = run(load_fitter("mason"), FitTask(build, behind_a_lead))
+    found = fit.constants["lead-inductance@terminals.inductance"]
+    assert (found.unit, found.free) == ("H", True)
+    assert found.u_re is not None
+    assert found.re == pytest.approx(INDUCTANCE, abs=3 * found.u_re)
+    assert found.u_re < 0.1 * INDUCTANCE
+    assert fit.chi2_per_dof < 2
+    without = run(load_fitter("mason"), FitTask(parse_build(TEXT), behind_a_lead))
+    assert without.chi2_per_dof > 20 * fit.chi2_per_dof
+
+
+def test_what_is_stated_is_not_looked_for_again(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
+    task = FitTask(parse_build(TEXT + LEAD), behind_a_lead)
+    diagnosis = diagnose(task, effects=("lead-inductance", "stray-capacitance"))
+    assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
+
+
+def test_a_fitter_without_effects_says_so(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
+    task = FitTask(parse_build(TEXT + LEAD), behind_a_lead)
+    with pytest.raises(TaskError, match=r"cannot model the effects of build .* \(lead-inductance at terminals\)"):
+        load_fitter("mason-nelder-mead").fit(task)
+
+
+def test_a_finding_is_written_to_the_build_and_read_again(
+    behind_a_lead: dict[str, tuple[Sweep, ...]], tmp_path: Path
+) -> None:
+    diagnosis = diagnose(FitTask(parse_build(TEXT), behind_a_lead), effects=("lead-inductance",))
+    build = tmp_path / "build.toml"
+    build.write_text(TEXT, encoding="utf-8")
+    append_effects(build, diagnosis.effects)
+    text = build.read_text(encoding="utf-8")
+    assert text.startswith(TEXT.rstrip())
+    (spec,) = parse_build(text).effects
+    assert (spec.effect, spec.where) == ("lead-inductance", "terminals")
+    assert spec.values["inductance"].re == pytest.approx(INDUCTANCE, rel=0.05)
+    with pytest.raises(BuildError, match="lead-inductance at terminals is given twice"):
+        append_effects(build, diagnosis.effects)
+    assert build.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("lead-inductance", "lead-inductanc"), "effects\\[0\\]: effect 'lead-inductanc' is not known; .*did you mean"),
+        (('"terminals"', '"terminal"'), "where is 'terminal'; there are terminals"),
+        (("inductance_H", "inductance"), "effects\\[0\\].inductance is not a known key; did you mean inductance_H"),
+        (("5e-8", "-5e-8"), "inductance_H is -5e-08 with u = 2e-08; allowed is 0 to inf"),
+        (("value = 5e-8, ", ""), "has no value; write inductance_H = { value"),
+        (("value = 5e-8", "value = 0.0"), "inductance_H is 0 with u = 2e-08; give the value from which"),
+        (("inductance_H = { value = 5e-8, u = 2e-8 }", ""), "lead-inductance has no inductance_H; it needs"),
+        (("lead-inductance", "temperature-drift"), "temperature-drift belongs to a sweep, not to a sample"),
+        (("lead-inductance", "learned"), "learned: quantity is ''; there are stiffness"),
+        (('"terminals"', '"terminals"\nsteps = ["x"]'), "steps has 'x'; there are disk"),
+        ((LEAD, LEAD + LEAD), "lead-inductance at terminals is given twice"),
+    ],
+)
+def test_an_effect_that_cannot_be_is_refused_with_a_sentence(change: tuple[str, str], says: str) -> None:
+    with pytest.raises(BuildError, match=says):
+        parse_build(TEXT + LEAD.replace(*change))
+
+
+def test_a_learned_law_needs_a_place_and_a_law_of_its_quantity() -> None:
+    law = '\n[[effects]]\neffect = "learned"\nwhere = "layer:disk"\nquantity = "permittivity"\nlaw = "{}"\n'
+    with pytest.raises(BuildError, match="there is no law 'spring' for the permittivity of disk; there are power"):
+        parse_build(TEXT + law.format("spring"))
+    with pytest.raises(BuildError, match="learned: where is 'face:back'; there are layer:disk"):
+        parse_build(TEXT + law.format("debye").replace("layer:disk", "face:back"))
