@@ -97,3 +97,9 @@ def test_modules_exist_once() -> None:
     assert [name for name, module in sys.modules.items() if getattr(module, "__file__", None) == where] == [
         "pzctl.models.stack"
     ]
+
+
+def test_the_command_line_starts_without_numerical_libraries() -> None:
+    """They would take twice as long to load as all else, and would use all cores before `main` limits them to one."""
+    program = "import sys, pzctl.daemon.cli; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -1,11 +1,13 @@
 """`pzctl status`: what the daemon is doing, its counters and its response times."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ....models.base.names import shown
-from ...wire.replies import BackupState
+
+if TYPE_CHECKING:
+    from ...wire.replies import BackupState
 
 
 def status(
@@ -46,7 +48,7 @@ def status(
             print(f"{what}: median {1e3 * spread.median:.2f} ms, 99 % {1e3 * spread.p99:.2f} ms of {spread.count}")
 
 
-def backup_sentence(backup: BackupState) -> str:
+def backup_sentence(backup: "BackupState") -> str:
     """Return one line about the scheduled backup; it begins with an alarm if there is reason for one."""
     alarm = "ALARM: failed, " if backup.failed else "ALARM: late, " if backup.late else ""
     last = f"last good one {backup.last_success}" if backup.last_success else "none yet"
