@@ -1,16 +1,16 @@
-"""Signals as a terminal has them, the open cases, and real recordings: tests skip with a reason without the last."""
+"""Default signal handling, the open cases, and real recordings; without the latter, tests skip with a reason."""
 
 import os
 import signal
 import sys
 
-# `nohup` and `&` in a script let pytest ignore Ctrl-C. Children inherit that, and tests could not interrupt them.
+# Under `nohup` or `&` in a script pytest ignores Ctrl-C. Children would inherit this and could not be interrupted.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tests share two cores
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
-    sys.dont_write_bytecode = False  # else each of a thousand processes compiles the package anew
+    sys.dont_write_bytecode = False  # otherwise each of a thousand processes compiles the package again
 
 import subprocess
 from collections.abc import Callable, Iterator
@@ -27,17 +27,17 @@ SUPPORT = ROOT / "tests" / "support"
 STARTS_PROCESSES = frozenset({"start_daemon", "start_program", "on_cores", "cluster", "odd_fitter"})
 """Fixtures that start processes."""
 PROCESS_MODULES = frozenset({"subprocess", "multiprocessing", "postgres", "Browser", "start"})
-"""Names that a test module imports to start processes itself: the last two a browser and a daemon."""
+"""Imported names by which a test module starts processes itself; the last two start a browser and a daemon."""
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Return two workers more than there are cores: a third of the time of tests that start daemons is waiting."""
+    """Return two workers more than there are cores: tests that start daemons wait for a third of their time."""
     return (os.cpu_count() or 1) + 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark as `system` the tests that start processes: by a fixture, or in a module that imports what starts them."""
+    """Mark tests that start processes as `system`: they use such a fixture, or their module imports such a name."""
     for item in items:
         imported = vars(item.module) if isinstance(item, pytest.Function) else {}
         fixtures = getattr(item, "fixturenames", ())
@@ -55,7 +55,7 @@ def _folder(variable: str, default: Path) -> Path:
 
 @pytest.fixture
 def start_program() -> Iterator[Callable[..., "subprocess.Popen[Any]"]]:
-    """Return `Popen` with a process group of the program's own, which is killed where it still runs after the test."""
+    """Return `Popen` with a separate process group, which is killed if it still runs after the test."""
     started: list[subprocess.Popen[Any]] = []
 
     def begin(words: list[Any], **how: Any) -> "subprocess.Popen[Any]":
@@ -71,17 +71,17 @@ def start_program() -> Iterator[Callable[..., "subprocess.Popen[Any]"]]:
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
-    """The folder of real recordings by others, which are not part of the repository."""
+    """The folder of real recordings by others, which is not part of the repository."""
     return _folder("PZCTL_RECORDINGS", ROOT.parent / "shared" / "recordings")
 
 
 @pytest.fixture(scope="session")
 def cases() -> Path:
-    """The folder of the ten open cases: devices of an independent world, with their truth."""
+    """The folder of the ten open cases: devices of an independent simulation, with their truth."""
     return _folder("PZCTL_CASES", SUPPORT / "cases")
 
 
 @pytest.fixture(scope="session")
 def lab_cases() -> Path:
-    """The folder of the nine open cases that are recorded as a laboratory records them, with their truth."""
+    """The folder of the nine open cases of the lab world, with their truth."""
     return _folder("PZCTL_CASES_LAB", SUPPORT / "cases-lab")

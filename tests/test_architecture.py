@@ -1,4 +1,4 @@
-"""docs/architecture.md and the decisions name what there is: every module, name, room and contract."""
+"""docs/architecture.md and the decisions name existing modules, names, folders and contracts."""
 
 import re
 import tomllib
@@ -16,14 +16,14 @@ NAMED = sorted(set(re.findall(r"`([\w/]+\.py)(?::([\w.]+))?`", PAGE + DECISIONS)
 
 
 @pytest.mark.parametrize(("path", "name"), NAMED, ids=[":".join(filter(None, one)) for one in NAMED])
-def test_every_module_and_name_is_there(path: str, name: str) -> None:
+def test_every_module_and_name_exists(path: str, name: str) -> None:
     assert (ROOT / path).exists()
     if name:
         module = import_module(".".join(("pzctl", *Path(path).with_suffix("").parts)).removesuffix(".__init__"))
         reduce(getattr, name.split("."), module)
 
 
-def test_every_folder_is_there_and_every_room_is_named() -> None:
+def test_every_folder_exists_and_every_package_is_named() -> None:
     folders = set(re.findall(r"`([\w/]+)/`", PAGE))
     assert {folder for folder in folders if not (ROOT / folder).is_dir()} == set()
     rooms = {f"{floor}/{path.parent.name}" for floor in FLOORS for path in (ROOT / floor).glob("*/__init__.py")}

@@ -1,7 +1,7 @@
-"""The guides do what they say: every block marked `<!-- run -->` is run as it stands, page by page.
+"""The guides work as written: every block marked `<!-- run -->` is run unchanged, page by page.
 
 `<!-- file: NAME -->` before a block writes it into a file of that name; `<!-- tested: FILE -->` names the test that
-runs what a block shows.
+runs a block's content.
 """
 
 import os
@@ -27,14 +27,14 @@ FENCED = re.compile(r"(?:^|\n)([^\n]*)\n```(\w*)\n(.*?)```", re.DOTALL)
 SHOWN = re.compile(r"^<!-- tested: (\S+) -->$")
 INDENTED = re.compile(r"^    pzctl (.*)$", re.MULTILINE)
 LEAST_PART = 0.2
-"""Of all sentences, how many may be new since `make errors` was run, or beyond what a test can provoke."""
+"""Fraction of all error sentences that may be new since `make errors` was run, or cannot be provoked by a test."""
 COMMAND = re.compile(r"^pzctl (.*)$", re.MULTILINE)
 BLOCK = re.compile(r"<!-- (run|file: (\S+)) -->\n```\w*\n(.*?)```", re.DOTALL)
 PORT = re.compile(r"port (\d{4})\b")
 STARTED = re.compile(r"^(pzctl sim --port (\d+) .*&)\nsleep 3$", re.MULTILINE)
 UNTIL_IT_LISTENS = r"""\1
 for k in $(seq 600); do (: < /dev/tcp/127.0.0.1/\2) 2>/dev/null && break; sleep 0.1; done"""
-"""A busy machine may take longer than three seconds, and a quiet one takes less."""
+"""A busy machine may take longer than three seconds, an idle one less."""
 PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read_text(encoding="utf-8")))
 
 
@@ -43,7 +43,9 @@ PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read
 def test_every_command_of_a_guide_works(name: str, tmp_path: Path) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path, "PZCTL_HOME": str(tmp_path / "home")}
-    shorter = (DOCS / name).read_text(encoding="utf-8").replace("points = 801", "points = 201")  # the same, sooner
+    shorter = (
+        (DOCS / name).read_text(encoding="utf-8").replace("points = 801", "points = 201")
+    )  # the same without the wait
     for port in set(PORT.findall(shorter)):
         shorter = shorter.replace(port, str(free_port()))
     shorter = STARTED.sub(UNTIL_IT_LISTENS, shorter)
@@ -60,16 +62,16 @@ def test_every_command_of_a_guide_works(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.name)
-def test_every_block_is_run_here_or_by_the_test_it_names(guide: Path) -> None:
+def test_every_block_is_run_here_or_by_its_named_test(guide: Path) -> None:
     for before, language, text in FENCED.findall(guide.read_text(encoding="utf-8")):
         named = SHOWN.match(before)
         if named:
             assert (ROOT / named[1]).exists(), f"{guide.name} says {named[1]} tests a block; there is no such file"
-        elif language != "text":  # what a program printed
+        elif language != "text":  # the output of a program
             assert before == "<!-- run -->" or before.startswith("<!-- file: "), f"{guide.name}: nobody runs\n{text}"
 
 
-def test_every_command_in_a_guide_is_one_that_there_is() -> None:
+def test_every_command_in_a_guide_exists() -> None:
     whole: Any = get_command(app)
     for guide in GUIDES:
         text = guide.read_text(encoding="utf-8")
@@ -81,10 +83,10 @@ def test_every_command_in_a_guide_is_one_that_there_is() -> None:
                 assert words[0] in command.commands, f"{guide.name}: pzctl {line}"
                 command, name = command.commands[words[0]], words.pop(0)
             if not hasattr(command, "commands") and "..." not in line:
-                command.make_context(name, [word for word in words if word != ">"])  # refuses what it does not know
+                command.make_context(name, [word for word in words if word != ">"])  # it refuses an unknown command
 
 
-def test_links_between_pages_lead_somewhere() -> None:
+def test_links_between_pages_are_valid() -> None:
     for path in DOCS.glob("*.md"):
         for target in re.findall(r"\]\(([^)#:\s]+)\)", path.read_text(encoding="utf-8")):
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
@@ -97,7 +99,7 @@ def test_every_kind_of_error_is_on_its_page_with_a_sentence() -> None:
         assert f"`{kind.__name__}`" in text
 
 
-def test_every_sentence_on_the_page_of_errors_names_a_test_that_there_is() -> None:
+def test_every_sentence_on_the_page_of_errors_names_an_existing_test() -> None:
     named = re.findall(
         r"`(tests/[\w/]+\.py)::(\w+)` \|$", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE
     )

@@ -1,7 +1,7 @@
-"""The examples of the guides that name an instrument or files of one's own, run against a simulated instrument.
+"""The examples of the guides that name an instrument or the reader's files, run with a simulated instrument.
 
-What stands indented in a guide is for the reader's bench; here its addresses are those of the simulator, and its files
-are recordings made there.
+Indented examples are for the reader's bench; here their addresses are those of the simulator, and their files are
+recordings made with it.
 """
 
 import os
@@ -27,7 +27,7 @@ ELSEWHERE = {
     "doctor": "tests/daemon/cli/test_show_export_doctor.py",
     "measure --diagnose": "tests/daemon/cli/test_measure_diagnose.py",
 }
-"""Which test runs a command that takes too long to be done twice."""
+"""The tests that run commands which take too long to be run twice."""
 
 
 class Bench:
@@ -86,9 +86,9 @@ def test_an_example_with_an_instrument_or_with_files(bench: Bench, guide: str) -
             continue
         bench.pzctl(*shlex.split(line))
         if "--resource" in line and line.startswith("measure"):
-            bench.pzctl("daemon", "--stop")  # the next example has another instrument
+            bench.pzctl("daemon", "--stop")  # the next example uses another instrument
 
 
-def test_what_is_run_elsewhere_is() -> None:
+def test_commands_run_elsewhere_are_in_those_tests() -> None:
     for file in ELSEWHERE.values():
         assert (DOCS.parent / file).exists()

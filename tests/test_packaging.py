@@ -1,4 +1,4 @@
-"""The repository root is the package; what is installed is what is here, in every way of installing it."""
+"""The repository root is the package, and every way of installing it installs exactly its content."""
 
 import os
 import shutil
@@ -66,7 +66,7 @@ def test_the_sdist_holds_the_tests(dist: Path) -> None:
 
 
 def test_the_installed_wheel_runs(dist: Path, tmp_path: Path) -> None:
-    """Installed from the wheel alone, away from the checkout: fitters load, the files that go with them are there."""
+    """Installed from the wheel only, away from the checkout: fitters load, and their data files are installed."""
     wheel = next(dist.glob("*.whl"))
     target = tmp_path / "site"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", target, wheel]
@@ -90,7 +90,7 @@ def test_the_installed_wheel_runs(dist: Path, tmp_path: Path) -> None:
 
 
 def test_modules_exist_once() -> None:
-    """Standing in the checkout, nothing imports the package under the folder's own name."""
+    """In the checkout, nothing imports the package under the folder's own name."""
     import pzctl.models.stack
 
     where = pzctl.models.stack.__file__

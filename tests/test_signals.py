@@ -1,4 +1,4 @@
-"""Tests interrupt what they start, also where pytest was told to ignore Ctrl-C: by `nohup`, or by `&` in a script."""
+"""Tests can interrupt their child processes even where pytest ignores Ctrl-C, under `nohup` or `&` in a script."""
 
 import subprocess
 import sys

@@ -10,7 +10,7 @@ LOWEST_HZ, HIGHEST_HZ = 40.0, 110e6
 MOST_POINTS = 801
 """In one sweep."""
 MOST_LINES = 18
-"""In the table of a list sweep."""
+"""Segments in the table of a list sweep."""
 LOWEST_OSCILLATOR_V, HIGHEST_OSCILLATOR_V = 5e-3, 1.0
 LOWEST_OSCILLATOR_A, HIGHEST_OSCILLATOR_A = 200e-6, 20e-3
 HIGHEST_BIAS_V = 40.0
@@ -44,7 +44,7 @@ CAPABILITIES = Capabilities(
     noise=_noise,
     accuracy=_accuracy,
     points_seconds=_points_seconds,
-    setup_seconds=0.5,  # some eighty questions, which a LAN answers in 5 to 10 ms
+    setup_seconds=0.5,  # about eighty queries, each of which takes 5 to 10 ms over a LAN
     low_impedance=(0.5, 48.0),  # beyond, error 134: reduce the oscillator level (programming manual, p. 498)
     adapters={"OFF": "none", "M1": "4TP 1 m", "M2": "4TP 2 m", "APC7": "7 mm", "PROBE": "probe"},
 )

@@ -1,4 +1,4 @@
-"""How a 4294A is found: by its identification, through the entry point of this package."""
+"""Identifies a 4294A by its *IDN? reply; the package's entry point refers to this module."""
 
 import re
 from typing import TYPE_CHECKING
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
     from ..visa.connection import Connection
     from .instrument import Agilent4294A
 
-# String 1 was HEWLETT-PACKARD even on Agilent's own units; later badges are allowed for.
+# The manufacturer is HEWLETT-PACKARD even on Agilent's own units; later brand names are accepted too.
 IDN = re.compile(r'"?(HEWLETT-PACKARD|AGILENT[^,]*|KEYSIGHT[^,]*), ?4294A, ?([^,]*), ?([^,"]*)"?', re.IGNORECASE)
 
 
 def _opened(link: "Connection") -> "Agilent4294A":
-    from .instrument import Agilent4294A  # with pyvisa, which who only plans a sweep need not wait for
+    from .instrument import Agilent4294A  # imported late: it loads pyvisa, which is slow and not needed to plan a sweep
 
     return Agilent4294A(link)
 

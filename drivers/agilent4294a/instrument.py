@@ -1,4 +1,4 @@
-"""The 4294A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
+"""The 4294A as an `Analyzer`: it carries out whole plans and leaves the instrument as it was found."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -33,11 +33,11 @@ class Agilent4294A:
     def __init__(self, link: Connection) -> None:
         self._link = link
         self._no_list = ""
-        """Why this instrument does no list sweep, where one was tried to its end in vain."""
+        """Why this instrument cannot do a list sweep; set after one failed at its end."""
 
     @property
     def hears_requests(self) -> bool:
-        """Whether the end of a sweep is told by service request; else the status byte is asked for."""
+        """Whether a service request signals the end of a sweep; if not, the status byte is polled."""
         return self._link.hears_requests
 
     @property
@@ -46,10 +46,10 @@ class Agilent4294A:
         return CAPABILITIES
 
     def identify(self) -> Identity:
-        """Ask who is there. Raises InstrumentError where the answer is not a 4294A's."""
+        """Query the identification. Raises InstrumentError where the answer is not a 4294A's."""
         try:
             answer = self._link.ask("*IDN?")
-        except ConnectionLost:  # it was switched off and on since the last time
+        except ConnectionLost:  # it was switched off and on since the last connection
             answer = self._link.ask("*IDN?")
         found = IDN.fullmatch(answer.strip())
         if not found:
@@ -60,12 +60,12 @@ class Agilent4294A:
         return Identity(self._link.name, answer.strip(), "4294A", found[2].strip(), found[3].strip())
 
     def make_safe(self) -> None:
-        """Switch the bias off, whoever left it on, and see that it is. Raises InstrumentError."""
+        """Switch the bias off, whoever left it on, and verify it. Raises InstrumentError."""
         if replies.flag(self._link.ask("DCO OFF;DCO?"), f"{self._link.name}: bias (DCO?)"):
             raise InstrumentError(state.STILL_BIASED.format(self._link.name))
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
-        """Return how long `plan` will take at most, in s. Raises PlanError where a 4294A cannot do it."""
+        """Return the longest time that `plan` will take, in s. Raises PlanError where a 4294A cannot do it."""
         limits.check(plan)
         return sum(self._one_by_one_seconds(plan))
 
@@ -77,10 +77,10 @@ class Agilent4294A:
     ) -> tuple[Sweep, ...]:
         """Carry out `plan`: one Sweep for each segment, or one for all that are joined; see `Analyzer.measure`.
 
-        Each segment is swept by itself, one of more than 801 points in overlapping parts; joined ones by list sweep
-        where the instrument proves that it takes one. Where the instrument could not be set back after a sweep that
-        is sound, the Sweep says so in its notes; where its bias could not be switched off, that is an InstrumentError
-        all the same.
+        Each segment is swept separately, in overlapping parts if it has more than 801 points. Joined segments are
+        measured by list sweep if the instrument is verified to accept it. If a sweep is good but the settings could
+        not be restored, the notes of the Sweep say so; if the bias could not be switched off, InstrumentError is
+        raised all the same.
         """
         limits.check(plan)
 
@@ -115,8 +115,8 @@ class Agilent4294A:
     ) -> Compensation:
         """Measure the fixture's `standards`, each after `prompt` has returned from asking a person to put it in.
 
-        The instrument corrects every later sweep by them; the arrays are returned to be kept. `adapter`: token of
-        `E4TP`. Raises InstrumentError where a standard is not what it should be, Cancelled, and what `prompt` raises.
+        The instrument corrects every later sweep by them; the arrays are returned to be stored. `adapter`: token of
+        `E4TP`. Raises InstrumentError where a standard is wrong, Cancelled, and whatever `prompt` raises.
         """
 
         def tick(passed: float, what: str) -> None:
@@ -131,24 +131,24 @@ class Agilent4294A:
         return self._as_found(measure_all)[0]
 
     def restore(self, stored: Compensation) -> None:
-        """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
+        """Write the arrays of `stored` back to the instrument and switch them on. Raises InstrumentError."""
         self._as_found(lambda identity, _: compensation.apply(self._link, identity, stored))
 
     def fetch(self, kind: FileKind) -> bytes:
-        """Return a file that the instrument makes. Raises InstrumentError.
+        """Return a file that the instrument generates. Raises InstrumentError.
 
-        `screen`: a TIFF of what it shows; `ascii`, `binary`, `touchstone`: the sweep it shows, in its own formats. That
-        is not the last plan's, after which its own settings were set back.
+        `screen`: a TIFF of its screen; `ascii`, `binary`, `touchstone`: the sweep on the screen, in its own formats. It
+        is not that of the last plan, because the instrument's own settings were restored after it.
         """
         return files.fetch(self._link, kind)
 
     def close(self) -> None:
-        """Let go of the instrument."""
+        """Close the connection to the instrument."""
         self._link.close()
 
     @staticmethod
     def _one_by_one_seconds(plan: SweepPlan) -> list[float]:
-        """Return how long each of the sweeps takes where every segment is swept by itself."""
+        """Return the time of each sweep where every segment is swept separately."""
         return [expected_seconds(part, plan) for segment in plan.segments for part in _sweeps_of(segment)]
 
     def _one_by_one(self, plan: SweepPlan, identity: Identity, course: ProgressTracker) -> tuple[Sweep, ...]:
@@ -166,7 +166,7 @@ class Agilent4294A:
         progress: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> tuple[Sweep, ...]:
-        """Return the one recording of a joined plan. Raises ListRefused as well."""
+        """Return the single recording of a joined plan. Also raises ListRefused."""
         batches = list_sweep.batches(plan)
         course = ProgressTracker([list_sweep.expected(batch, plan) for batch in batches], progress, cancelled)
         sweeps = [
@@ -177,7 +177,7 @@ class Agilent4294A:
         return (joined(sweeps, len(batches)),)
 
     def _as_found(self, action: Callable[[Identity, state.SavedState], Result]) -> tuple[Result, str]:
-        """Do `action` on the instrument in HOLD and leave it as found: what was got, and what could not be set back."""
+        """Do `action` on the instrument in HOLD, then restore it; return the result and what could not be restored."""
         identity = self.identify()
         found: state.SavedState | None = None
         try:
@@ -190,7 +190,7 @@ class Agilent4294A:
         return result, self._leave(found, resume=True)
 
     def _check_in_step(self, identity: Identity) -> None:
-        """Find a line that fell behind by an answer: every reply since then would have been the one before."""
+        """Detect a connection that is out of step by one answer: every reply would belong to the query before."""
         if (answer := self._link.ask("*IDN?").strip()) != identity.idn:
             raise InstrumentError(
                 f"{self._link.name}: *IDN? is answered by {replies.quote(answer)} after the sweep and was "
@@ -198,9 +198,9 @@ class Agilent4294A:
             )
 
     def _leave_after(self, error: BaseException, found: state.SavedState | None) -> None:
-        """Make the instrument safe after `error`; say in it what could not be done."""
+        """Make the instrument safe after `error`; add to the error what could not be done."""
         try:
-            if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges: in step
+            if not isinstance(error, Cancelled):  # a cancelled wait ends between two exchanges, so answers are in step
                 self._link.doubt()
             left = self._leave(found, resume=False)
         except InstrumentError as second:
@@ -211,9 +211,9 @@ class Agilent4294A:
             error.add_note(left)
 
     def _leave(self, found: state.SavedState | None, resume: bool) -> str:
-        """Bias off, then everything as found; return "", or a sentence on what could not be set back.
+        """Switch the bias off and restore the settings; return "", or a sentence on what could not be restored.
 
-        Raises InstrumentError where the bias is not known to be off: nobody may overlook that.
+        Raises InstrumentError where the bias is not known to be off: this must not be overlooked.
         """
         self._twice(lambda: state.bias_off(self._link))
         try:
@@ -224,7 +224,7 @@ class Agilent4294A:
         return ""
 
     def _twice(self, action: Callable[[], None]) -> None:
-        """Do `action`, and once more on a fresh line where it fails."""
+        """Do `action`; where it fails, try once more on a new connection."""
         try:
             action()
         except InstrumentError:

@@ -1,7 +1,7 @@
 """Files of the instrument: its screen as TIFF, its last sweep in its own formats.
 
-It saves to its RAM disk, and hands a file over in blocks of at most 16384 bytes (Programming Manual p.83, p.113).
-Saving to a name that exists is an error; so the name is cleared first, and again when the file has been read.
+It saves to its RAM disk and transfers a file in blocks of at most 16384 bytes (Programming Manual p.83, p.113).
+Saving to an existing name is an error, so the file is removed before saving and again after it has been read.
 """
 
 from ..base.analyzer import FileKind, InstrumentError
@@ -18,11 +18,11 @@ _SAVE: dict[FileKind, tuple[str, str]] = {
     "binary": ("SAVDDAT", "pzctl.dat"),
     "touchstone": ("SAVDS1P", "pzctl.s1p"),
 }
-"""How each kind is saved, and under which name (8.3)."""
+"""Command and file name (8.3) for each kind of file."""
 
 
 def fetch(link: Connection, kind: FileKind) -> bytes:
-    """Return the file that the instrument makes of its screen or of its last sweep. Raises InstrumentError."""
+    """Return the instrument's file of its screen or of its last sweep. Raises InstrumentError."""
     if kind not in _SAVE:
         raise InstrumentError(f"{link.name}: no file of kind {kind!r}; there are {', '.join(_SAVE)}")
     command, name = _SAVE[kind]
@@ -51,6 +51,6 @@ def read(link: Connection, name: str) -> bytes:
 
 
 def _purge(link: Connection, name: str) -> None:
-    """Remove the file `name` where it exists. That it does not is the one error that may be met here."""
+    """Remove the file `name` if it exists. The only error ignored here is that it does not."""
     link.ask(f'STOD MEMO;PURG "{name}";*OPC?')
     errorqueue.drain(link)

@@ -1,6 +1,6 @@
-"""What a 4294A can do besides its `Capabilities`, held against a plan before anything is sent.
+"""Limits of a 4294A beyond its `Capabilities`, checked against a plan before anything is sent.
 
-The instrument itself says nothing when it is asked for more: it silently takes the nearest value it has
+The instrument itself reports nothing when a value is out of range: it silently takes the nearest possible value
 (Programming Manual, the out-of-range rule).
 """
 
@@ -14,7 +14,7 @@ RESOLUTION_HZ = 1e-3
 
 
 def check(plan: SweepPlan) -> None:
-    """Raise PlanError where a 4294A cannot carry out `plan`: where, what was found, what is allowed."""
+    """Raise PlanError where a 4294A cannot carry out `plan`; it says where, what was found and what is allowed."""
     CAPABILITIES.check(plan)
     for where, segment in named_segments(plan):
         _check_segment(segment, where)

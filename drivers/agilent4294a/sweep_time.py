@@ -1,8 +1,8 @@
 """How long a 4294A takes for a sweep.
 
-The model is the one a user of the instrument fitted and called conservative: t = a/f + b for each point, by
-bandwidth. Held against recorded run times (400 points, 40 Hz to 110 MHz, point averaging on) it is 1.3 to 1.5 times
-too long, so `estimated` errs on the patient side. Time grows linearly with either kind of averaging (measured for
+A user of the instrument fitted this model and called it conservative: t = a/f + b for each point, by bandwidth.
+Compared with recorded run times (400 points, 40 Hz to 110 MHz, point averaging on) it is 1.3 to 1.5 times too long, so
+`estimated` errs on the safe side. Time grows linearly with either kind of averaging (measured for
 point averaging, at factors 2 to 64).
 """
 
@@ -14,7 +14,7 @@ PERIODS: dict[int, float] = {1: 30.0, 2: 30.0, 3: 24.8, 4: 24.8, 5: 24.8}
 """a: periods of the signal each point takes, by bandwidth."""
 
 SECONDS: dict[int, float] = {1: 3.2e-3, 2: 7.8e-3, 3: 14.4e-3, 4: 51.4e-3, 5: 160e-3}
-"""b: what each point takes besides, in s, by bandwidth."""
+"""b: additional time of each point in s, by bandwidth."""
 
 PATIENCE = 1.5
 MARGIN_SECONDS = 15.0

@@ -14,7 +14,7 @@ _WORLDS = {"ideal": case_files.make_case, "lab": lab_files.make_case}
 
 
 def main(folder: Path, seed: int, count: int, jobs: int, world: str = "ideal") -> str:
-    """Write the cases with several processes, which end with this one; return the hash of the truth."""
+    """Write the cases with several processes, which end with this process; return the hash of the truth."""
     with Pool(jobs, _leave_signals_to_the_parent) as pool:
         truths = pool.map(partial(_WORLDS[world], folder / "cases", seed), range(count), chunksize=1)
     return seal(folder, truths)

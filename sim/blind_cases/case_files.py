@@ -16,7 +16,7 @@ from .scenario_draw import Case, draw_case
 TRUTH = "truth.json"
 _CONSTANTS = ("c33D", "h33", "eps33S")
 _BIAS = 1e-3
-"""An undetectable effect must be listed if it changes a constant of the disk by this part or more: a tenth of the
+"""An undetectable effect must be listed if it changes a constant of the disk by this fraction or more: a tenth of the
 uncertainty that a micrometer leaves."""
 
 
@@ -109,7 +109,7 @@ def _truth(case: Case) -> dict[str, Any]:
 
 
 def _biasing_effects(case: Case) -> list[InjectedEffect]:
-    """Return the effects that bias a constant; one that neither shows nor biases anything need not be listed."""
+    """Return the effects that bias a constant; an undetectable effect without bias need not be listed."""
     true = case.scenario.device.disk
 
     def bias(fit: AbsorbedFit) -> float:

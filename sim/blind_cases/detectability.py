@@ -72,7 +72,7 @@ def scaled_to_gain(
             break
         best = replace(best, effects=tuple(scaled if k == index else other for k, other in enumerate(best.effects)))
         before, fit = fit, fit_without(best, index, sweeps)
-        # the residual of most effects is proportional to their size, of some (a spread of thickness) to its square
+        # most effects leave a residual proportional to their size, some (a spread of thickness) to its square
         exponent = np.log(max(fit.gain, 1e-9) / max(before.gain, 1e-9)) / np.log(scaled.scale / effect.scale)
         power = float(np.clip(exponent, 1.0, 5.0))
     return best, fit

@@ -14,7 +14,7 @@ _C33D, _H33, _EPS33S = 144.4e9, 1.98367e9, 913.73 * 8.8541878128e-12
 
 @dataclass(frozen=True)
 class DiskShape:
-    """The ceramic: m, Pa, V/m, F/m; exp(+jwt)."""
+    """The ceramic: thickness in m, stiffness in Pa, h33 in V/m, permittivity in F/m; time convention exp(+jwt)."""
 
     thickness: float
     c33D: complex
@@ -58,7 +58,7 @@ class DeviceUnderTest:
     stated_thickness: float = field(default=0.0)
     """m, of the disk, as the build file states it."""
     lateral: tuple[float, ...] = (147e9, 105e9, 93.7e9, 23.0e9, -3.09, 11.64, 1130.0)
-    """Constants that plane waves do not see: c11E c12E c13E c44E (Pa), e31 e15 (C/m2), eps11S/eps0."""
+    """Constants that do not affect plane waves: c11E c12E c13E c44E (Pa), e31 e15 (C/m2), eps11S/eps0."""
 
     @property
     def area(self) -> float:

@@ -117,7 +117,7 @@ BOND: tuple[Family, ...] = (layered.bond, layered.void)
 
 
 def outside(rng: np.random.Generator, s: DeviceUnderTest) -> InjectedEffect:
-    """Return an instrument artefact that the catalogue does not have."""
+    """Return an instrument artefact that is not in the catalogue."""
     kinds = (
         *("range step", "range to and fro", "gain ripple", "phase error", "glitch", "coupled"),
         *("loose contact", "mains hum", "mixing", "flicker conductance"),

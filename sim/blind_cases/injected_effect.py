@@ -17,7 +17,7 @@ class InjectedEffect:
 
     name: str
     where: tuple[str, ...]
-    """All places that count as right, because this recording cannot distinguish them."""
+    """All places accepted as correct, because this recording cannot distinguish them."""
     steps: tuple[str, ...]
     """The steps whose recordings contain it, in gluing order."""
     apply: Callable[[Hidden, float], Hidden]
@@ -29,7 +29,7 @@ class InjectedEffect:
     scale: float = 1.0
     needs: Needs = "nothing"
     accept: tuple[str, ...] = ()
-    """Other names that are right as well."""
+    """Other names that are accepted as correct."""
 
     def at(self, scale: float) -> "InjectedEffect":
         """Return the effect with another scale, limited to the physical range."""

@@ -15,7 +15,7 @@ def _side(rng: np.random.Generator) -> Side:
 
 
 def _faces(device: DeviceUnderTest, side: Side, steps: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the faces that count as right: a bare disk between equal loads looks the same from both sides."""
+    """Return the faces accepted as correct: a bare disk between equal loads looks the same from both sides."""
     alone = steps == ("disk",) and device.back == AIR
     return ("face:back", "face:front") if alone else (f"face:{side}",)
 

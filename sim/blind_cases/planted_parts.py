@@ -1,7 +1,7 @@
-"""Exact parts put onto recordings of real devices: what is planted is known, the device is not.
+"""Known effects added to recordings of real devices, whose own properties are not known.
 
-Terminal parts are exact two-ports. A drift is the same device with all its resonances at frequencies that move in time,
-a lag the output of a filter that follows the swept admittance: both on a spline through the recording.
+Terminal effects are exact two-ports. A drift moves all resonances of the device in time; a lag is the output of a
+filter that follows the swept admittance. Both use a spline through the recording.
 """
 
 from collections.abc import Callable
@@ -19,22 +19,22 @@ _FINE = 8
 _BISECTIONS = 60
 
 Apply = Callable[[Reals, Complexes, float, bool], Complexes]
-"""Frequencies in Hz (N,), impedance in ohm (N,), size, whether the sweep runs downwards: what is recorded, ohm (N,)."""
+"""Frequencies in Hz (N,), impedance in ohm (N,), size, whether the sweep runs downwards: recorded impedance, ohm."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One kind of part: how the catalogue calls it and its size, and what it does."""
+    """One kind of planted effect: its name and size parameter in the catalogue, and its function."""
 
     effect: str
     where: str
     size: str
-    """Name of the finding's parameter that is the size, SI."""
+    """Name of the finding's parameter for the size, SI."""
     apply: Apply
     in_time: bool = False
-    """Seen in a pair of sweeps, up and down."""
+    """Whether it needs a pair of sweeps, up and down."""
     others: dict[str, str] = field(default_factory=dict[str, str])
-    """Effects that are the same where `alike` says so, with their parameter of the same size."""
+    """Effects that are equivalent where `alike` says so, with their parameter for the same size."""
 
 
 def _lead(f: Reals, z: Complexes, size: float, _: bool) -> Complexes:
@@ -54,7 +54,7 @@ def _leakage(_: Reals, z: Complexes, size: float, __: bool) -> Complexes:
 
 
 def _cable(f: Reals, z: Complexes, size: float, _: bool) -> Complexes:
-    """Put a lossless line of this inductance (H) before the device."""
+    """Put a lossless line of this inductance (H) in front of the device."""
     turn = np.tan(2 * np.pi * f * size / _CABLE)
     return _CABLE * (z + 1j * _CABLE * turn) / (_CABLE + 1j * z * turn)
 
@@ -80,7 +80,7 @@ def _lag(f: Reals, z: Complexes, size: float, down: bool) -> Complexes:
 
 
 def _spline(f: Reals, z: Complexes) -> CubicSpline:
-    """Return the recording as a curve; beyond its ends the outermost points count."""
+    """Return the recording as a curve, constant beyond its ends."""
     pad = 0.02 * (f[-1] - f[0])
     return CubicSpline(np.r_[f[0] - pad, f, f[-1] + pad], np.r_[z[0], z, z[-1]])
 
@@ -94,20 +94,20 @@ PARTS: tuple[Part, ...] = (
     Part("temperature-drift", "sweep", "relative", _drift, in_time=True),
     Part("sweep-lag", "sweep", "lag", _lag, in_time=True),
 )
-"""Everything that is planted in each recording."""
+"""All effects that are planted in each recording."""
 
 
 def moves(before: Complexes, after: Complexes) -> float:
-    """Return by how much ln Z differs, root of the mean square of |difference|."""
+    """Return the root mean square of |difference of ln Z|."""
     d = np.log(after / before)
     return float(np.sqrt(np.mean(np.abs(d) ** 2)))
 
 
 def sized(part: Part, f: Reals, z: Complexes, wanted: float) -> float | None:
-    """Return the size with which a part moves ln Z by so much (root mean square), found by bisection.
+    """Return the size for which a part changes ln Z by the given root mean square, found by bisection.
 
-    None where no size that occurs in a laboratory does: resonances drift by 0.3 % in a sweep at most, a filter lags by
-    0.2 % of the frequency.
+    None where no realistic size does: resonances drift by at most 0.3 % in a sweep, a filter lags by at most 0.2 % of
+    the frequency.
     """
     typical = float(np.median(np.abs(z)))
     top = {
@@ -128,7 +128,7 @@ def sized(part: Part, f: Reals, z: Complexes, wanted: float) -> float | None:
 
 
 def alike(part: Part, f: Reals, z: Complexes, size: float) -> tuple[str, ...]:
-    """Return the effects that no one could tell from the part here: they differ by a tenth of what it moves."""
+    """Return the effects that cannot be distinguished from the part: they differ by a tenth of its change of ln Z."""
     with_part = part.apply(f, z, size, False)
     by_name = {one.effect: one for one in PARTS}
     return tuple(

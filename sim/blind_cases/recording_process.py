@@ -1,4 +1,4 @@
-"""How a recording is made: point by point in time, with a detector that settles, of a device that drifts."""
+"""Makes a recording point by point in time, of a drifting device with a settling detector."""
 
 from dataclasses import dataclass
 
@@ -126,6 +126,6 @@ def _with_artefact(z: Complexes, sweep: SweepSpec, kind: str, size: float, where
         return z * (1 + size * np.sin(2 * np.pi * k / (7 + 20 * where)))
     if kind == "mixing":  # a harmonic of the drive falls on a resonance: a dip of |Z| without its phase
         return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))
-    if kind == "flicker conductance":  # falls as 1/f, without a stored energy
+    if kind == "flicker conductance":  # falls as 1/f, without stored energy
         return z / (1 + z * size * (f[0] / f) / np.abs(z[0]))
     return z

@@ -1,7 +1,7 @@
 """A disk of finite diameter: both dimensions, by Ritz's method on polynomials, and all its modes up to some frequency.
 
-Free of stress all around, electrodes all over both faces. Being symmetric, it moves symmetrically: u_r is even and u_z
-odd over the thickness, the potential is the voltage's straight line and odd functions that vanish at the electrodes.
+All faces are free of stress; electrodes cover both flat faces. By symmetry u_r is even and u_z odd over the thickness;
+the potential is linear in z plus odd functions that vanish at the electrodes.
 W. Ritz, J. reine angew. Math. 135 (1909) 1; H. F. Tiersten, Linear Piezoelectric Plate Vibrations (1969), ch. 5-6.
 """
 
@@ -47,7 +47,7 @@ def finite_disk_admittance(f: Reals, device: DeviceUnderTest) -> Complexes:
 
 
 def _matrices(device: DeviceUnderTest) -> tuple[Complexes, Reals, Complexes, complex]:
-    """Return stiffness without charge on the inner potential, mass, the voltage's pull, and the clamped capacitance."""
+    """Return stiffness (inner potential eliminated), mass, the voltage's force, and the clamped capacitance."""
     a, t = device.diameter / 2, device.disk.thickness
     c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = _tensor(device)
     count = int(_RADIAL_PER_ASPECT * device.diameter / t) + 8

@@ -18,7 +18,7 @@ class Hidden:
     dot: tuple[float, float, Side] | None = None
     """A solder dot: part of the area, kg/m2, face of the step's stack."""
     void: tuple[str, float] | None = None
-    """The layer (`disk`, `ml1`) in front of which the bond is missing, and on which part of the area."""
+    """The layer (`disk`, `ml1`) in front of which the bond is missing, and the fraction of the area."""
     taper: tuple[str, float, str] | None = None
     """Layer, relative half range of its thickness, `wedge`, `round wedge`, `dome` or `rough`."""
     surface: tuple[float, Side, str] | None = None
@@ -43,7 +43,7 @@ class Hidden:
     """Whether the disk has its finite diameter and vibrates in both dimensions."""
     recorded: Literal["as it is", "conjugated", "inverted"] = "as it is"
     outside: tuple[str, float, float] | None = None
-    """An instrument artefact outside the catalogue: its kind, its size, and where in the sweep it is (0 to 1)."""
+    """An instrument artefact outside the catalogue: its kind, its size, and its place in the sweep (0 to 1)."""
 
 
 NOTHING = Hidden()

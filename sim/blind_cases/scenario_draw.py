@@ -34,7 +34,7 @@ class Case:
     scenario: Scenario
     sweeps: tuple[SweepSpec, ...]
     absorbed_fits: tuple[AbsorbedFit, ...]
-    """Of each effect: the fit without it, which says how detectable it is."""
+    """For each effect, the fit without it, which tells how detectable it is."""
     stated_diameter: float
     """m, as the build file states it."""
     seed: int

@@ -47,7 +47,7 @@ Part = Slice | InterfaceSheet
 
 @dataclass(frozen=True, eq=False)
 class LayerColumn:
-    """What waves cross from back to front, and the specific impedances (Rayl) of what lies behind and in front."""
+    """The slices from back to front, and the specific impedances (Rayl) of the media behind and in front."""
 
     parts: tuple[Part, ...]
     back: complex | Complexes

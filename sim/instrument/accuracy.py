@@ -71,7 +71,7 @@ def _level_terms(frequency: Frequencies, ep_bandwidth: Reals, level: Reals) -> t
 def noise_sigma(z: Impedances, frequency: Frequencies, bandwidth: Reals, level_V: Reals, averages: Reals) -> Reals:
     """Return the standard deviation of the relative complex noise per point, shape (N,).
 
-    It rises with the level factor and where the terms Zs'/|Z| and Yo'|Z| outgrow the proportional one.
+    It grows with the level factor, and where the terms Zs'/|Z| and Yo'|Z| exceed the proportional term.
     """
     t = terms(frequency, bandwidth, level_V)
     size = np.maximum(np.abs(z), 1e-12)
@@ -87,9 +87,9 @@ def noisy(z: Impedances, sigma: Reals, random: np.random.Generator) -> Impedance
 
 
 def systematic(z: Impedances, t: Terms, direction: Complexes) -> Impedances:
-    """Return impedances with the error of this instrument: up to E, always the same.
+    """Return impedances with the systematic error of this instrument: at most E, the same in every sweep.
 
-    `direction`, shape (3,), is the part of each term that this instrument has as its error, each of size at most 1.
+    `direction`, shape (3,), is the fraction of each term that this instrument errs by; each has magnitude at most 1.
     """
     size = np.maximum(np.abs(z), 1e-12)
     error = direction[0] * t.proportional / 100 + direction[1] * t.series / size + direction[2] * t.parallel * size

@@ -122,7 +122,7 @@ def list_axis(table: tuple[ListSegment, ...], parameter: str, fixed_frequency: f
 def moved_edges(edge: str, argument: bytes, start: float, stop: float, kind: Number) -> tuple[float, float]:
     """Return START and STOP after STAR, STOP, CENT or SPAN was set; the range is kept within the limits.
 
-    START above STOP takes the other edge along [our reading: the programming manual does not say].
+    A START set above STOP moves STOP too, and vice versa [our reading: the programming manual does not say].
     """
     if edge in ("STAR", "STOP"):
         value = kind.parse(argument)

@@ -21,14 +21,14 @@ FEMTO = 1e-15
 """DCOMOPENC and DCALOPENC are in fF (PM p.288, 293)."""
 
 SHORTED = 1e-9
-"""Impedance that stands for 0 where its inverse is kept, ohm."""
+"""Impedance used in place of 0 where the inverse is stored, ohm."""
 
 STANDARDS = ("A", "B", "C")
 """Open (kept as admittance G, B), short and load (kept as impedance R, X), by the last letter of the mnemonic."""
 
 
 def as_kept(standard: str, z: Impedances) -> Complexes:
-    """Return a standard's impedance as its array holds it: the open as admittance."""
+    """Return a standard's impedance as its array stores it: an open is stored as admittance."""
     if standard != "A":
         return z
     return np.asarray(1 / np.where(np.abs(z) < SHORTED, SHORTED, z), dtype=np.complex128)
@@ -42,14 +42,14 @@ class Correction:
     measured: dict[str, Complexes] = field(default_factory=dict[str, Complexes])
     on: set[str] = field(default_factory=set[str])
     prefix: str = "DCOM"
-    """Of the mnemonics that define the standards."""
+    """First letters of the mnemonics that define the standards."""
 
     def store(self, standard: str, frequency: Frequencies, z: Impedances) -> None:
-        """Keep the impedance that was seen with a standard connected, and switch its correction on."""
+        """Store the impedance measured with a standard connected, and switch its correction on."""
         self.put(standard, frequency, as_kept(standard, z))
 
     def drop(self) -> bool:
-        """Lose every coefficient; return whether there was one."""
+        """Delete all coefficients; return whether there were any."""
         lost = bool(self.measured)
         self.frequency.clear()
         self.measured.clear()
@@ -57,7 +57,7 @@ class Correction:
         return lost
 
     def put(self, standard: str, frequency: Frequencies, values: Complexes) -> None:
-        """Keep a standard's array as the instrument does (open in S, the others in ohm), and switch it on."""
+        """Store a standard's array as the instrument does (open in S, the others in ohm), and switch it on."""
         self.frequency[standard], self.measured[standard] = frequency, values
         self.on.add(standard)
 
@@ -68,9 +68,9 @@ class Correction:
         (self.on.add if on else self.on.discard)(standard)
 
     def apply(self, frequency: Frequencies, z: Impedances, state: State) -> Impedances:
-        """Return the impedance of the device, shape (N,), from what was seen through the fixture.
+        """Return the impedance of the device, shape (N,), from the impedance measured through the fixture.
 
-        Standards that make no sense (such as a short measured as the open) give HUGE.
+        Nonsensical standards (such as a short measured as the open) give HUGE.
         """
         if not self.on:
             return z
@@ -82,7 +82,7 @@ class Correction:
         short = self._at("B", frequency) - (self._real(state, "SHORR") + 1j * w * self._real(state, "SHORL"))
         opened = self._at("A", frequency) - (self._real(state, "OPENG") + 1j * w * FEMTO * self._real(state, "OPENC"))
         series = short if "B" in self.on else np.zeros_like(z)
-        # seen from the analyzer, the open shows the shunt behind the series part
+        # the open measures the shunt together with the series part, which lies nearer to the analyzer
         shunt = opened / (1 - opened * series) if "A" in self.on else np.zeros_like(z)
 
         def taken_out(seen: Impedances) -> Impedances:

@@ -26,7 +26,7 @@ INITIAL: Mapping[str, Mapping[str, float]] = {
     "Q": _QUALITY,
     "complex": _PLANE,
 }
-"""By quantity, on linear axes."""
+"""Initial values by quantity, on linear axes."""
 
 LOGARITHMIC_BOTTOM: Mapping[str, float] = {
     **dict.fromkeys(("|Z|", "R", "X", "Rp", "complex"), 1.0),
@@ -46,7 +46,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 }
 
 LEAST_GAP, LEAST_RATIO = 10e-15, 5.0
-"""Between top and bottom, on a linear and on a logarithmic axis."""
+"""Smallest distance between top and bottom, on a linear and on a logarithmic axis."""
 
 
 def get(instrument: "Instrument", name: str) -> float:
@@ -61,7 +61,7 @@ def get(instrument: "Instrument", name: str) -> float:
 
 
 def put(instrument: "Instrument", name: str, argument: bytes) -> None:
-    """Set a value of the active trace's scale; top and bottom push each other. Raises CommandError."""
+    """Set a value of the active trace's scale; top and bottom push each other along. Raises CommandError."""
     kind = Number(*LIMITS[name], 0.0, "ANY", 1e-2 if name == "REFP" else 0.0)
     _keep(instrument, name, kind.parse(argument))
     if name not in ("TOPV", "BOTV"):
@@ -76,7 +76,7 @@ def put(instrument: "Instrument", name: str, argument: bytes) -> None:
 
 
 def fit(instrument: "Instrument", low: float, high: float) -> None:
-    """AUTO: let the scale of the active trace hold these values."""
+    """AUTO: choose the scale of the active trace so that these values fit."""
     _keep(instrument, "TOPV", high if high > low else low + max(abs(low), 1.0) / 10)
     _keep(instrument, "BOTV", low)
     _keep(instrument, "REFV", (low + high) / 2)

@@ -1,8 +1,8 @@
 """Equivalent circuit analysis of the finished sweep (PM p.100-102): five circuits of three and four elements.
 
 A: R1, C1 and L1 in parallel. B: C1 beside L1 and R1 in series. C: L1 in series with C0 beside R1. D: L1, C1 and R1 in
-series. E: C0 beside L1, C1 and R1 in series. The instrument's own algorithm is not printed: here the circuit nearest to
-ln Z is taken.
+series. E: C0 beside L1, C1 and R1 in series. The instrument's own algorithm is not documented; here the circuit is
+fitted to ln Z.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,7 +45,9 @@ def impedance(circuit: str, frequency: Frequencies, values: Values) -> Impedance
 
 def fitted(circuit: str, frequency: Frequencies, z: Impedances) -> Values:
     """Return the values of the circuit nearest to z (in ln Z). Raises CommandError (35) where there is none."""
-    from scipy.optimize import least_squares  # a quarter of the simulator's start, for a command that is rare
+    from scipy.optimize import (
+        least_squares,
+    )  # imported late: it takes a quarter of the simulator's start-up time, for a rare command
 
     names = CIRCUITS[circuit][0]
     start = np.array([_guess(circuit, frequency, z)[name] for name in names])
@@ -65,7 +67,7 @@ def fitted(circuit: str, frequency: Frequencies, z: Impedances) -> Values:
 
 
 def _guess(circuit: str, frequency: Frequencies, z: Impedances) -> Values:
-    """Return values to start from: the resonance is where the real part of Y (or, of A to C, of Z) is largest."""
+    """Return start values: the resonance is where the real part of Y (for A to C: of Z) is largest."""
     w = 2 * np.pi * frequency
     seen: Complexes = 1 / z if circuit in ("CIRD", "CIRE") else z
     top = int(np.argmax(seen.real))
@@ -83,7 +85,7 @@ def _guess(circuit: str, frequency: Frequencies, z: Impedances) -> Values:
 
 
 def _calculate(instrument: Instrument, _: Unit) -> None:
-    """CALECPARA, over the marker search range."""
+    """CALECPARA: fit the circuit over the marker search range."""
     state, sweeper = instrument.state, instrument.sweeper
     if state["SWPP"] != "FREQ":
         raise CommandError(131)

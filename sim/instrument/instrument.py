@@ -1,4 +1,4 @@
-"""The instrument: its parts and its time. `dialect` carries out program messages on it."""
+"""The instrument: its parts and its clock. `dialect` carries out program messages on it."""
 
 import asyncio
 import math
@@ -25,10 +25,10 @@ from .trace_data import data_trace
 SERIAL, FIRMWARE = "MY43202956", "REV1.11"
 
 AXIS_SETTINGS = frozenset({"SWPP", "SWPT", "POIN", "STAR", "STOP", "CENT", "SPAN"})
-"""Settings that change the axis, so that the data no longer fit."""
+"""Settings that change the axis; the data then no longer belong to it."""
 
 PEAK_DX = {"FREQ": 500e3, "OLEV": 5e-3, "OLEV:A": 100e-6, "DCB": 0.4, "DCB:A": 1e-3}
-"""PKDLTX at first, by what is swept: Hz, V, A (PM p.399)."""
+"""Initial PKDLTX by sweep parameter: Hz, V, A (PM p.399)."""
 
 TRACES: tuple[str, ...] = ("A", "B")
 
@@ -55,7 +55,7 @@ class Instrument:
         self.bench, self.time_scale, self.clock = bench, time_scale, clock
         self.identity, self._set_initial = identity, set_initial
         self.scpi: dict[str, Value] = {}
-        """Settings of an analyzer that speaks SCPI, where they are none of the 4294A's."""
+        """Settings of an analyzer that speaks SCPI and that the 4294A does not have."""
         self.date_lost = False
         """Fault: the clock's battery is dead."""
         self.bias_overload = False
@@ -79,7 +79,7 @@ class Instrument:
         self.memory: Memory | None = None
         self.opc_wanted = False
         self.clock_offset = timedelta()
-        """What SETCDATE and SETCTIME added to the clock."""
+        """Offset of the clock, set by SETCDATE and SETCTIME."""
         self.program: dict[str, bytes] = {}
         """What was sent to the built-in BASIC, by mnemonic."""
         self.sweeper = Sweeper(self.bench, self.state, self.status, self.clock, self.time_scale, self.corrected)
@@ -118,16 +118,16 @@ class Instrument:
         self.threshold = 0.0
         """THRR."""
         self.peaks_left: dict[str, list[int]] = {}
-        """Points that NEXPK? and NEXNPK? have still to give."""
+        """Points that NEXPK? and NEXNPK? have not returned yet."""
         self.numbers: dict[str, float] = {"PORTZ": 0.0, "PORE": 0.0}
 
     def drop_corrections(self) -> bool:
-        """Lose the coefficients of calibration and compensation; return whether there were any."""
+        """Delete the coefficients of calibration and compensation; return whether there were any."""
         lost = [correction.drop() for correction in (self.calibration, self.compensation)]
         return any(lost)
 
     def corrected(self, axis: Axis, z: Impedances) -> Impedances:
-        """Return the impedance after calibration and compensation of what the bridge measures."""
+        """Return the bridge's reading after calibration and compensation."""
         z = self.calibration.apply(axis.frequency, z, self.state)
         return self.compensation.apply(axis.frequency, z, self.state)
 
@@ -183,7 +183,7 @@ class Instrument:
             self.status.raise_standard(OPC)
 
     def _after_sweep(self) -> None:
-        """Test the limits and search again, where that is asked for."""
+        """Test the limits and repeat the marker search, where they are switched on."""
         active = self.state["TRAC"]
         for trace in TRACES:
             self.state.values["TRAC"] = trace
@@ -206,7 +206,7 @@ class Instrument:
             self.advance()
 
     async def until_standard_measured(self) -> None:
-        """Return when no standard is being measured: such a command holds up those after it."""
+        """Return when no standard is being measured: later commands wait for such a measurement."""
         self.advance()
         while self.sweeper.measures_standard:
             await self.changed_within(self.sweeper.seconds_left())
@@ -221,7 +221,7 @@ class Instrument:
 
 
 def limit_result(instrument: Instrument, trace: str) -> Tested:
-    """Hold the data trace against the limit lines of its trace."""
+    """Test the data trace against its limit lines."""
     state, x = instrument.state, instrument.sweeper.axis.values
     shifts = float(state.of_trace("LIMIPRMO", trace)), float(state.of_trace("LIMIAMPO", trace))
     return tested(instrument.limits[trace].segments, x, data_trace(instrument, trace)[0], *shifts)

@@ -26,7 +26,7 @@ class LimitSegment:
 
 @dataclass
 class LimitTable:
-    """The table of one trace and its editor; commands of a segment open table and segment by themselves."""
+    """The table of one trace and its editor; segment commands open the table and the segment if necessary."""
 
     segments: list[LimitSegment] = field(default_factory=list[LimitSegment])
     """In force."""
@@ -42,12 +42,12 @@ class LimitTable:
         return 0 if self._written is None else self._target
 
     def start(self) -> None:
-        """EDITLIML: begin anew with the table that is in force. Raises CommandError where a segment is open."""
+        """EDITLIML: begin to edit a copy of the table in force. Raises CommandError where a segment is open."""
         self.edit()
         self._written, self._target = self.segments.copy(), len(self.segments)
 
     def edit(self) -> list[LimitSegment]:
-        """Begin to edit where nobody does. Raises CommandError where a segment is open."""
+        """Begin to edit unless the table is being edited already. Raises CommandError where a segment is open."""
         if self._draft is not None:
             raise CommandError(75)
         if self._written is None:
@@ -59,7 +59,7 @@ class LimitTable:
         self._target = min(max(at, 1), max(len(self.edit()), 1))
 
     def add(self, first: LimitSegment, at: int | None = None) -> None:
-        """LIMSADD: open a new segment below this one or the target. Raises CommandError."""
+        """LIMSADD: open a new segment below the given one or the target. Raises CommandError."""
         written = self.edit()
         if len(written) >= SEGMENTS:
             raise CommandError(64)
@@ -67,7 +67,7 @@ class LimitTable:
         self._draft = written[max(self._draft_at, 1) - 1] if written else first
 
     def open(self, first: LimitSegment, at: int | None = None) -> None:
-        """LIMSEDI: open a segment; in an empty table a new one. Raises CommandError."""
+        """LIMSEDI: open a segment, or a new one in an empty table. Raises CommandError."""
         if not self.edit():
             self.add(first)
             return
@@ -107,7 +107,7 @@ class LimitTable:
         self._draft, self._target = None, self._draft_at + 1
 
     def abandon(self) -> None:
-        """LIMSQUI: forget what was changed of the open segment."""
+        """LIMSQUI: discard the changes of the open segment."""
         self._draft = None
 
     def done(self) -> None:
@@ -131,7 +131,7 @@ class Tested:
 
 
 def tested(segments: list[LimitSegment], x: Reals, y: Reals, shift_x: float, shift_y: float) -> Tested:
-    """Hold a trace against the table, whose limits are moved by LIMIPRMO and LIMIAMPO."""
+    """Test a trace against the table; LIMIPRMO and LIMIAMPO shift its limits."""
     result, upper, lower = np.full(x.size, NOT_TESTED), np.zeros(x.size), np.zeros(x.size)
     for s in segments:
         start, stop = sorted((s.start + shift_x, s.stop + shift_x))

@@ -1,7 +1,7 @@
 """The list-sweep table and its editor; changes take effect at EDITDONE (PM p.44-45, 415-436).
 
 A segment has at most 201 points, the table 18 segments and 801 points. A new segment starts from the present settings,
-later ones from the segment before. What is no command of the table scratches a segment that is open.
+later ones from the segment before. A command that does not belong to the table discards the open segment.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ class ListTable:
     _is_new: bool = False
     """Whether the open segment is not in the table yet."""
     _target: int = 0
-    """The segment that SADD, SEDI and SDEL take where they are given none, from 1."""
+    """The segment, from 1, that SADD, SEDI and SDEL use when no number is given."""
 
     @property
     def is_open(self) -> bool:
@@ -63,12 +63,12 @@ class ListTable:
         return 0 if self._written is None else self._target
 
     def start(self) -> None:
-        """EDITLIST: begin anew with the table that is in force. Raises CommandError where a segment is open."""
+        """EDITLIST: begin to edit a copy of the table in force. Raises CommandError where a segment is open."""
         self.edit()
         self._written, self._target = self.segments.copy(), len(self.segments)
 
     def edit(self) -> list[ListSegment]:
-        """Begin to edit where nobody does. Raises CommandError where a segment is open."""
+        """Begin to edit unless the table is being edited already. Raises CommandError where a segment is open."""
         if self._draft is not None:
             raise CommandError(75)
         if self._written is None:
@@ -80,9 +80,9 @@ class ListTable:
         self._target = min(max(at, 1), max(len(self.edit()), 1))
 
     def add(self, first: ListSegment, at: int | None = None) -> None:
-        """SADD: open a new segment below this one (from 1), or below the target; `first` is that of an empty table.
+        """SADD: open a new segment below the given one (from 1) or the target; in an empty table it is `first`.
 
-        Raises CommandError: 77 where the table is full, the target being opened instead.
+        Raises CommandError 77 where the table is full, and opens the target instead.
         """
         written = self.edit()
         below = self._within(at)
@@ -104,7 +104,7 @@ class ListTable:
         self._draft = written[self._draft_at]
 
     def delete(self, at: int | None = None) -> None:
-        """SDEL: the target is then the segment that has its number now. Raises CommandError."""
+        """SDEL: delete a segment; the target is then the segment that takes over its number. Raises CommandError."""
         written = self.edit()
         if not written:
             raise CommandError(124)
@@ -124,7 +124,7 @@ class ListTable:
         self._draft, self._target = None, self._draft_at + 1
 
     def scratch(self) -> None:
-        """Drop the open segment. Raises CommandError, which says so, where one was open."""
+        """Drop the open segment. Raises CommandError to report it where one was open."""
         if self._draft is not None:
             self._draft = None
             raise CommandError(74)
@@ -133,7 +133,7 @@ class ListTable:
         """EDITDONE: put the edited table in force.
 
         Raises CommandError where a segment was open (it is lost), and where a table that is `in_use` would become
-        empty: the old one then stays.
+        empty: the old table then stays in force.
         """
         written, self._written = self._written, None
         if in_use and not written:
@@ -170,7 +170,7 @@ class ListTable:
         return kind.answer(vars(draft)[FIELDS[mnemonic]])
 
     def _within(self, at: int | None) -> int:
-        """Return the number of a segment that is there, or 0 in an empty table."""
+        """Return the number of the nearest existing segment, or 0 in an empty table."""
         return min(max(self._target if at is None else at, 0), len(self._written or ()))
 
     def _edited(self) -> ListSegment:

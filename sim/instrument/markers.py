@@ -1,4 +1,4 @@
-"""The markers of both traces: where they stand, and what they read (PM p.96-105)."""
+"""The markers of both traces: their positions and readings (PM p.96-105)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ SUBS = range(1, 8)
 
 @dataclass
 class Markers:
-    """Marker, delta marker and sub markers of one trace. Places are values of the sweep: Hz, V or A."""
+    """Marker, delta marker and sub markers of one trace. Positions are values of the sweep: Hz, V or A."""
 
     on: bool = False
     place: float = 0.0
@@ -31,11 +31,11 @@ class Markers:
     fixed: tuple[float, float] = (0.0, 0.0)
     """Values of the fixed delta marker."""
     subs: dict[int, float] = field(default_factory=dict[int, float])
-    """Places of the sub markers that are on."""
+    """Positions of the sub markers that are on."""
     width: bool = False
     """WIDT."""
     cut: int = 0
-    """Which pair of cutoff points is taken, the nearest being 0 (WIDSOUT, WIDSIN)."""
+    """Number of the pair of cutoff points in use; the nearest is 0 (WIDSOUT, WIDSIN)."""
     search: str = "OFF"
     """SEAM."""
     monitor: str = "OFF"
@@ -44,7 +44,7 @@ class Markers:
 
 @dataclass(frozen=True)
 class Width:
-    """What the bandwidth search found; all 0 where it found nothing."""
+    """Results of the bandwidth search; all 0 where it found nothing."""
 
     left: float = 0.0
     right: float = 0.0
@@ -52,7 +52,7 @@ class Width:
 
 
 def affected(instrument: "Instrument") -> Iterator[Markers]:
-    """Yield the markers that a command moves: those of the active trace, of both where they are coupled."""
+    """Yield the markers that a command moves: the active trace's, or both traces' where they are coupled."""
     active = str(instrument.state["TRAC"])
     yield instrument.markers[active]
     if instrument.state.on("MKRCOUP"):
@@ -73,14 +73,14 @@ def needed(instrument: "Instrument") -> Markers:
 
 
 def on_trace(instrument: "Instrument") -> tuple[Reals, Reals, Reals]:
-    """Return places and both values of the trace that the markers stand on (MKRO)."""
+    """Return the positions and both values of the trace that the markers are on (MKRO)."""
     memory = instrument.state.of_trace("MKRO") == "MEMO" and instrument.memory is not None
     first, second = memory_trace(instrument) if memory else data_trace(instrument)
     return instrument.sweeper.axis.values, first, second
 
 
 def values_at(instrument: "Instrument", place: float) -> tuple[float, float]:
-    """Return both values of the trace at a place: between two points where MKRMOV is CONT."""
+    """Return both values of the trace at a position, interpolated between points where MKRMOV is CONT."""
     x, first, second = on_trace(instrument)
     if instrument.state.of_trace("MKRMOV") == "DISC" or np.any(np.diff(x) <= 0):
         k = nearest(x, place)
@@ -89,12 +89,12 @@ def values_at(instrument: "Instrument", place: float) -> tuple[float, float]:
 
 
 def nearest(x: Reals, place: float) -> int:
-    """Return the number of the point nearest to a place, from 0."""
+    """Return the number of the point nearest to a position, from 0."""
     return int(np.argmin(np.abs(x - place)))
 
 
 def readout(instrument: "Instrument", place: float) -> tuple[float, float, float]:
-    """Return value, second value and place, relative to the delta marker where one is on."""
+    """Return value, second value and position, relative to the delta marker where one is on."""
     markers = active(instrument)
     first, second = values_at(instrument, place)
     if markers.delta == "OFF":
@@ -104,7 +104,7 @@ def readout(instrument: "Instrument", place: float) -> tuple[float, float, float
 
 
 def move(instrument: "Instrument", place: float) -> None:
-    """Put the marker to a place within the sweep."""
+    """Move the marker to a position within the sweep."""
     x = instrument.sweeper.axis.values
     place = min(max(place, float(x.min())), float(x.max()))
     for markers in affected(instrument):
@@ -122,7 +122,7 @@ def switch_on(instrument: "Instrument") -> None:
 
 
 def search(instrument: "Instrument", kind: str) -> bool:
-    """Put the marker to what SEAM asks for; return whether it was found. Nothing found is no error but an event."""
+    """Move the marker to what SEAM searches for; return whether it was found. Finding nothing is an event, no error."""
     switch_on(instrument)
     place = _found(instrument, kind)
     if place is None:
@@ -153,7 +153,7 @@ def _found(instrument: "Instrument", kind: str) -> float | None:
 
 
 def target_places(instrument: "Instrument") -> Reals:
-    """Return where the trace has the target value, from left to right; it counts from the delta marker."""
+    """Return where the trace has the target value (relative to the delta marker), from left to right."""
     markers, target = active(instrument), float(instrument.state.of_trace("SEATARG"))
     if markers.delta != "OFF":
         target += markers.fixed[0] if markers.delta == "FIX" else values_at(instrument, markers.delta_place)[0]
@@ -161,7 +161,7 @@ def target_places(instrument: "Instrument") -> Reals:
 
 
 def peak_places(instrument: "Instrument") -> Reals:
-    """Return where the peaks are, highest (of negative ones: deepest) first."""
+    """Return where the peaks are, highest first (negative peaks: deepest first)."""
     state = instrument.state
     x, y = _range(instrument)
     dx = instrument.peak_dx[str(state["TRAC"])]
@@ -170,7 +170,7 @@ def peak_places(instrument: "Instrument") -> Reals:
 
 
 def search_next(instrument: "Instrument", places: Reals, direction: str) -> None:
-    """Put the marker to the next of these places: the nearest on the `left` or `right`, or the `next` in order."""
+    """Move the marker to one of these positions: the nearest on the `left` or `right`, or the `next` in order."""
     here = needed(instrument).place
     if direction == "next":
         passed = np.flatnonzero(places == here)
@@ -184,7 +184,7 @@ def search_next(instrument: "Instrument", places: Reals, direction: str) -> None
 
 
 def width(instrument: "Instrument") -> Width:
-    """Return the cutoff points of the bandwidth search around the marker, and put the sub markers 1 to 3 there."""
+    """Return the cutoff points of the bandwidth search around the marker, and move the sub markers 1 to 3 there."""
     markers, state = needed(instrument), instrument.state
     value, fixed = values_at(instrument, markers.place)[0], float(state.of_trace("WIDFVAL"))
     if markers.delta != "OFF":

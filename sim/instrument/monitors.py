@@ -1,4 +1,4 @@
-"""The level monitors: what oscillator and bias are at the device while it is swept (PM p.88, 365, 376, 380, 394)."""
+"""The level monitors: oscillator level and bias at the device during a sweep (PM p.88, 365, 376, 380, 394)."""
 
 from dataclasses import dataclass, field
 
@@ -9,10 +9,10 @@ from .axis import Axis
 from .state import State
 
 SOURCE_OHM = 25.0
-"""Resistance between oscillator and device [taken: the manual does not print it]."""
+"""Resistance between oscillator and device [assumed: the manual does not give it]."""
 
 HIGH_LEVEL_V, LOW_OHM = 0.5, 48.0
-"""Above this level and below this impedance the instrument asks for less level (error 134)."""
+"""Above this level and below this impedance the instrument demands a lower level (error 134)."""
 
 
 def _nothing() -> Reals:
@@ -26,11 +26,11 @@ class Monitors:
     volts: Reals = field(default_factory=_nothing)
     amperes: Reals = field(default_factory=_nothing)
     bias: Reals = field(default_factory=_nothing)
-    """V or A, as BMON says."""
+    """V or A, as selected by BMON."""
 
 
 def monitored(state: State, axis: Axis, z: Impedances) -> Monitors:
-    """Return what the monitors that are on read during this sweep."""
+    """Return the readings of the active monitors during this sweep."""
     nothing = _nothing()
     volts = amperes = nothing
     if state.on("OMON"):
@@ -41,7 +41,7 @@ def monitored(state: State, axis: Axis, z: Impedances) -> Monitors:
 
 
 def _bias(state: State, axis: Axis) -> Reals:
-    """Return the bias at the device, which lets no direct current through."""
+    """Return the bias at the device; the device conducts no direct current."""
     if state["BMON"] == "CURR" or not state.on("DCO"):
         return np.zeros(axis.values.size)
     if state["SWPP"] == "DCB":
@@ -50,5 +50,5 @@ def _bias(state: State, axis: Axis) -> Reals:
 
 
 def needs_less_level(axis: Axis, z: Impedances, state: State) -> bool:
-    """Return whether the bridge balances only with less level (error 134, PM p.498)."""
+    """Return whether the bridge cannot balance at this level (error 134, PM p.498)."""
     return state["POWMOD"] == "VOLT" and bool(np.any((axis.level > HIGH_LEVEL_V) & (np.abs(z) < LOW_OHM)))

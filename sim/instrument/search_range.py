@@ -1,4 +1,4 @@
-"""Parts of a sweep: what markers search (PM p.98), and what waveform analysis looks at (PM p.106)."""
+"""Partial ranges of a sweep: for marker search (PM p.98) and for waveform analysis (PM p.106)."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
@@ -14,7 +14,7 @@ Indices: TypeAlias = NDArray[np.intp]
 
 @dataclass
 class SearchBorders:
-    """The borders of one trace's search, and of waveform analysis; None where none was set: the whole sweep."""
+    """The limits of one trace's search or of waveform analysis; None (not set) means the whole sweep."""
 
     search: dict[str, float | None] = field(default_factory=lambda: {"SEARMIN": None, "SEARMAX": None})
     """Hz, V or A."""
@@ -26,7 +26,7 @@ class SearchBorders:
 
 
 def searched(instrument: "Instrument", trace: str) -> Indices:
-    """Return the points that a search of this trace looks at: all, those between its borders, or a segment's."""
+    """Return the points that a search of this trace covers: all, those within its limits, or a segment's."""
     borders, state = instrument.borders[trace], instrument.state
     if state["SWPT"] == "LIST" and state.of_trace("SEARNG", trace) == "SEGMENT":
         return _segment(instrument, borders.segment)
@@ -36,7 +36,7 @@ def searched(instrument: "Instrument", trace: str) -> Indices:
 
 
 def analysed(instrument: "Instrument") -> Indices:
-    """Return the points that waveform analysis of the active trace looks at."""
+    """Return the points that waveform analysis of the active trace covers."""
     borders = instrument.borders["A"]
     if instrument.state["SWPT"] == "LIST" and borders.analysis_segment is not None:
         return _segment(instrument, borders.analysis_segment)
@@ -44,10 +44,10 @@ def analysed(instrument: "Instrument") -> Indices:
 
 
 def _between(instrument: "Instrument", low: float | None, high: float | None) -> Indices:
-    """Return the points between two borders, of which None is no border."""
+    """Return the points between two limits; None means no limit."""
     values = instrument.sweeper.axis.values
     inside = (values >= (-np.inf if low is None else low)) & (values <= (np.inf if high is None else high))
-    if not inside.any():  # borders between two points: the nearest one
+    if not inside.any():  # both limits lie between two points: the nearest point
         return np.array([int(np.argmin(np.abs(values - (low if low is not None else high or 0.0))))], dtype=np.intp)
     return np.flatnonzero(inside)
 

@@ -1,4 +1,4 @@
-"""The instrument's settings: range, default and format of the answer of each, from the table of the command reference.
+"""The instrument's settings: range, default and reply format of each, from the table of the command reference.
 
 Numbers out of range are clamped silently, as in the instrument; unknown tokens are refused.
 """
@@ -17,7 +17,7 @@ Value: TypeAlias = float | int | bool | str
 
 _NUMBER = re.compile(rb"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)\s*\Z")
 _TWO_WORDS = re.compile(rb"\s*[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[A-Za-z]*\s+[A-Za-z]")
-"""A number and the next mnemonic, the `;` between them forgotten."""
+"""A number followed by the next mnemonic without the `;` between them."""
 
 _FREQUENCY = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6}  # MHZ is megahertz here, not millihertz
 _OF_TRACES: Mapping[str, float] = {"OHM": 1.0, "DEG": 1.0, "RAD": 1.0, "SIE": 1.0, "H": 1.0, "F": 1.0, "PCT": 1.0}
@@ -28,7 +28,7 @@ _SCALE: Mapping[str, Mapping[str, float]] = {
     "ANY": {**_FREQUENCY, **_OF_TRACES, "V": 1.0, "A": 1.0},
     "": {},
 }
-"""Suffixes by the unit of a setting, and the factor of each; no suffix is always allowed. `ANY`: that of a trace."""
+"""Suffixes by the unit of a setting, with their factors; a suffix is optional. `ANY`: the unit of a trace."""
 
 
 def number(argument: bytes, unit: str = "") -> float:
@@ -102,7 +102,7 @@ class Choice:
     def parse(self, argument: bytes) -> str:
         """Return the token. Raises CommandError for one that is not of the list."""
         word = argument.decode("latin-1").upper()
-        if word == "FIXED" and "FIX" in self.tokens:  # the only one that the manual prints with a long form
+        if word == "FIXED" and "FIX" in self.tokens:  # the only token for which the manual gives a long form
             word = "FIX"
         if word not in self.tokens:
             raise CommandError(-141)
@@ -139,7 +139,7 @@ class Text:
     limit: int
 
     def parse(self, argument: bytes) -> str:
-        """Return the text, cut to what the screen holds. Raises CommandError where the quotes are missing."""
+        """Return the text, truncated to the width of the screen. Raises CommandError where the quotes are missing."""
         return unquote(argument)[: self.limit]
 
     def answer(self, value: Value) -> str:
@@ -149,7 +149,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Integers:
-    """Several whole numbers, each clamped, as an address has them."""
+    """Several whole numbers, each clamped, as in an IP address."""
 
     count: int
     low: int
@@ -194,24 +194,24 @@ TABLE: Mapping[str, Setting] = {
     for row in ROWS.values()
     if row.kind in ("switch", "token", "int", "ints", "text", "real")
 }
-"""Settings whose range does not depend on the state; `state` has the others."""
+"""Settings whose range does not depend on the state; the others are in `state`."""
 
 MEASUREMENTS = ROWS["MEAS"].rest.split("|")
 """The 24 measurement parameters of `MEAS`."""
 
 PER_TRACE = frozenset(name for name in TABLE if ROWS[name].scope == "trace")
-"""Settings that each trace has of its own; commands set those of the active trace."""
+"""Settings that each trace has separately; commands set those of the active trace."""
 
 PER_ITEM = frozenset(name for name in TABLE if ROWS[name].scope == "item")
-"""Settings of a colour; commands set those of the item that COLO chose."""
+"""Settings of a colour; commands set those of the item selected by COLO."""
 
 SCREEN_ITEMS = ROWS["COLO"].rest.split("|")
 
 KEPT = frozenset(name for name in TABLE if ROWS[name].scope == "kept")
-"""Settings that a preset leaves alone."""
+"""Settings that a preset does not change."""
 
 RESTARTS_SWEEP = frozenset(
     {"SWPP", "SWPT", "SWED", "POIN", "CWFREQ", "SDELT", "PDELT", "POWMOD", "DCMOD", "DCV", "DCI", "BWFACT", "PAVER"}
     | {"PAVERFACT", "AVER", "AVERFACT", "TRGS", "TRGEVE", "MANS", "E4TP", "STAR", "STOP", "CENT", "SPAN", "POWE"}
 )
-"""A running sweep begins anew when one of these is changed."""
+"""A running sweep restarts when one of these settings changes."""

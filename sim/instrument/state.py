@@ -29,21 +29,21 @@ class State:
     edges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     """START and STOP by what is swept (Hz, V, A)."""
     types: dict[str, str] = field(default_factory=dict[str, str])
-    """SWPT of the sweep parameters that are not swept now."""
+    """SWPT of the sweep parameters that are not swept at present."""
     levels: dict[str, float] = field(default_factory=dict[str, float])
     """Oscillator level by POWMOD (V, A)."""
     radios: dict[str, bool] = field(default_factory=dict[str, bool])
     """Which of a group of exclusive commands was given last."""
     form: int = 4
     table: ListTable = field(default_factory=ListTable)
-    """Of the list sweep."""
+    """The table of the list sweep."""
 
     def __post_init__(self) -> None:
         self.radios = {name: row.initial == "1" for name, row in ROWS.items() if row.kind == "radio"}
         self.reset()
 
     def reset(self) -> None:
-        """Set every setting to its default, but those that a preset keeps."""
+        """Set every setting to its default, except those that a preset keeps."""
         self.values = _initial() | {name: self.values[name] for name in KEPT}
         self.edges = {p: (limits("STAR", p, "LIN").default, limits("STOP", p, "LIN").default) for p in PARAMETERS}
         self.types = {}
@@ -82,7 +82,7 @@ class State:
         return mnemonic in TABLE or mnemonic in EDGES or mnemonic == "POWE"
 
     def set(self, mnemonic: str, argument: bytes) -> None:
-        """Set one setting; numbers are clamped. Raises CommandError for what cannot be read or is not possible."""
+        """Set one setting; numbers are clamped. Raises CommandError for an unreadable or impossible value."""
         if self.table.edits(mnemonic):
             self.table.set(mnemonic, argument, self.swept)
         elif mnemonic in EDGES:
@@ -136,7 +136,7 @@ class State:
         return limits(edge, self.swept, str(self["SWPT"]))
 
     def _keep_in_limits(self) -> None:
-        """Clamp START and STOP to what the sweep parameter and type allow."""
+        """Clamp START and STOP to the range of the sweep parameter and type."""
         parameter, kind = self.swept, str(self["SWPT"])
         start, stop = (
             min(max(value, kind_of.low), kind_of.high)

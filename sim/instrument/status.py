@@ -74,7 +74,7 @@ class Status:
             self.requested = True
 
     def answer_waits(self) -> None:
-        """Say that an answer went into an empty output queue: service is requested where bit 4 is enabled."""
+        """Note that an answer entered an empty output queue: service is requested where bit 4 is enabled."""
         if self.request_enable & MESSAGE_AVAILABLE:
             self.requested = True
 
@@ -102,7 +102,7 @@ class Status:
         return value
 
     def clear(self) -> None:
-        """`*CLS`: error queue, event registers and service request; enables stay."""
+        """`*CLS`: clear error queue, event registers and service request; the enable registers stay."""
         self.errors.clear()
         self.standard = self.instrument = 0
         self.requested = False

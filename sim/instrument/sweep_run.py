@@ -28,21 +28,21 @@ FOREVER = -1
 
 @dataclass(eq=False)
 class Running:
-    """A sweep that is under way, or waits for its trigger."""
+    """A sweep that is running or waits for its trigger."""
 
     axis: Axis
     points_s: Reals
     """Unscaled seconds of each point, shape (N,)."""
     began: float | None
-    """Clock when the trigger came; None while it has not."""
+    """Clock time of the trigger; None before it."""
     seconds: float
     """Scaled seconds from trigger to end."""
     left: int
-    """Sweeps to do, this one included; FOREVER in CONT."""
+    """Remaining sweeps, including this one; FOREVER in CONT."""
     done: Callable[[Axis, Impedances], None] | None = None
     """Receives a finished correction standard; None for an ordinary sweep."""
     then_continue: bool = False
-    """Whether CONT goes on afterwards: a standard was measured in between."""
+    """Whether CONT resumes afterwards, because a standard was measured in between."""
     at: Indices | None = None
     """Points of the axis that a manual sweep measures; None for all."""
     triggered: int = 0
@@ -70,13 +70,13 @@ class Sweeper:
         self.averaged = 0
         """Sweeps in the average so far."""
         self.monitors = Monitors()
-        """Of the last finished sweep."""
+        """Readings of the last finished sweep."""
         self.written: dict[str, Reals] = {}
         """Data traces that a computer wrote (INPUDTRC), pairs by trace, until the next sweep."""
         self.manual_point, self.manual_range = 1, (0, 0)
         """MANP and MANR."""
         self.finished = False
-        """Whether a sweep has ended since somebody looked."""
+        """Whether a sweep has ended since this was last read."""
 
     @property
     def continuous(self) -> bool:
@@ -123,17 +123,17 @@ class Sweeper:
         return np.arange(first - 1, last, dtype=np.intp)
 
     def restart(self) -> None:
-        """Begin the running sweep anew, because a setting has changed."""
+        """Restart the running sweep, because a setting has changed."""
         self.averaged = 0
         if self.running is not None and self.running.done is None:
             self.start(self.running.left)
 
     def hold(self) -> None:
-        """Stop sweeping; the data stays what it was."""
+        """Stop sweeping; the data stay unchanged."""
         self.running = None
 
     def trigger(self) -> bool:
-        """Begin the sweep that waits for its trigger; return whether one did."""
+        """Trigger the waiting sweep; return whether one was waiting."""
         if self.running is None or self.running.began is not None:
             return False
         if self.state["TRGEVE"] == "POIN":
@@ -163,7 +163,7 @@ class Sweeper:
         return min(1.0, (self.clock() - self.running.began) / max(self.running.seconds, 1e-12))
 
     def advance(self) -> None:
-        """Finish every sweep whose time is over; in CONT only the newest, because no client saw the others."""
+        """Finish every sweep whose time is over; in CONT compute only the newest, because no client saw the others."""
         now = self.clock()
         while (running := self.running) is not None and running.began is not None:
             if now < running.began + running.seconds:
@@ -208,7 +208,7 @@ class Sweeper:
             self.status.error(CommandError(134))
 
     def _among_the_others(self, at: Indices, new: Impedances) -> Impedances:
-        """Return the data array with these points of a manual sweep in it."""
+        """Return the data array updated with these points of a manual sweep."""
         size = self.state.axis().values.size
         data = self.data.copy() if self.data.size == size else np.zeros(size, dtype=np.complex128)
         data[at] = new

@@ -1,4 +1,4 @@
-"""What the two traces hold: data and memory, in the measurement parameters of MEAS, with the arithmetic of DISP."""
+"""Contents of the two traces: data and memory, in the measurement parameters of MEAS, with the arithmetic of DISP."""
 
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ PHASES = ("theta_z", "theta_y")
 
 
 def quantity(instrument: "Instrument", which: str | None = None) -> str:
-    """Return what a trace shows: a name of `traces.QUANTITIES`, or `complex` (MEAS COMP)."""
+    """Return the quantity of a trace: a name of `traces.QUANTITIES`, or `complex` (MEAS COMP)."""
     state = instrument.state
     measurement = str(state["MEAS"])
     if measurement == "COMP":
@@ -39,7 +39,7 @@ def data_trace(instrument: "Instrument", which: str | None = None) -> tuple[Real
 
 
 def _with_memory(instrument: "Instrument", which: str, first: Reals, second: Reals) -> tuple[Reals, Reals]:
-    """Return the data after the arithmetic that DISP asks for (PM p.301)."""
+    """Return the data after the arithmetic selected by DISP (PM p.301)."""
     shown = instrument.display[which]
     if shown not in ("DMNM", "DELP", "DDVM") or instrument.memory is None:
         return first, second

@@ -1,4 +1,4 @@
-"""What is found on a trace: extremes, marker peaks, targets, the width of a resonance, ripples (PM p.96-109)."""
+"""Searches on a trace: extremes, marker peaks, targets, the width of a resonance, ripples (PM p.96-109)."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from .search_range import Indices
 
 
 def marker_peaks(x: Reals, y: Reals, dx: float, dy: float, negative: bool) -> Indices:
-    """Return the points that rise from both neighbours by at least the slope dy/dx (PM fig. 7-1), highest first."""
+    """Return the points that rise from both neighbours with at least the slope dy/dx (PM fig. 7-1), highest first."""
     shown = -y if negative else y
     steepness = dy / dx if dx else np.inf
     rise = np.diff(shown)
@@ -19,7 +19,7 @@ def marker_peaks(x: Reals, y: Reals, dx: float, dy: float, negative: bool) -> In
 
 
 def crossings(x: Reals, y: Reals, target: float) -> Reals:
-    """Return where the trace passes the target, in order, each between its two points."""
+    """Return where the trace crosses the target, in order, interpolated between points."""
     off = y - target
     k = np.flatnonzero(off[:-1] * off[1:] < 0)
     between = x[k] + (x[k + 1] - x[k]) * off[k] / (off[k] - off[k + 1])
@@ -34,7 +34,7 @@ def sides(x: Reals, y: Reals, at: float, target: float) -> Iterator[tuple[float,
 
 def analysis_peaks(y: Reals, height: float, ratio: bool, negative: bool) -> Indices:
     """Return the peaks that stand out by `height` (or by this ratio) on both sides, from left to right."""
-    from scipy.signal import find_peaks  # slow to load, and rarely asked for
+    from scipy.signal import find_peaks  # imported late: slow to load and rarely needed
 
     shown = np.log(np.maximum(np.abs(y), 1e-300)) if ratio else y
     least = np.log(max(height, 1.0)) if ratio else height
@@ -43,7 +43,7 @@ def analysis_peaks(y: Reals, height: float, ratio: bool, negative: bool) -> Indi
 
 
 def ripples(y: Reals, peaks: Indices, dips: Indices) -> tuple[float, float]:
-    """Return the largest drop from a peak to the dip left of it, and to the dip right of it; 0 where there is none."""
+    """Return the largest drops from a peak to the dips left and right of it; 0 where there is no dip."""
     left = [float(y[p] - y[dips[dips < p][-1]]) for p in peaks if np.any(dips < p)]
     right = [float(y[p] - y[dips[dips > p][0]]) for p in peaks if np.any(dips > p)]
     return max(left, default=0.0), max(right, default=0.0)

@@ -17,7 +17,7 @@ HUGE = 9.9e37
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Impedance at frequencies, and what follows from it. Every array has the shape (N,)."""
+    """Impedance at frequencies, and the quantities derived from it. Every array has the shape (N,)."""
 
     w: Reals
     """Angular frequency, rad/s."""
@@ -52,7 +52,7 @@ TRACES: Mapping[str, tuple[str, str]] = {
     "IMCS": ("|Z|", "Cs"), "IMLP": ("|Z|", "Lp"), "IMCP": ("|Z|", "Cp"), "IMRS": ("|Z|", "R"), "IMQ": ("|Z|", "Q"),
     "IMD": ("|Z|", "D"), "LPR": ("Lp", "Rp"), "CPR": ("Cp", "Rp"),
 }  # fmt: skip
-"""Quantity of trace A and of trace B; COMP is not here, as its traces are complex."""
+"""Quantities of trace A and trace B; COMP is not listed, because its traces are complex."""
 
 
 def trace(frequency: Frequencies, z: Impedances, measurement: str, which: str) -> tuple[Reals, Reals]:

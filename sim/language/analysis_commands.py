@@ -1,4 +1,4 @@
-"""Waveform analysis: extremes, peaks, crossings, ripples, resonators, over a range of its own (PM p.106-109)."""
+"""Waveform analysis over its own range: extremes, peaks, crossings, ripples, resonators (PM p.106-109)."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -17,12 +17,12 @@ from .formats import encode, printed
 from .messages import CommandError, Unit
 
 NONE = float(np.finfo(np.float32).max)
-"""What LMAXS? and LMINS? answer where there is no such peak (PM p.343)."""
+"""Reply to LMAXS? and LMINS? where there is no such peak (PM p.343)."""
 HIGHEST = 9.9e37
 
 
 def _trace(instrument: Instrument) -> tuple[Reals, Reals]:
-    """Return places and values that are analysed: of data or memory; of a complex trace the magnitude."""
+    """Return positions and values to analyse, from data or memory; of a complex trace the magnitude."""
     within = analysed(instrument)
     memory = instrument.state.radios["ANAOMEMO"]
     first, second = memory_trace(instrument) if memory else data_trace(instrument)
@@ -53,7 +53,7 @@ def _extreme(*kinds: str) -> Ask:
 
 
 def _first_peak(negative: bool) -> Ask:
-    """PEAK?, NPEAK?: the highest (deepest) peak, the leftmost of equals; the others are left for the next ones."""
+    """PEAK?, NPEAK?: the highest (deepest) peak, the leftmost of equals; NEXPK? and NEXNPK? return the others."""
 
     def ask(instrument: Instrument, _: Unit) -> bytes:
         y = _trace(instrument)[1]
@@ -121,11 +121,11 @@ def _peak_to_peak(positions: bool) -> Ask:
     return ask
 
 
-# resonators: frequency sweeps of |Z| and phase alone -----------------------------------------------------------------
+# resonators: only for frequency sweeps of |Z| and phase ---------------------------------------------------------------
 
 
 def _is_resonator(instrument: Instrument) -> bool:
-    """Return whether the sweep can be analysed as one; else its error is in the queue and zeros are answered."""
+    """Return whether the sweep can be analysed as a resonator; if not, queue the error and answer zeros."""
     state = instrument.state
     wrong = 131 if state["SWPP"] != "FREQ" else 105 if state["MEAS"] != "IMPH" else 0
     if wrong:
@@ -153,7 +153,7 @@ def _resonance(instrument: Instrument, _: Unit) -> bytes:
 
 
 def _with_ripples(instrument: Instrument, found: tuple[float, float, float, float]) -> bytes:
-    """Answer with the ripples left of the resonance, between both, and right of the antiresonance as well."""
+    """Also answer the ripples left of the resonance, between both, and right of the antiresonance."""
     x, size, _ = _of_resonator(instrument)
     edges = [float(x[0]), found[1] or float(x[-1]), found[3] or float(x[-1]), float(x[-1])]
     parts = [size[(x > a) & (x < b)] for a, b in pairwise(edges)]

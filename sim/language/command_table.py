@@ -2,10 +2,10 @@
 
 `commands.csv` has one line for each. `value` says what a setting takes: `switch`, `token A|B`, `int low high`,
 `real low high unit step`, `ints count low high`, `text length`, `radio A|B` (setting one clears the other); `action` is
-a command without effect on measured data, `reads 0` a query that always answers this. Where `scope` is `code`, or the
-dictionaries of commands name the mnemonic, it has code of its own. Otherwise `scope` says what a setting belongs to:
-`trace` (each trace has one), `item` (each colour has one), `kept` (a preset leaves it alone). `needs` are conditions,
-by their names in `conditions`.
+a command without effect on measured data, `reads 0` a query that always answers this.
+A mnemonic has its own code where `scope` is `code` or a dictionary of commands names it. Otherwise `scope` says what a
+setting belongs to: `trace` (each trace has one), `item` (each colour has one), `kept` (a preset does not change it).
+`needs` names conditions of `conditions`.
 """
 
 import csv
@@ -20,13 +20,13 @@ class Row:
 
     mnemonic: str
     query: str
-    """`none`: command alone; `only`: query alone; `also`: both."""
+    """`none`: command only; `only`: query only; `also`: both."""
     value: str
     initial: str
     scope: str
     needs: tuple[str, ...]
     page: int
-    """Of the programming manual 04294-90061, eighth edition."""
+    """Page of the programming manual 04294-90061, eighth edition."""
 
     @property
     def kind(self) -> str:

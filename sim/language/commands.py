@@ -1,6 +1,6 @@
-"""The command table: reset, status, sweep, bias and list sweep here, the rest from the modules of its own subject.
+"""The command table: reset, status, sweep, bias and list sweep are defined here, the others in modules by subject.
 
-Plain settings are not here: `settings.TABLE` has them.
+Plain settings are in `settings.TABLE`.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from .screen_commands import SCREEN_COMMANDS, SCREEN_QUERIES
 
 RANGE_AMPERE = {"M1": 1e-3, "M10": 10e-3, "M100": 100e-3}
 BIAS_OHM = 2e3
-"""Resistance that the bias charges the device through: what a bias voltage asks of the range [our assumption]."""
+"""Resistance through which the bias charges the device; it sets the range that a bias voltage needs [assumption]."""
 
 
 def _trigger(instrument: Instrument, _: Unit) -> None:
@@ -64,7 +64,7 @@ def _clear(instrument: Instrument, _: Unit) -> None:
 
 
 def _bias(instrument: Instrument, unit: Unit) -> None:
-    """DCO ON is refused with 137 where the bias asks more current than the range gives."""
+    """DCO ON is refused with 137 where the bias needs more current than the range supplies."""
     state = instrument.state
     if Switch(False).parse(unit.arguments[0]):
         voltage = str(state["DCMOD"]).endswith("VOLT")
@@ -98,7 +98,7 @@ def _manual_point(instrument: Instrument, unit: Unit) -> None:
 
 
 def _manual_range(instrument: Instrument, unit: Unit) -> None:
-    """MANR: 0,0 stands for the point of MANP; other numbers are brought within the sweep (PM p.346)."""
+    """MANR: 0,0 means the point of MANP; other numbers are clamped to the sweep (PM p.346)."""
     numbers = [round(number(a)) for a in unit.arguments]
     most = instrument.sweeper.axis.values.size
     inside = (0, 0) if numbers == [0, 0] else (max(min(numbers[0], most), 1), max(min(numbers[1], most), 1))
@@ -111,7 +111,7 @@ def _sweep_time(instrument: Instrument, _: Unit) -> str:
 
 
 def _set_sweep_time(instrument: Instrument, unit: Unit) -> None:
-    """SWET: more than the sweep needs is spread over its points as delay."""
+    """SWET: time beyond what the sweep needs is spread over its points as delay."""
     wished = Number(0.0, 1e4, 0.0, "S", 1e-3).parse(unit.arguments[0])
     axis = instrument.state.axis()
     spare = wished - float(point_seconds(axis).sum()) - instrument.state.real("SDELT")

@@ -1,4 +1,4 @@
-"""What must be so for a command to be carried out, by the names in the column `needs` of the command reference."""
+"""Conditions under which a command is carried out, by the names in the column `needs` of the command reference."""
 
 from collections.abc import Callable, Mapping
 
@@ -27,7 +27,7 @@ CONDITIONS: Mapping[str, tuple[int, Callable[[Instrument], bool]]] = {
     "port-c-in": (142, lambda i: i.state.radios["CIN"]),
     "port-d-in": (142, lambda i: i.state.radios["DIN"]),
 }
-"""The error where it is not so, and the test."""
+"""The error raised where the condition does not hold, and the test."""
 
 
 def _format(instrument: Instrument) -> str:
@@ -37,7 +37,7 @@ def _format(instrument: Instrument) -> str:
 def check(instrument: Instrument, mnemonic: str, argument: bytes = b"") -> None:
     """Raise CommandError where a command cannot be carried out now.
 
-    DATA needs no memory: MKRO and SCAF are then where they were.
+    DATA needs no memory: MKRO and SCAF then keep their values.
     """
     row = ROWS.get(mnemonic)
     if row is None or argument.upper() == b"DATA":

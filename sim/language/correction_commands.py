@@ -17,13 +17,13 @@ from .formats import decode, encode
 from .messages import CommandError, Unit
 
 CALIBRATED_ADAPTERS = ("APC7", "PROBE")
-"""Those whose user calibration the instrument has (PM p.274)."""
+"""Adapters for which the instrument has a user calibration (PM p.274)."""
 
 ADAPTER_STEPS: Mapping[str, frozenset[str]] = {
     **dict.fromkeys(("M1", "M2"), frozenset("PC")),
     **dict.fromkeys(CALIBRATED_ADAPTERS, frozenset("PABC")),
 }
-"""Steps of an adapter's set-up, by the last letter of their mnemonics (PM p.309)."""
+"""Steps of an adapter's set-up, by the last letter of the mnemonic (PM p.309)."""
 
 Bank: TypeAlias = Callable[[Instrument], Correction]
 
@@ -142,7 +142,7 @@ def _written(instrument: Instrument, unit: Unit) -> tuple[Frequencies, Complexes
 
 
 def _put(standard: str) -> Act:
-    """INPUCOMC1 ...: in force at once."""
+    """INPUCOMC1 ...: take effect at once."""
 
     def act(instrument: Instrument, unit: Unit) -> None:
         instrument.compensation.put(standard, *_written(instrument, unit))
@@ -151,7 +151,7 @@ def _put(standard: str) -> Act:
 
 
 def _put_calibration(standard: str) -> Act:
-    """INPUCALC1 ...: in force when the third has come."""
+    """INPUCALC1 ...: take effect when the third has arrived."""
 
     def act(instrument: Instrument, unit: Unit) -> None:
         instrument.calibrating[standard] = _written(instrument, unit)
@@ -176,7 +176,7 @@ def _is_on(standard: str) -> Ask:
 
 
 BLOCKING = frozenset(f"{kind}{s}" for kind in ("COM", "CAL", "ECAL") for s in (*STANDARDS, "P")) - {"CALP", "COMP"}
-"""Commands that measure a standard. They are not overlapped: what comes after one waits until it is measured."""
+"""Commands that measure a standard. They are not overlapped: later commands wait until the measurement is done."""
 
 CORRECTION_COMMANDS: Mapping[str, Entry] = {
     **{f"COM{s}": Entry(_measure(s)) for s in STANDARDS},

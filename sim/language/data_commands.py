@@ -1,4 +1,4 @@
-"""Arrays out of the instrument and back into it (reference 2.6)."""
+"""Commands that read and write arrays (reference 2.6)."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,11 +13,11 @@ from .formats import decode, encode, pairs, seven_digits
 from .messages import CommandError, Unit
 
 ARRAY_PARAMETERS = 1602
-"""Numbers of the longest array as ASCII parameters: 801 complex ones."""
+"""Numbers in the longest array sent as ASCII parameters: 801 complex points."""
 
 
 def as_complex(values: Reals) -> Complexes:
-    """Return numbers that came as pairs, shape (2N,), as complex ones, shape (N,)."""
+    """Return pairs of numbers, shape (2N,), as complex numbers, shape (N,)."""
     return values[0::2] + 1j * values[1::2]
 
 
@@ -27,7 +27,7 @@ def as_pairs(z: Complexes) -> Reals:
 
 
 def _point(values: Reals, width: int, unit: Unit, form: int) -> bytes:
-    """Return the numbers of point n, counted from 1. Raises CommandError for a point that is not there."""
+    """Return the numbers of point n, counted from 1. Raises CommandError where there is no such point."""
     n = round(number(unit.arguments[0]))
     if not 1 <= n <= values.size // width:
         raise CommandError(-222)
@@ -58,7 +58,7 @@ ARRAYS: Mapping[str, tuple[int, Callable[[Instrument], Reals]]] = {
     "OUTPIAC": (1, _monitored("amperes")),
     "OUTPDC": (1, _monitored("bias")),
 }
-"""Numbers at each point, and the array; with a P at its end the query asks for one point."""
+"""Numbers at each point, and the array; a query that ends in P reads one point."""
 
 
 def _whole_array(values: Callable[[Instrument], Reals]) -> Ask:
@@ -76,7 +76,7 @@ def _put_data(instrument: Instrument, unit: Unit) -> None:
 
 
 def _put_trace(instrument: Instrument, unit: Unit) -> None:
-    """INPUDTRC: the data trace of the active trace, whatever it shows; the data array stays."""
+    """INPUDTRC: write the data trace of the active trace, whatever its quantity; the data array stays."""
     count = instrument.sweeper.axis.values.size
     instrument.sweeper.written[str(instrument.state["TRAC"])] = decode(unit.arguments, instrument.state.form, 2 * count)
 

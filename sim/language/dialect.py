@@ -1,7 +1,7 @@
 """Execution of program messages.
 
-`execute` never waits. `perform` waits for `*OPC?` and `*WAI`, and for a standard to be measured, which is no overlapped
-command (PM p.262); so they hold up the client that sent them, and no other.
+`execute` never waits. `perform` waits for `*OPC?`, for `*WAI` and for the measurement of a standard, which is not an
+overlapped command (PM p.262). Only the client that sent the command waits.
 """
 
 from collections.abc import AsyncIterator, Callable
@@ -19,7 +19,7 @@ from .kept_commands import short_tree
 from .messages import CommandError, Unit, parse
 
 OF_THE_TABLE = frozenset({*LIST_EDITOR, *FIELDS, "SCOL", "MKRSTAR", "MKRSTOP", "MKRCENT", "MEAS", "OUTPERRO"})
-"""What leaves an open segment of the list-sweep table alone; MEAS is sent inside one by the manual's own example."""
+"""Commands that do not discard an open segment of the list-sweep table; the manual's example sends MEAS within one."""
 
 
 def _write(instrument: Instrument, unit: Unit) -> None:
@@ -55,12 +55,12 @@ def execute(instrument: Instrument, unit: Unit, message_available: bool = False)
     """Carry out one unit and return its answer, None for a command. Errors go to the error queue."""
     instrument.advance()
     try:
-        if unit.header == "*STB?":  # the only query whose answer depends on the client: has it an unread answer?
+        if unit.header == "*STB?":  # the only query whose answer depends on the client: whether it has an unread answer
             return str(instrument.status.byte(message_available)).encode("ascii")
         found = entry(instrument, unit)
         if not (unit.query or unit.mnemonic in OF_THE_TABLE or unit.mnemonic.startswith("*")):
             _scratch(instrument)
-        with np.errstate(all="ignore"):  # settings without sense may make numbers without sense
+        with np.errstate(all="ignore"):  # nonsensical settings may yield nonsensical numbers
             return found(instrument, unit)
     except CommandError as error:
         instrument.status.error(error)
@@ -71,7 +71,7 @@ def execute(instrument: Instrument, unit: Unit, message_available: bool = False)
 
 
 def _scratch(instrument: Instrument) -> None:
-    """Drop an open segment of the list-sweep table, and say so in the error queue; the command goes on."""
+    """Drop an open segment of the list-sweep table and queue the error; the command is still carried out."""
     try:
         instrument.state.table.scratch()
     except CommandError as error:
@@ -81,7 +81,7 @@ def _scratch(instrument: Instrument) -> None:
 async def perform(
     instrument: Instrument, message: bytes, message_available: Callable[[], bool] = lambda: False
 ) -> AsyncIterator[bytes]:
-    """Carry out a program message; yield the answers one by one, without their newline."""
+    """Carry out a program message; yield the answers one by one, without newlines."""
     try:
         for unit in parse(message):
             if unit.header in ("*OPC?", "*WAI"):

@@ -1,4 +1,4 @@
-"""The texts of the instrument's errors, spelled as its manual prints them (Appendix D, p.492-506)."""
+"""The instrument's error texts, with the spelling of its manual (Appendix D, p.492-506)."""
 
 from collections.abc import Mapping
 

@@ -18,7 +18,7 @@ TITLES = {
     "IMCP": "IMPEDANCE MAG-Cp", "IMRS": "IMPEDANCE MAG-Rs", "IMQ": "IMPEDANCE MAG-Q", "IMD": "IMPEDANCE MAG-D",
     "LPR": "Lp-Rp", "CPR": "Cp-Rp",
 }  # fmt: skip
-"""MEASURE PARAMETER line by MEAS; the two magnitude/phase texts are of real exports, the others are ours."""
+"""MEASURE PARAMETER line by MEAS; the two magnitude/phase texts come from real exports, the others are ours."""
 
 ADAPTERS = {"OFF": "NONE", "M1": "4TP 1M", "M2": "4TP 2M", "APC7": "7mm", "PROBE": "PROBE"}
 AXIS_TITLES = {"FREQ": "Frequency", "OLEV": "Osc Level", "DCB": "DC Bias"}
@@ -26,7 +26,7 @@ SWEEPS = {"LIN": "LIN FREQ", "LOG": "LOG FREQ", "LIST": "LIST FREQ"}
 
 
 def ascii_export(instrument: Instrument) -> bytes:
-    """Return what SAVDASC writes: a header of 21 lines, trace A, and trace B after 6 more."""
+    """Return the file of SAVDASC: a header of 21 lines, trace A, 6 more lines, trace B."""
     lines = [*_header(instrument)]
     for which in "AB":
         lines += _trace_block(instrument, which)
@@ -59,7 +59,7 @@ def _header(instrument: Instrument) -> list[str]:
 
 
 def _date(instrument: Instrument) -> str:
-    """Return the date, or what two real exports show where the clock's battery is dead."""
+    """Return the date; with a dead clock battery, the date that two real exports show."""
     return "    52 -100" if instrument.date_lost else instrument.date().strftime("%b %d %Y")
 
 
@@ -79,7 +79,7 @@ def _trace_block(instrument: Instrument, which: str) -> list[str]:
 
 
 def touchstone(axis: Axis, z: Impedances) -> bytes:
-    """Return what SAVDS1P writes: kHz, magnitude and angle of S11 in 50 ohm. Raises CommandError for no frequency."""
+    """Return the file of SAVDS1P: kHz, magnitude and angle of S11 in 50 ohm. Raises CommandError for another axis."""
     if np.any(np.diff(axis.frequency) <= 0):
         raise CommandError(-221)
     s11 = (z - 50) / (z + 50)
@@ -89,9 +89,9 @@ def touchstone(axis: Axis, z: Impedances) -> bytes:
 
 
 def binary_arrays(first: tuple[Reals, Reals], second: tuple[Reals, Reals]) -> bytes:
-    """Return what SAVDDAT writes: 29 bytes, trace A as big-endian doubles, 10 bytes, trace B.
+    """Return the file of SAVDDAT: 29 bytes, trace A as big-endian doubles, 10 bytes, trace B.
 
-    What the 29 and the 10 bytes mean is not known; ours count the points.
+    The meaning of the 29 and the 10 bytes is not known; ours hold the number of points.
     """
     count = first[0].size
     head = struct.pack(">I", count).ljust(29, b"\0")

@@ -1,4 +1,4 @@
-"""The commands of the file system (PM p.112-118, 406-423). A name without extension gets that of its kind."""
+"""The commands of the file system (PM p.112-118, 406-423). A name without an extension gets the one of its kind."""
 
 from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
@@ -54,7 +54,7 @@ WRITERS: Mapping[str, Callable[[Instrument], bytes]] = {
     ".DAT": _binary,
     ".STA": _saved_state,
 }
-"""What a file holds, by extension."""
+"""Kind of content by extension."""
 
 
 def _save(extension: str) -> Act:
@@ -67,7 +67,7 @@ def _save(extension: str) -> Act:
 
 
 def _save_again(instrument: Instrument, unit: Unit) -> None:
-    """RESAVD: write a file that exists anew, as the kind that its extension says."""
+    """RESAVD: overwrite an existing file with the kind of data that its extension says."""
     name = _name(unit)
     instrument.disk.content(_device(instrument), name)
     writer = WRITERS.get(PurePosixPath(name).suffix.upper()[:4])
@@ -77,7 +77,7 @@ def _save_again(instrument: Instrument, unit: Unit) -> None:
 
 
 def _recall(instrument: Instrument, unit: Unit) -> None:
-    """RECD: bring the settings of a state file back; the sweep stops. A file without its content presets (111)."""
+    """RECD: restore the settings of a state file; the sweep stops. An invalid file causes a preset and error 111."""
     name = _name(unit)
     if PurePosixPath(name).suffix.upper() not in (".STA", ".DAT"):
         raise CommandError(112)

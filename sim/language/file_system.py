@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from .messages import CommandError
 
 READ_BLOCK = 16_384
-"""Bytes that one READ? gives, and one WRITE takes, at most."""
+"""Most bytes that one READ? returns or one WRITE accepts."""
 
 STEM_LIMIT, NAME_LIMIT, DIRECTORY_LIMIT = 8, 12, 8
-"""Characters of a name without and with its extension, and of a directory's; surplus ones are dropped."""
+"""Length of a name without and with its extension, and of a directory's name; longer names are truncated."""
 
 DEVICES = ("DISK", "MEMO", "FLASH")
 
@@ -33,7 +33,7 @@ class FileSystem:
     """Device, path and the content so far."""
 
     def power_off(self) -> None:
-        """Lose what is open, and the RAM disk."""
+        """Drop open files and the RAM disk."""
         self.reading = self.writing = None
         self.devices["MEMO"] = Device()
         for device in self.devices.values():
@@ -55,7 +55,7 @@ class FileSystem:
         return self.devices[device].files[found]
 
     def size(self, device: str, name: str) -> int:
-        """Return the bytes of a file; -1 for a directory and for what is not there (PM p.245)."""
+        """Return the size of a file in bytes; -1 for a directory or a missing file (PM p.245)."""
         if name.endswith("\\"):
             return -1
         found = self._found(device, self._path(device, name))
@@ -73,7 +73,7 @@ class FileSystem:
             raise CommandError(-256)
 
     def names(self, device: str) -> list[str]:
-        """Return the names in the current directory in order, directories with a backslash at their end."""
+        """Return the names in the current directory in order; directories end with a backslash."""
         medium = self.devices[device]
         inside = [d for d in medium.directories if d and _parent(d) == medium.current]
         names = [_name(d) + "\\" for d in inside] + [_name(f) for f in medium.files if _parent(f) == medium.current]
@@ -84,14 +84,14 @@ class FileSystem:
         return self.devices[device].current or "\\"
 
     def make_directory(self, device: str, name: str) -> None:
-        """CRED. Raises CommandError for a bad name and for one that exists."""
+        """CRED: create a directory. Raises CommandError for a bad name and for one that exists."""
         path = self._path(device, name, DIRECTORY_LIMIT)
         if path in self.devices[device].directories or self._found(device, path) is not None:
             raise CommandError(-257)
         self.devices[device].directories.add(path)
 
     def change_directory(self, device: str, name: str) -> None:
-        r"""CHAD: `..` is the one above, `\` the root. Raises CommandError where there is none of this name."""
+        r"""CHAD: `..` is the parent directory, `\` the root. Raises CommandError where there is none of this name."""
         medium = self.devices[device]
         if name == "..":
             medium.current = _parent(medium.current)
@@ -104,11 +104,11 @@ class FileSystem:
             medium.current = path
 
     def format(self, device: str) -> None:
-        """INID: lose every file of the device."""
+        """INID: delete every file of the device."""
         self.devices[device] = Device()
 
     def open_to_read(self, device: str, name: str) -> None:
-        """ROPEN. Raises CommandError where there is none of this name."""
+        """ROPEN: open a file for reading. Raises CommandError where there is none of this name."""
         self.reading = (self.content(device, name), 0)
 
     def read(self) -> bytes:
@@ -120,7 +120,7 @@ class FileSystem:
         return content[at : at + READ_BLOCK]
 
     def open_to_write(self, device: str, name: str) -> None:
-        """WOPEN: a file of this name is written anew. Raises CommandError for a bad name."""
+        """WOPEN: open a file for writing, replacing an old one of this name. Raises CommandError for a bad name."""
         self.save(device, name, b"", replace=True)
         self.writing = (device, name, b"")
 
@@ -134,7 +134,7 @@ class FileSystem:
         self.writing = (device, name, so_far + data)
 
     def close(self) -> None:
-        """CLOSE: what was written is a file now. Raises CommandError where a file was not read to its end."""
+        """CLOSE: store the written file. Raises CommandError where a file was not read to its end."""
         if self.writing is not None:
             device, name, content = self.writing
             self.save(device, name, content, replace=True)
@@ -144,7 +144,7 @@ class FileSystem:
             raise CommandError(-250)
 
     def _path(self, device: str, name: str, limit: int = NAME_LIMIT) -> str:
-        """Return the path of a name, which a directory may stand before. Raises CommandError for a bad name."""
+        """Return the path of a name, which may include a directory. Raises CommandError for a bad name."""
         above, _, last = name.rpartition("\\")
         named = "\\" + above.strip("\\") if above else ""
         parent = named if "\\" in name else self.devices[device].current
@@ -155,7 +155,7 @@ class FileSystem:
         return f"{parent}\\{cut}"
 
     def _found(self, device: str, path: str) -> str | None:
-        """Return the path of a file as it is kept: names differ by more than upper and lower case."""
+        """Return the path of a file as it is stored: names are not case-sensitive."""
         return next((kept for kept in self.devices[device].files if kept.upper() == path.upper()), None)
 
 

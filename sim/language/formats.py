@@ -1,4 +1,4 @@
-"""How arrays leave and enter the instrument: FORM2 to FORM5 (PM p.78-80)."""
+"""Transfer formats of arrays: FORM2 to FORM5 (PM p.78-80)."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ DTYPES = {2: ">f4", 3: ">f8", 5: "<f4"}
 
 
 def printed(value: float) -> str:
-    """Return a number as the instrument prints it: 14 decimals and an exponent of three digits (PM p.175)."""
+    """Return a number in the instrument's format: 14 decimals and an exponent of three digits (PM p.175)."""
     mantissa, _, exponent = f"{value:+.14E}".partition("E")
     return f"{mantissa}E{exponent[0]}{int(exponent[1:]):03d}"
 
@@ -62,7 +62,7 @@ def _floats(arguments: Iterable[bytes]) -> Reals:
 
 
 def seven_digits(values: Reals) -> Reals:
-    """Return the values as the instrument keeps them: seven significant digits."""
+    """Return the values as the instrument stores them: with seven significant digits."""
     with np.errstate(divide="ignore", invalid="ignore"):
         exponent = np.where(values == 0, 0.0, np.floor(np.log10(np.abs(values))))
     scale = 10.0 ** (6 - exponent)

@@ -1,4 +1,4 @@
-"""Commands that keep a value, or do nothing that shows in measured data; the command reference says which."""
+"""Commands that only store a value or do not affect measured data; the command reference says which."""
 
 from collections.abc import Mapping
 
@@ -66,7 +66,7 @@ def _switch_extension(instrument: Instrument, unit: Unit) -> None:
 
 
 def _program(names: str) -> Act:
-    """Commands of the built-in BASIC: there is none here, so that a program is only kept."""
+    """Commands of the built-in BASIC: the simulator has none and only stores the program."""
 
     def act(instrument: Instrument, unit: Unit) -> None:
         instrument.program[names] = b",".join(unit.arguments)

@@ -1,7 +1,7 @@
-"""Program messages: bytes from the wire into messages, messages into units (PM p.29, p.256).
+"""Splits bytes into program messages, and messages into units (PM p.29, p.256).
 
 A message ends with a newline, units are separated by `;`, a mnemonic is separated from its parameters by a space and
-parameters by commas. Strings stand in double or single quotes; a block is `#`, one digit, that many digits of
+parameters by commas. Strings are in double or single quotes; a block is `#`, one digit, that many digits of
 byte count, and the bytes.
 """
 
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from .error_texts import TEXTS
 
 MESSAGE_LIMIT = 1 << 20
-"""Bytes a message may have; the longest honest one (801 complex doubles as ASCII) has some 40 000."""
+"""Most bytes of a message; the longest legitimate one (801 complex doubles as ASCII) has about 40 000."""
 
 BLANK = b" \t\r\n\0"
 
 
 class CommandError(Exception):
-    """What the instrument puts into its error queue: a number, and the text that it has for it."""
+    """An error for the instrument's error queue: a number and its text."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f'{number},"{TEXTS[number]}"')
@@ -33,7 +33,7 @@ class Unit:
     """Upper case, without the question mark."""
     query: bool
     arguments: tuple[bytes, ...] = ()
-    """As they were written, strings with their quotes, blocks with their header."""
+    """As sent: strings with their quotes, blocks with their header."""
 
     @property
     def header(self) -> str:
@@ -42,7 +42,7 @@ class Unit:
 
 
 class Framer:
-    """Cuts a stream of bytes into program messages; a newline within a block ends nothing."""
+    """Cuts a stream of bytes into program messages; a newline within a block does not end a message."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
@@ -50,7 +50,7 @@ class Framer:
     def feed(self, data: bytes) -> Iterator[bytes]:
         """Yield each complete message, without its end.
 
-        Raises CommandError where a message passes MESSAGE_LIMIT; what had come of it is dropped.
+        Raises CommandError where a message exceeds MESSAGE_LIMIT; its bytes so far are dropped.
         """
         self._pending += data
         while (end := _end_of_message(self._pending)) is not None:
@@ -63,7 +63,7 @@ class Framer:
 
 
 def _end_of_message(data: bytearray) -> int | None:
-    """Return the place of the newline that ends the first message, None while it has not come."""
+    """Return the position of the newline that ends the first message, None if it has not arrived yet."""
     at = 0
     while True:
         newline = data.find(b"\n", at)
@@ -84,7 +84,7 @@ def _parameter_starts(data: bytes | bytearray, at: int) -> bool:
 
 
 def _block_length(data: bytes | bytearray, at: int) -> int | None:
-    """Return how many bytes the block that starts at `at` has with its header, None where it is no block."""
+    """Return the size of the block at `at` including its header, None if it is not a block."""
     digits = data[at + 1 : at + 2]
     if not digits.isdigit() or digits == b"0":
         return None
@@ -112,7 +112,7 @@ def _unit(text: bytes) -> Unit:
 
 
 def _trimmed(argument: bytes) -> bytes:
-    """Return a parameter without the blanks around it; a block's own bytes are kept whatever they are."""
+    """Return a parameter without surrounding blanks; the bytes of a block are kept unchanged."""
     argument = argument.lstrip(BLANK)
     length = _block_length(argument, 0) if argument[:1] == b"#" else None
     if length is not None and not argument[length:].strip(BLANK):
@@ -121,14 +121,14 @@ def _trimmed(argument: bytes) -> bytes:
 
 
 MNEMONIC_LIMIT = 12
-"""Characters of a mnemonic; those of a tree (`:PROG:DEF`) have as many at each level."""
+"""Longest mnemonic in characters; in a tree (`:PROG:DEF`) this holds for each level."""
 
 _STARRED = re.compile(rb"\*[A-Za-z]{3}[0-9]+")
 _MNEMONIC = re.compile(rb"\*?[A-Za-z][A-Za-z0-9_]*|:?[A-Za-z0-9]+(:[A-Za-z0-9]+)*")
 
 
 def _check_mnemonic(word: bytes) -> None:
-    """Raise CommandError where this can be no mnemonic (examples of Appendix D: `*SRE4`, `MEAS&IRIM`)."""
+    """Raise CommandError where this cannot be a mnemonic (examples of Appendix D: `*SRE4`, `MEAS&IRIM`)."""
     if _STARRED.fullmatch(word):
         raise CommandError(-111)
     if _MNEMONIC.fullmatch(word) is None:
@@ -167,7 +167,7 @@ def unquote(argument: bytes) -> str:
 
 
 def block_bytes(argument: bytes) -> bytes:
-    """Return the bytes of a block parameter. Raises CommandError where it is none, or not whole."""
+    """Return the bytes of a block parameter. Raises CommandError where it is not a block or is incomplete."""
     length = _block_length(argument, 0) if argument[:1] == b"#" else None
     if length is None or length != len(argument):
         raise CommandError(-161)

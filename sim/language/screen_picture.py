@@ -1,4 +1,4 @@
-"""The screen as a TIFF: both traces over the sweep, in the instrument's 640 x 480 dots."""
+"""The screen as a TIFF: both traces over the sweep, in the instrument's 640 x 480 pixels."""
 
 import struct
 
@@ -43,13 +43,13 @@ def _curve(dots: NDArray[np.uint8], values: Reals, colour: int) -> None:
 
 
 def _tiff(dots: NDArray[np.uint8]) -> bytes:
-    """Return a baseline palette TIFF (TIFF 6.0, section 5) in one strip, big-endian as the instrument is."""
+    """Return a baseline palette TIFF (TIFF 6.0, section 5) in one strip, big-endian like the instrument."""
     palette = np.zeros((256, 3), dtype=np.uint16)
     palette[: len(COLOURS)] = np.array(COLOURS) * 257
     entries = [
         (256, 4, 1, WIDTH),
         (257, 4, 1, HEIGHT),
-        (258, 3, 1, 8 << 16),  # bits per dot; short values stand left in their field
+        (258, 3, 1, 8 << 16),  # bits per pixel; short values are left-aligned in their field
         (259, 3, 1, 1 << 16),  # no compression
         (262, 3, 1, 3 << 16),  # palette
         (273, 4, 1, 0),  # strip offset, filled in below

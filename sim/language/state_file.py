@@ -1,4 +1,4 @@
-"""State files: the settings written as the commands that bring them back, one a line. The bias is not among them."""
+"""State files: the settings written as the commands that restore them, one per line, without the bias."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from ..instrument.state import State
 from .messages import CommandError, parse
 
 _ORDERED = ("SWPP", "SWPT", "TRAC", "POWMOD", "DCO")
-"""Settings that others hang on; DCO is left out, so that no file ever switches a bias on."""
+"""Settings that others depend on, first; DCO is left out, so that no file ever switches a bias on."""
 
 
 def snapshot(state: State) -> bytes:
@@ -44,7 +44,7 @@ def _lines(state: State) -> Iterator[str]:
 
 
 def recall(state: State, content: bytes) -> None:
-    """Bring a state file's settings back, all others to their defaults. Raises CommandError for any other file."""
+    """Restore a state file's settings and set all others to their defaults. Raises CommandError for any other file."""
     trial = State()
     for line in content.splitlines():
         for unit in parse(line):

@@ -1,7 +1,7 @@
 """Faults on demand between instrument and computer, at a chosen exchange.
 
-An exchange is one program message that reaches the instrument. A fault is armed with `at`: 1 is the next exchange.
-A fault of an answer strikes the first suitable answer from that exchange on.
+An exchange is one program message that reaches the instrument. A fault is armed for exchange number `at`; 1 is the
+next one. A fault of an answer strikes the first suitable answer from that exchange on.
 """
 
 import asyncio
@@ -89,7 +89,7 @@ class Faults:
         self._awake.set()
 
     def next_exchange(self) -> list[Fault]:
-        """Count a message and take the faults that strike it."""
+        """Count a message, and remove and return the faults that strike it."""
         self.exchanges += 1
         due = [f for f in self.armed if f.kind in AT_MESSAGE and f.at <= self.exchanges]
         for fault in due:
@@ -115,7 +115,7 @@ class Faults:
         return answer, cut
 
     def hang(self, seconds: float) -> None:
-        """Stop every answer for this time."""
+        """Hold back every answer for this time."""
         self._awake.clear()
         if self._end_of_hang is not None:
             self._end_of_hang.cancel()

@@ -1,9 +1,9 @@
-"""The instrument's FTP server: for anybody, with files that are generated when they are fetched (PM p.167).
+"""The instrument's FTP server: without login, with files that are generated when they are fetched (PM p.167).
 
-`/data` holds what is made when it is fetched: the screen, the state, the data traces; `/int`, `/ram` and `/nvram` what
-was saved on the floppy, the RAM disk and the flash disk (PM p.167-171). Nothing can be written here.
+`/data` has the files generated on request: the screen, the state, the data traces. `/int`, `/ram` and `/nvram` have
+the files saved on the floppy, the RAM disk and the flash disk (PM p.167-171). Clients cannot write.
 
-The protocol is aioftp's, an asyncio server as this simulator is.
+The server is aioftp, which runs on asyncio as the simulator does.
 """
 
 import io
@@ -17,10 +17,10 @@ from ..language.messages import CommandError
 from .listener import SimError
 
 FOLDERS = {"int": "DISK", "ram": "MEMO", "nvram": "FLASH"}
-"""Storage devices by the folder that a client sees."""
+"""Storage devices by folder name."""
 
 GENERATED = {"state.sta": ".STA", "screen.tif": ".TIF", "data_dt.dat": ".DAT", "data_dt.txt": ".TXT"}
-"""What is made when it is fetched from `/data`; a real instrument has calibration, data and memory arrays as well."""
+"""Files generated on request in `/data`; a real instrument also has calibration, data and memory arrays."""
 
 Content = Callable[[], bytes]
 
@@ -52,7 +52,7 @@ class FtpServer:
             raise SimError("simulator: the FTP server needs aioftp: pip install aioftp") from None
 
         class Files(MemoryPathIO):
-            """The files of the instrument; aioftp gets every file by its node."""
+            """The files of the instrument; aioftp addresses every file by its node."""
 
             def get_node(self, path: PurePath) -> Node | None:
                 instrument.advance()
@@ -89,5 +89,5 @@ def _node(files: Mapping[str, Mapping[str, Content]], parts: tuple[str, ...], ma
         return None
     try:
         return make("file", name, content=io.BytesIO(folder[name]()))
-    except CommandError:  # as at the front panel: these data cannot be saved in this format
+    except CommandError:  # as at the front panel: these data cannot be saved in this format, so there is no file
         return None

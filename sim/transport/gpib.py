@@ -12,14 +12,14 @@ ADDRESS = 17
 """The factory's GPIB address."""
 
 INPUT_LIMIT = 64
-"""Messages that may wait behind a blocking one; a real bus would hold up the controller instead."""
+"""Most messages queued behind a blocking one; a real bus would make the controller wait instead."""
 
 GONE_SECONDS = 0.05
 """Interval at which a read checks whether its controller is gone."""
 
 
 class GpibDevice:
-    """What a controller can do with the instrument over the bus. One event loop at a time."""
+    """The instrument as a controller on the bus sees it. One event loop at a time."""
 
     def __init__(self, exchange: Exchange) -> None:
         self._exchange = exchange
@@ -30,11 +30,11 @@ class GpibDevice:
         self._worker = asyncio.get_running_loop().create_task(self._work())
 
     def available(self) -> bool:
-        """Return whether an answer waits to be read (MAV)."""
+        """Return whether an answer is waiting to be read (MAV)."""
         return bool(self._output)
 
     async def write(self, message: bytes) -> None:
-        """Take a program message. An answer that nobody read is lost: query interrupted."""
+        """Accept a program message. An unread answer is lost: query interrupted."""
         if self._output:
             self._output.clear()
             self._exchange.instrument.status.error(CommandError(-410))
@@ -42,9 +42,9 @@ class GpibDevice:
         await self._input.put(message)
 
     async def read(self, seconds: float, gone: Callable[[], bool]) -> bytes:
-        """Return the next answer with its newline; empty after this time, or if its controller is `gone`.
+        """Return the next answer with its newline; empty after the timeout, or if its controller is `gone`.
 
-        A read without a query is an error of the controller: query unterminated.
+        A read without a query queues an error: query unterminated.
         """
         if not self._output and not self._busy:
             self._exchange.instrument.status.error(CommandError(-420))
@@ -57,7 +57,7 @@ class GpibDevice:
         return self._output.popleft() if self._output and not gone() else b""
 
     def serial_poll(self) -> int:
-        """Return the status byte with RQS, and take the service request."""
+        """Return the status byte with RQS, and clear the service request."""
         self._exchange.instrument.advance()
         return self._exchange.instrument.status.serial_poll(self.available())
 
@@ -67,7 +67,7 @@ class GpibDevice:
         return self._exchange.instrument.status.requested
 
     def clear(self) -> None:
-        """Device clear: drop both queues and end the command that blocks. Sweeps go on."""
+        """Device clear: drop both queues and end the blocking command. Sweeps continue."""
         self._worker.cancel()
         self._output.clear()
         self._input, self._busy = asyncio.Queue(INPUT_LIMIT), False
@@ -79,7 +79,7 @@ class GpibDevice:
         await asyncio.gather(self._worker, return_exceptions=True)
 
     async def _work(self) -> None:
-        """Carry out the messages in order, each after the one before."""
+        """Carry out the messages one after another."""
         while True:
             message = await self._input.get()
             with contextlib.suppress(ConnectionDropped):  # a bus has no connection that a fault could drop

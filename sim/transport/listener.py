@@ -1,6 +1,6 @@
 """A listening socket and its clients; stopping it closes all of them.
 
-`asyncio.start_server` loses a connection that comes while it closes (its socket is never closed); this one does not.
+`asyncio.start_server` leaks a connection that arrives while it closes (its socket is never closed); this one does not.
 """
 
 import asyncio
@@ -16,23 +16,23 @@ Handler: TypeAlias = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awai
 """Serves one client until it disconnects."""
 
 LINE_LIMIT = 65_536
-"""Bytes that `StreamReader.readline` takes."""
+"""Longest line that `StreamReader.readline` accepts, in bytes."""
 
 
 _WEB = re.compile(rb"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [/*h]")
-"""How a web browser begins; no language of these ports begins so."""
+"""First bytes of HTTP requests; no message of these ports begins like this."""
 
 _ENOUGH = 16
-"""Bytes that show whether a client is a web browser."""
+"""Number of bytes that tell whether a client is a web browser."""
 
 
 class _Reader(asyncio.StreamReader):
-    """Reads from a client, unless it begins like a web browser: a page's text must not become commands."""
+    """Reads from a client, but rejects a web browser: the text of a page must not be executed as commands."""
 
     _head: bytes | None = b""
 
     def feed_data(self, data: Iterable[SupportsIndex]) -> None:
-        """Take in what came; a browser's connection counts as reset."""
+        """Receive data; a browser's connection is treated as reset."""
         data = bytes(data)
         if self._head is not None:
             head = self._head + data[:_ENOUGH]
@@ -45,7 +45,7 @@ class _Reader(asyncio.StreamReader):
 
 
 class _Accepting(socket.socket):
-    """A listening socket that remembers what it accepted: cancelling `sock_accept` can lose a connection."""
+    """A listening socket that remembers accepted connections: cancelling `sock_accept` can lose one."""
 
     def __init__(self, fileno: int) -> None:
         super().__init__(fileno=fileno)
@@ -63,7 +63,7 @@ class SimError(PzctlError):
 
 
 class Listener:
-    """Accepts clients on one port and hands each to the handler, in a task of its own.
+    """Accepts clients on one port and runs the handler for each in its own task.
 
     Raises SimError where the port is taken or the address is not of this machine.
     """
@@ -103,7 +103,7 @@ class Listener:
         while True:
             try:
                 connection, _ = await loop.sock_accept(self._socket)
-            except OSError:  # no descriptor left, or the client is gone already
+            except OSError:  # no file descriptor left, or the client has gone already
                 await asyncio.sleep(0.05)
                 continue
             task = loop.create_task(self._serve(connection))

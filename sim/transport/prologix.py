@@ -1,6 +1,6 @@
 """A GPIB-Ethernet adapter like those of Prologix (and AR488) in front of the instrument: `++` commands and data lines.
 
-A line that starts with `++` is for the adapter, any other goes to the device that is addressed. Escape (27) before
+A line that starts with `++` is for the adapter; any other line goes to the addressed device. Escape (27) before
 `+`, newline, return or escape makes it data. `++read` gives up after `++read_tmo_ms`, as the real adapter does: a
 client that sends `*OPC?` in a long sweep has to poll.
 """
@@ -28,11 +28,11 @@ CONFIGURATION: Mapping[str, tuple[int, int, int]] = {
     "lon": (0, 1, 0),
     "status": (0, 255, 0),
 }
-"""Settings of the adapter: minimum, maximum and initial value."""
+"""Settings of the adapter with minimum, maximum and initial value."""
 
 
 class LineCutter:
-    """Cuts the stream into lines and takes the escapes out."""
+    """Cuts the stream into lines and removes the escapes."""
 
     def __init__(self) -> None:
         self._line = bytearray()
@@ -121,14 +121,14 @@ class Adapter:
             self._device.clear()
 
     async def _nothing(self, _: list[str]) -> None:
-        """Do nothing: the instrument does not react to these bus lines."""
+        """Do nothing: the instrument ignores these bus lines."""
 
     async def _say(self, text: str) -> None:
         await self._send(text.encode("ascii") + b"\r\n")
 
 
 async def serve_prologix(device: GpibDevice, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Serve one client of the adapter until it goes."""
+    """Serve one client of the adapter until it disconnects."""
 
     async def send(data: bytes) -> None:
         writer.write(data)

@@ -1,4 +1,4 @@
-"""A client of the raw socket: messages in, answers out, and the faults in between."""
+"""A client of the raw socket: receives messages, sends answers, and applies faults."""
 
 import asyncio
 import contextlib
@@ -81,7 +81,7 @@ class Exchange:
 
 
 async def serve_socket(exchange: Exchange, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Serve one client of port 5025 until it goes."""
+    """Serve one client of port 5025 until it disconnects."""
 
     async def answer(data: bytes) -> None:
         writer.write(data)

@@ -1,7 +1,7 @@
-"""Pairs as another laboratory records them: devices of many modes, cables, coils, wires, levels, formats and grids.
+"""Pairs as recorded in another laboratory: devices of many modes, cables, coils, wires, levels, formats and grids.
 
-Devices are solved by nodes (currents of branches of R, L and C), a device in a drive that is not weak by harmonic
-balance: iterated currents, with a stiffness that falls and a loss that grows in proportion to the charge.
+Devices are solved by nodal analysis of R, L, C branches. Strongly driven devices are solved by harmonic balance:
+iterated currents, with a stiffness that falls and a loss that grows in proportion to the charge.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ def device(rng: np.random.Generator, middle: float, clamped: float) -> list[Mode
 def admittance(
     f: np.ndarray, modes: list[Mode], clamped: float, volt: float = 0.0, soft: float = 0.0, lossy: float = 0.0
 ) -> np.ndarray:
-    """Return Y of a clamped capacitance with loss beside branches; `soft`, `lossy`: per volt over each capacitance."""
+    """Return Y of a lossy clamped capacitance parallel to branches; `soft`, `lossy`: per volt over each capacitance."""
     w = 2 * np.pi * f
     Y = 1j * w * clamped * (1 - 0.008j)
     for f0, q, part in modes:
@@ -47,7 +47,7 @@ def admittance(
 
 
 def as_written(f: np.ndarray, Z: np.ndarray, rng: np.random.Generator, volt: float | None = None) -> Sweep:
-    """Return what a bench writes: gain, phase, fixture, coloured noise, and digits of |Z| and degrees or of R and X."""
+    """Return a bench's recording: gain, phase, fixture, coloured noise, and rounded |Z| and degrees or R and X."""
     u = np.log(f / f[0]) / np.log(f[-1] / f[0])
     w = 2 * np.pi * f
     residue = 1j * w * 1e-9 * rng.normal() + 0.01 * rng.normal()
@@ -74,7 +74,7 @@ def drifted(rng: np.random.Generator, modes: list[Mode]) -> list[Mode]:
 
 
 def _grids(rng: np.random.Generator, middle: float, q: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return two grids: mostly the same, else another number of points, spacing and range."""
+    """Return two grids: mostly equal, otherwise with another number of points, spacing and range."""
     points = int(rng.choice([101, 201, 401, 801]))
     low, high = 0.65 * middle, 1.45 * middle
     first = np.linspace(low, high, points)
@@ -138,7 +138,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         elements = [shunt(1j * wg * C * (1 - 2e-3j))]
         made = replace(made, effect="stray-capacitance", also=("cable",), sizes=(("capacitance", C),))
     elif kind == "wire":
-        L = zm * 6e-4 / (w * 1.45)  # a centimeter or so: no more than two set-ups differ by
+        L = zm * 6e-4 / (w * 1.45)  # about a centimetre: the usual difference between two set-ups
         elements = [series(1j * wg * L)]
     elif kind == "stack":
         other = admittance(g, device(rng, middle * rng.uniform(0.8, 1.2), clamped), clamped * rng.uniform(0.5, 2))
@@ -146,7 +146,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         made = replace(made, effect="something else", also=("series-capacitor",))
     elif kind == "levels":
         low, high = 0.1, 1.0
-        # So soft that at the strong mode's peak the stiffness falls by 2 to 8 of its widths in a thousand.
+        # At the strong mode's peak the stiffness falls by 0.25 to 1.6 linewidths.
         at_peak = high * modes[0][1]
         soft = 10 ** rng.uniform(-0.6, 0.2) / modes[0][1] / at_peak
         lossy = rng.uniform(0.05, 0.4) / at_peak

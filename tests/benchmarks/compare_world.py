@@ -1,6 +1,6 @@
-"""Pairs of recordings with known changes, from a world that shares no formula with `fitters/compare`.
+"""Pairs of recordings with known changes, simulated without any formula of `fitters/compare`.
 
-Two-ports are chain matrices of numbers, multiplied as matrices; drift is an interpolation of the recording on a warped
+Two-ports are numeric chain matrices; drift is an interpolation of the recording on a warped
 frequency axis; devices that change inside are circuits of resonators.
 """
 
@@ -17,22 +17,22 @@ from pzctl.models.sweep import Sweep
 
 RECORDINGS = Path(os.environ.get("PZCTL_RECORDINGS", Path(__file__).resolve().parents[3] / "shared" / "recordings"))
 LEVEL, DRIFT, GAIN, NOISE = 0.02, 1e-4, 1e-3, 1e-4
-"""Least change of a pair that is to be named, root mean square of ln Z; and what real pairs have besides."""
+"""Smallest change that must be named, root mean square of ln Z; and the other differences of real pairs."""
 
 
 @dataclass(frozen=True)
 class MadePair:
-    """A pair and what was done to it."""
+    """A pair and its change."""
 
     name: str
     before: Sweep
     after: Sweep
     effect: str
-    """Empty where nothing was done."""
+    """Empty where nothing was changed."""
     also: tuple[str, ...] = ()
     """Other names for the same thing at this size."""
     sizes: tuple[tuple[str, float], ...] = ()
-    """Names a finding may have for its size, and the true one."""
+    """Parameter names of the size in a finding, and the true size."""
     removed: bool = False
 
 
@@ -70,7 +70,7 @@ def shunt(y: np.ndarray) -> np.ndarray:
 
 
 def cable(f: np.ndarray, meters: float, ohm: float, db_per_m: float) -> np.ndarray:
-    """A line by its scattering: forth and back with attenuation in dB/m at 1 MHz, as the root of frequency."""
+    """A line by its scattering matrix, with attenuation in dB/m at 1 MHz that grows as the root of frequency."""
     alpha = db_per_m / 8.685889638 * np.sqrt(f / 1e6) * meters
     forward = np.exp(alpha + 1j * (2 * np.pi * f / 2e8 * meters + alpha))
     M = np.empty((f.size, 2, 2), complex)
@@ -146,12 +146,12 @@ DRAWS: tuple[Draw, ...] = (_lead_or_coil, _shunt_coil, _shunt_c, _series_c, _ser
 
 
 def warped(f: np.ndarray, Z: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a recording with its resonances drifted: by a common part, and differently from place to place."""
+    """Return a recording with drifted resonances: a common part, and a part that varies over frequency."""
     u = (f - f[0]) / (f[-1] - f[0])
     shift = DRIFT * (rng.normal() + 0.5 * rng.normal() * np.cos(np.pi * u) + 0.5 * rng.normal() * np.cos(3 * np.pi * u))
     y = np.log(np.abs(Z)) + 1j * np.unwrap(np.angle(Z))
     made = np.empty_like(y)
-    for k, place in enumerate(f * (1 - shift)):  # eight neighbours and the one polynomial through them
+    for k, place in enumerate(f * (1 - shift)):  # the polynomial through eight neighbours
         first = int(np.clip(np.searchsorted(f, place) - 4, 0, f.size - 8))
         own = slice(first, first + 8)
         made[k] = BarycentricInterpolator((f[own] - f[k]) / (f[1] - f[0]), y[own])((place - f[k]) / (f[1] - f[0]))
@@ -196,7 +196,7 @@ def _resonators(rng: np.random.Generator) -> list[list[float]]:
 
 
 def circuit(f: np.ndarray, resonators: list[list[float]]) -> np.ndarray:
-    """Return 300 pF beside series branches of R, L and C, as impedances of their elements."""
+    """Return 300 pF parallel to series branches of R, L and C, as impedances of their elements."""
     w = 2 * np.pi * f
     Y = 1j * w * 3e-10 * (1 - 5e-3j)
     for f0, q, part in resonators:
@@ -207,7 +207,7 @@ def circuit(f: np.ndarray, resonators: list[list[float]]) -> np.ndarray:
 
 
 def in_device(seed: int, count: int) -> Iterator[MadePair]:
-    """Yield pairs of circuits of resonators with something changed in them."""
+    """Yield pairs of resonator circuits with a change inside."""
     rng = np.random.default_rng(seed)
     for k in range(count):
         f = np.linspace(0.65e6, 1.35e6, int(rng.choice([401, 801])))

@@ -1,4 +1,4 @@
-"""Transducers with known truth for the estimation benchmarks: the bench's samples, and what a lab knows of them."""
+"""Transducers with known truth for the estimation benchmarks: the bench's samples, and a lab's prior knowledge."""
 
 from dataclasses import dataclass, replace
 
@@ -15,13 +15,13 @@ NOISE = 2e-4
 SEGMENTS = ((1e6, 6e6), (0.5e6, 15.5e6))
 AIR = 413.0
 KNOWN = {"thickness": 0.0, "density": 0.003, "z": 0.08, "c": 0.10, "q": 0.30}
-"""Relative standard uncertainty of what is known beforehand; thicknesses are known to a micrometer."""
+"""Relative standard uncertainty of the prior knowledge; thicknesses are known to a micrometre."""
 MICROMETER, GLUE = 1e-6, 0.3
 
 
 @dataclass(frozen=True)
 class World:
-    """One transducer as it is."""
+    """The true values of one transducer."""
 
     layers: tuple[Piezo | Elastic, ...]
     back: float
@@ -46,7 +46,7 @@ class World:
 
 
 def world(seed: int, rng: np.random.Generator) -> World:
-    """A sample of the bench, its faces in air that lies anywhere between nothing and twice a free field's."""
+    """A sample of the bench; the load of air on its faces is between zero and twice that of a free field."""
     back, front = (AIR * max(0.0, 1 + float(rng.standard_normal())) for _ in range(2))
     return World(sample(seed).layers, back, front)
 
@@ -65,7 +65,7 @@ def sweeps_of(one: World, steps: int, rng: np.random.Generator) -> dict[str, tup
 
 
 def build_of(one: World, rng: np.random.Generator) -> Build:
-    """What a lab knows: data sheet for the disk, measured dimensions, tolerances of the layers, the glue held."""
+    """A lab's prior knowledge: data sheet of the disk, measured dimensions, tolerances of the layers, the glue held."""
     air = LoadSpec("air", Quantity(AIR))
     steps = tuple(Step(step, tuple(layer.name for layer in one.layers[: 1 + 2 * k])) for k, step in enumerate(STEPS))
     return Build("bench", Quantity(AREA), tuple(_spec(layer, rng) for layer in one.layers), air, air, steps)
@@ -89,12 +89,12 @@ def _spec(layer: Piezo | Elastic, rng: np.random.Generator) -> LayerSpec:
 
 
 def _sheet(value: complex) -> Quantity:
-    """A data sheet's value, which gives no uncertainty worth having."""
+    """A data sheet's value, with a very large uncertainty."""
     return Quantity(value.real * 1.03, value.imag * 1.2, source="data sheet")
 
 
 def task(seed: int, steps: int) -> tuple[World, FitTask]:
-    """Transducer `seed`, and what a fitter is given of it; the same every time."""
+    """Transducer `seed` and its task for a fitter; the same every time."""
     rng = np.random.default_rng([seed, 77])
     one = world(seed, rng)
     return one, FitTask(build_of(one, rng), sweeps_of(one, steps, rng))

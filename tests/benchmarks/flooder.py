@@ -11,11 +11,11 @@ from hostile_messages import mutated
 from keyed import unlocked
 
 OBEYED = (b"shutdown", b'"lease"', b'"measure"')
-"""One that is still whole would end the daemon, take the instrument, or measure."""
+"""An undamaged one would end the daemon, lease the instrument, or measure."""
 
 
 def flood(endpoint: str, count: int, connections: int) -> None:
-    """Send, reading what answers come, and end when everything was taken."""
+    """Send, reading the answers, and end when everything was sent."""
     ready = [frames for frames in map(mutated, range(5000)) if frames[0]]
     ready = [frames for frames in ready if not any(word in frames[0] for word in OBEYED)]
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()

@@ -1,4 +1,4 @@
-"""A peer with a key that speaks CURVE (ZMTP 3.0, RFC 26) by hand: libzmq would not send what a hostile client can."""
+"""A peer with a key that speaks CURVE (ZMTP 3.0, RFC 26) by hand: libzmq cannot send a hostile client's messages."""
 
 import socket
 from collections.abc import Iterable
@@ -10,11 +10,11 @@ from zmq.utils import z85
 from pzctl.daemon.wire.curve_keys import ClientKey
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00CURVE" + bytes(15) + b"\0" + bytes(31)
-"""What both sides say first, here with CURVE as the mechanism, as the client."""
+"""The greeting of both sides, here the client's with CURVE as the mechanism."""
 
 
 class KeyedPeer:
-    """A connection that was let in with a client's key, as a socket of the given kind."""
+    """A connection with a client's key, accepted as a socket of the given kind."""
 
     def __init__(self, endpoint: str, kind: bytes, key: ClientKey) -> None:
         host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
@@ -44,7 +44,7 @@ class KeyedPeer:
             raise
 
     def sealed(self, frames: Iterable[tuple[bool, bytes]]) -> bytes:
-        """Return the bytes on the wire of these frames: whether more of the message follows, and what is in it."""
+        """Return the bytes on the wire of frames, each a flag whether more of the message follows, and its content."""
         said: list[bytes] = []
         for more, content in frames:
             nonce = b"CurveZMQMESSAGEC" + self._number()

@@ -1,6 +1,6 @@
 """Sends bytes without end, with a key, over connections opened again when cut.
 
-Called as python raw_flooder.py ENDPOINT WHAT SECONDS. Prints the megabytes it got rid of, and how often it was cut off.
+Called as python raw_flooder.py ENDPOINT WHAT SECONDS. Prints the megabytes sent, and how often it was disconnected.
 """
 
 import sys
@@ -22,11 +22,11 @@ from pzctl.daemon.wire.frames import LARGEST_FRAME
 CONNECTIONS = 4
 
 LONGEST = LARGEST_FRAME - 64
-"""The longest frame that encrypted is not too long at once."""
+"""The longest frame that is not rejected at once when encrypted."""
 
 
 def flood(endpoint: str, what: str, key: ClientKey, until: float, told: list[int]) -> None:
-    """Send until then; add the bytes and the cuts to `told`."""
+    """Send until then; add the bytes and the disconnections to `told`."""
     kind, sent = ENDLESS[what]
     frames = [(more, content[:LONGEST]) for more, content in raw_peer.frames_in(sent * (65_536 // len(sent) or 1))]
     while time.monotonic() < until:

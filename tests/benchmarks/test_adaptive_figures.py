@@ -1,4 +1,4 @@
-"""Constants of both modes from 801 fixed points, and from as much time put where the resonances are (`make bench`)."""
+"""Constants of both modes from 801 fixed points, and from an adaptive sweep of the same duration (`make bench`)."""
 
 import re
 
@@ -41,7 +41,7 @@ layers = ["disk"]
 
 
 def truth_at(sample, says):
-    """The true constants at the frequencies that the fitter states its own at."""
+    """The true constants at the fitter's reference frequencies."""
     radial, thickness = re.search(r"at ([\d.]+) kHz.* at ([\d.]+) MHz", says).groups()
     disk = sample.layers[0]
     fp = np.sqrt(disk.c33D.real / disk.density) / (2 * disk.thickness)
@@ -55,7 +55,7 @@ def truth_at(sample, says):
 
 
 def errors(sample, sweeps):
-    """Errors of the five constants, and what the fitter says they are; relative."""
+    """Errors of the five constants, and the fitter's uncertainties; relative."""
     disk = sample.layers[0]
     build = parse_build(BUILD.format(thickness=1e3 * disk.thickness, density=disk.density))
     result = DiskFitter().fit(FitTask(build, {"disk": sweeps}))
@@ -68,7 +68,7 @@ def errors(sample, sweeps):
 
 
 def recordings(sim):
-    """What each way of measuring gives of the disk on the bench."""
+    """Errors of both ways of measuring the disk on the bench."""
     analyzer = open_analyzer(sim.resource)
     found = adapted(LOG, SECONDS, analyzer.measure, CAPABILITIES)
     ways = {
@@ -81,7 +81,7 @@ def recordings(sim):
     return ways, found, sweep.frequency.size
 
 
-def test_adaptive_against_fixed_points():
+def test_adaptive_compared_with_fixed_points():
     told = {way: [] for way in ("801 linear", "801 log", "adaptive")}
     print(f"\n50 kHz to 8 MHz, {SECONDS:.0f} s in all (looks included), bandwidth 5, {len(SEEDS)} disks")
     for seed in SEEDS:

@@ -1,8 +1,8 @@
 """How often `pzctl compare` is right: 200 pairs. Run by hand: `pytest tests/benchmarks/test_compare.py -s`.
 
-Or in shards that can be cut and taken up again, each pair a line of a file: `python tests/benchmarks/test_compare.py
-results.jsonl`; with the same file once more it goes on where it was, and prints the table of what there is.
-Developed on seeds 1 to 3; the figures reported are those of `SEED`. Nothing is left out of them.
+It can also run in resumable parts, one line of a file per pair: `python tests/benchmarks/test_compare.py
+results.jsonl`; a further run with the same file continues and prints the table of the pairs so far. Developed on seeds
+1 to 3; the reported figures are those of `SEED`, of all pairs.
 """
 
 import json
@@ -31,7 +31,7 @@ def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def judged(pair: MadePair, found: Comparison) -> "Judgement":
-    """Return whether a pair was named right; whether its size is within 5 %, and within 3 u (None: no such size)."""
+    """Return whether a pair was named correctly, and its size is within 5 % and within 3 u (None: no such size)."""
     if not pair.effect:
         return found.verdict == "unchanged", None, None
     if pair.effect == "something else":
@@ -44,7 +44,7 @@ def judged(pair: MadePair, found: Comparison) -> "Judgement":
             sizes = [(one.parameters[name], true) for name, true in pair.sizes if name in one.parameters]
             if not sizes:
                 return True, None, None
-            # Of a line either its capacitance or its inductance is what is seen: the better known one counts.
+            # Either the capacitance or the inductance of a line is visible: the better known one counts.
             size, true = min(sizes, key=lambda pair: pair[0].u / abs(pair[0].value))
             off = abs(size.value - true)
             return len(found.findings) == 1, off < 0.05 * abs(true), off < 3 * size.u + 1e-3 * abs(true)
@@ -55,7 +55,7 @@ Judgement = tuple[bool, bool | None, bool | None]
 
 
 def compared(pair: MadePair) -> tuple[Judgement, float]:
-    """Compare a pair, print what was found where it is not right, and return the judgement and the seconds."""
+    """Compare a pair, print wrong findings, and return the judgement and the seconds."""
     found = compare([pair.before], [pair.after])
     judgement = judged(pair, found)
     if not all(part in (True, None) for part in judgement):
@@ -85,7 +85,7 @@ def run(pairs: Iterable[MadePair]) -> dict[str, list[Judgement]]:
 
 
 def every_pair() -> Iterator[tuple[str, MadePair]]:
-    """Yield the 200 pairs, each with the world it is from, the worlds by turns."""
+    """Yield the 200 pairs with the names of their worlds, in turns."""
     worlds = {
         "recordings": list(at_terminals(SEED, 2)),
         "resonators": list(in_device(SEED, 30)),
@@ -96,7 +96,7 @@ def every_pair() -> Iterator[tuple[str, MadePair]]:
 
 
 def in_the_background(results: Path) -> None:
-    """Compare what has no line in a file yet, and print the table of each world."""
+    """Compare the pairs without a line in the file, and print the table of each world."""
     lines = results.read_text().splitlines() if results.exists() else []
     with results.open("a") as file:
         for world, pair in list(every_pair())[len(lines) :]:
@@ -113,7 +113,7 @@ def in_the_background(results: Path) -> None:
 
 
 def table(results: dict[str, list[Judgement]]) -> tuple[int, int]:
-    """Print the figures; return how many changed pairs were named right, and of how many."""
+    """Print the figures; return the number of correctly named changed pairs, and their total."""
     every = [one for effect, own in results.items() if effect != "unchanged" for one in own]
     for effect, own in [*sorted(results.items()), ("all changed", every)]:
         right = sum(one[0] for one in own)
@@ -142,7 +142,7 @@ def test_changes_in_a_device_are_named_with_their_size() -> None:
     assert right >= 0.95 * of
 
 
-def test_pairs_as_others_record_them() -> None:
+def test_pairs_of_another_laboratory() -> None:
     results = run(from_others(SEED))
     right, of = table(results)
     assert right >= 0.9 * of

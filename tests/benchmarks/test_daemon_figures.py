@@ -1,4 +1,4 @@
-"""What the daemon costs and carries, measured; run with -s to read the figures."""
+"""Measured cost and throughput of the daemon; run with -s to read the figures."""
 
 import os
 import statistics
@@ -68,7 +68,7 @@ def rss_MB(pid: int) -> float:
 
 
 def test_message_and_journal(tmp_path: Path) -> None:
-    """One 801-point sweep: encoded and decoded, and made lasting, beside what the disk needs for a bare write."""
+    """One 801-point sweep: encoded and decoded, and written durably, compared with a bare write to the disk."""
     event, payload = sweep_event()
     message = seconds_each(lambda: decode(encode(event, payload)).sweep(), 2000)
     journal = JournalWriter(tmp_path / "journal")
@@ -88,7 +88,7 @@ def test_message_and_journal(tmp_path: Path) -> None:
 
 
 def test_sweep_to_fit(begin: Callable[..., Location]) -> None:
-    """From hearing the sweep to hearing the fit of a fitter that does nothing: what the daemon and the guest add."""
+    """Time from the sweep event to the fit event of a fitter that does nothing: the overhead of daemon and worker."""
     begin(ECHO)
     delays: list[float] = []
     with connect() as lab:

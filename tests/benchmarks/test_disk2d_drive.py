@@ -36,9 +36,9 @@ from .test_disk2d_figures import THICKNESS, build
 pytestmark = pytest.mark.timeout(1800)
 DENSITY = 7743.0
 LOOP = 1 - 4j / (3 * np.pi)
-MOST = 4e-3  # softening up to which the curves between nodes are right to 1e-5
+MOST = 4e-3  # softening up to which the curves between nodes are accurate to 1e-5
 NODES = MOST * (1 - np.cos(np.pi * (np.arange(4) + 0.5) / 4)) / 2
-LEVEL = 3e-3  # of misfit that counts as noise
+LEVEL = 3e-3  # misfit that counts as noise
 
 
 def softer(tensor, s):
@@ -55,13 +55,13 @@ def softer(tensor, s):
 class SoftDisk:
     """A disk that softens by the strain it has at each frequency. Satisfies `Model`.
 
-    The reduced disk takes constants that are smooth over an octave, so curves of evenly softer disks are made and at
-    each frequency the one between them is taken.
+    The reduced disk needs constants that are smooth over an octave, so curves are computed for evenly softer disks and
+    interpolated at each frequency.
     """
 
     disk: Disk2D
     softening: dict[str, float]
-    strain: dict[str, tuple[np.ndarray, np.ndarray]]  # frequency and strain over the largest, by softening
+    strain: dict[str, tuple[np.ndarray, np.ndarray]]  # frequency, and strain over the largest, by softening
 
     def parameters(self):
         return {**self.disk.parameters(), **self.softening}
@@ -72,7 +72,7 @@ class SoftDisk:
         return replace(self, disk=self.disk.replace(rest), softening={**self.softening, **own})
 
     def between(self, frequency, curves, slope=False):
-        """Return at each frequency that one of `curves`, shape (4, N, ...), which its own softening takes."""
+        """Return `curves`, shape (4, N, ...), interpolated to the softening at each frequency."""
         at = sum(self.softening[name] * np.interp(frequency, *own) for name, own in self.strain.items())
         lagrange = BarycentricInterpolator(NODES, np.eye(NODES.size))
         weights = lagrange.derivative(at) if slope else lagrange(at)
@@ -97,7 +97,7 @@ class SoftDisk:
 
 
 def by_hard(tensor, s):
-    """Return how the real and imaginary parts of the constants of `softer` go with those of `tensor`, (20, 20)."""
+    """Return the derivatives of the real and imaginary parts of `softer` by those of `tensor`, shape (20, 20)."""
     c = np.array([complex(getattr(tensor, name)) for name in CONSTANTS])
 
     def parts(constants):
@@ -118,7 +118,7 @@ def unwound(curves):
 
 
 def local_over_mean(sigma, low, high):
-    """Return by how much a radial mode of a thin disk softens, over what its mean strain over the area would do.
+    """Return the softening of a radial mode of a thin disk, relative to that of its mean strain over the area.
 
     Stiffness falls in proportion to the local strain, weighed by local energy; `low`, `high`: about the mode's root.
     """
@@ -149,7 +149,7 @@ def test_ten_constants_and_softening_by_the_strain_of_both_radial_modes_together
     first = f <= sweeps[0].frequency[-1]
 
     def fitted(model):
-        """Return what is left of each mode and of both in each part of ln Z, in per cent, and the model."""
+        """Return the residual of each mode and of both in each part of ln Z, in per cent, and the model."""
         blocks = (tensor_block("disk"), *(positive(name) for name in model.parameters() if name.startswith("soft")))
         names = (*(f"disk.{name}" for name in COORDINATES), *(name for name in model.parameters() if "soft" in name))
         coordinates = Coordinates(blocks, model.parameters(), names)

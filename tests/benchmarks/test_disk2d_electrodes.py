@@ -1,4 +1,4 @@
-"""Whether the mass of its electrodes makes the disk of 20 by 2 mm ask for the small eps11S that `disk2d` finds."""
+"""Whether the mass of the electrodes explains the small eps11S that `disk2d` finds for the disk of 20 by 2 mm."""
 
 from dataclasses import replace
 from math import ceil
@@ -39,7 +39,7 @@ def loaded(full, ratio, share):
 
 
 def reduced_with(full, reduced):
-    """Return the shapes of a reduced disk on another mass; what they miss the fit finds by the residual."""
+    """Return the shapes of a reduced disk with another mass; the fit adds missing shapes by the residual."""
     values, turn = np.linalg.eigh(reduced.u.T @ (full.matrices.mass[: full.size, : full.size] @ reduced.u))
     return ReducedDisk.of(full, reduced.u @ (turn / np.sqrt(values)), reduced.p)
 

@@ -1,4 +1,4 @@
-"""The disk in two dimensions: what a curve costs and how exact it is, and which constants recordings give back.
+"""The disk in two dimensions: cost and accuracy of a curve, and the constants that recordings determine.
 
 PZCTL_DRAWS: how many random ceramics (20), some 40 s of processor time each.
 """
@@ -77,8 +77,8 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
         f"scikit-fem, {rival.free.size} unknowns, {apart:.1g} apart: 801 solutions {801 * other:.0f} s "
         f"(1/{801 * other / curve:.0f})"
     )
-    assert max(said) < 2e-4  # of the basis; a fit enriches it where this is above 1e-4
-    assert max(errors) < 1e-4  # ten losses that all differ are the hardest case for the last projection
+    assert max(said) < 2e-4  # error of the basis; a fit enriches it where this is above 1e-4
+    assert max(errors) < 1e-4  # ten different losses are the hardest case for the last projection
     assert both < 4 * curve
 
 
@@ -95,7 +95,7 @@ def build(diameter, nominal, density=DENSITY, thickness=THICKNESS):
 
 
 def deviations(result, truth):
-    """Return how far each real and imaginary part is from the truth, in its uncertainties."""
+    """Return the error of each real and imaginary part in its uncertainty."""
     made = {}
     for name in CONSTANTS:
         found, true = result.constants[f"disk.{name}"], complex(getattr(truth, name))
@@ -105,15 +105,15 @@ def deviations(result, truth):
 
 
 @pytest.mark.parametrize("bands", ["radial and thickness", "thickness"])
-def test_what_comes_back_of_twenty_random_ceramics(bands):
-    """D/t 8 to 20, noise 0.02 %, starts up to 15 % wrong; curves by scikit-fem: nothing of the fitter is in them."""
+def test_constants_of_twenty_random_ceramics_are_recovered(bands):
+    """D/t 8 to 20, noise 0.02 %, starts up to 15 % wrong; the curves are by scikit-fem, independent of the fitter."""
     rng = np.random.default_rng(11)
     within, told = dict.fromkeys(CONSTANTS, 0), dict.fromkeys(CONSTANTS, 0)
     silent, seconds, missed, beyond, unsaid = [], [], [], 0, []
     for k in range(DRAWS):
         truth = lossy(rng)
         ratio = (8, 10, 12.5, 16, 20)[k % 5]
-        # stiffnesses, piezoelectric constants and permittivities each wrong by their own factor: stable and passive
+        # stiffnesses, piezoelectric constants and permittivities each scaled by one factor: stable and passive
         s, e = 1 + rng.uniform(-0.15, 0.15, 2)
         factors = np.where(np.arange(10) < 5, s, np.where(np.arange(10) < 8, np.sqrt(s * e), e))
         nominal = Tensor6mm(*(factors * np.array([getattr(truth, name) for name in CONSTANTS])))
@@ -154,8 +154,8 @@ def test_what_comes_back_of_twenty_random_ceramics(bands):
     assert not silent
 
 
-def test_what_could_be_left_in_the_radial_modes_of_the_disk_of_35_by_2_mm(recordings):
-    """By how much one further cause lowers the misfit, to first order; constants move along as far as PZT allows."""
+def test_possible_causes_of_the_residual_in_the_radial_modes_of_the_disk_of_35_by_2_mm(recordings):
+    """The reduction of the misfit by one further cause, to first order; constants move within the range of PZT."""
     sweeps = [read_recording(recordings / "disk-35x2" / f"radial-mode-{k}.csv") for k in (1, 2)]
     nominal = Tensor6mm(*(find("PZT-5A").values[name].value for name in CONSTANTS))
     given = build(35e-3, nominal, 7743.0)

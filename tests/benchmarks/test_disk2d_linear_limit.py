@@ -1,7 +1,7 @@
-"""How far any linear disk can come to the recorded radial modes of the disk of 35 by 2 mm, whatever its constants.
+"""The smallest misfit of any linear disk to the recorded radial modes of the disk of 35 by 2 mm.
 
-A linear mode on its own is one complex pole with a complex residue before a smooth background. What that leaves of a
-recording no constants, losses or sizes take away; that it leaves next to nothing of a computed disk is seen beside it.
+An isolated linear mode is one complex pole with a complex residue on a smooth background. No constants, losses or sizes
+can reduce the misfit of this pole to a recording; for comparison, its misfit to a computed disk is almost zero.
 """
 
 import numpy as np
@@ -15,15 +15,15 @@ from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.stack import CausalConstantQ
 
 pytestmark = pytest.mark.timeout(600)
-# Near what the recording wants, so that the computed disk has its modes in the same bands.
+# Near the recording's constants, so that the computed disk has its modes in the same bands.
 REAL = np.array([140.5e9, 91.55e9, 86.86e9, 106.4e9, 22.6e9, -6.193, 14.4, 12.31, 8.109e-9, 6.904e-9])
 LOSS = np.array([0.0269, 0.0353, 0.0482, 0.0547, 0.01, -0.0209, 0.0043, 0.0, -0.01, -0.0028])
-BACKGROUND = 2  # degree of its polynomial, complex
+BACKGROUND = 2  # degree of the background's complex polynomial
 LOOP = 1 - 4j / (3 * np.pi)  # softening by the strain, with the loss of a Rayleigh loop
 
 
 def one_pole_leaves(f, Z, causes=(), source=25.0, power=1):
-    """Return the RMS of each part of ln Z that one pole leaves, and strengths of `causes` (1e-3).
+    """Return the residual RMS of each part of ln Z after fitting one pole, and strengths of `causes` (1e-3).
 
     `causes`: directions in which the stiffness of the mode moves with its strain to `power`; `source`: ohm.
     """
@@ -49,7 +49,7 @@ def one_pole_leaves(f, Z, causes=(), source=25.0, power=1):
     return float(np.sqrt(np.mean(best.fun**2))), best.x[2:]
 
 
-def test_what_one_pole_leaves_of_each_radial_mode_and_what_softening_takes_of_it(recordings):
+def test_the_residual_of_one_pole_per_radial_mode_with_and_without_softening(recordings):
     sweeps = [read_recording(recordings / "disk-35x2" / f"radial-mode-{k}.csv") for k in (1, 2)]
     law = CausalConstantQ(88e3)
     reduced = reduced_disk(17.5, lambda _: None)[1]

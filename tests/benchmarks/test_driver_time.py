@@ -1,4 +1,4 @@
-"""What the driver adds to a sweep, and how its estimate compares with the sweep (`make bench`)."""
+"""The driver's overhead on a sweep, and its estimate compared with the sweep (`make bench`)."""
 
 import time
 
@@ -9,7 +9,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions, running
 
 
-def test_what_the_driver_adds_to_a_sweep():
+def test_the_overhead_of_the_driver_on_a_sweep():
     with running() as sim:
         analyzer = open_analyzer(sim.resource)
         print()
@@ -23,7 +23,7 @@ def test_what_the_driver_adds_to_a_sweep():
 
 
 @pytest.mark.parametrize("bandwidth", [1, 3, 5])
-def test_estimate_against_sweep(bandwidth):
+def test_estimate_compared_with_the_sweep(bandwidth):
     scale = 0.02
     with running(SimOptions(port=0, bench_port=0, time_scale=scale)) as sim:
         analyzer = open_analyzer(sim.resource)

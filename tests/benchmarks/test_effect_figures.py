@@ -1,9 +1,9 @@
-"""How much of each effect survives a refit of the six constants, beside the figures of our notes; run by `make bench`.
+"""How much of each effect survives a refit of the six constants, compared with our notes; run by `make bench`.
 
-A disk of Pz27, 10 mm x 0.5 mm: `rms` is that of the real and imaginary parts of d ln Z in 3.2-5.6 MHz; `surv.` the
-part of it that c33D, h33 and eps33S cannot imitate, there (T1) and in 1.5-15 MHz (TW). The notes are to first order,
-so the electrodes are a thousandth of theirs. Ours has the reactance of the skin effect (rms x sqrt 2), and 25 ohm
-between oscillator and device, which take the drive off just where it bends: softening hides in one sweep.
+A disk of Pz27, 10 mm x 0.5 mm: `rms` is that of the real and imaginary parts of d ln Z in 3.2-5.6 MHz; `surv.` the part
+of it that c33D, h33 and eps33S cannot imitate, there (T1) and in 1.5-15 MHz (TW). The notes are to first order, so the
+electrodes here are a thousandth of theirs. Our model includes the reactance of the skin effect (rms x sqrt 2), and 25
+ohm between oscillator and device, which reduce the drive at the resonance: softening is hidden in one sweep.
 """
 
 import numpy as np
@@ -65,18 +65,18 @@ def survives(stack: Stack, device: Device, f: np.ndarray) -> tuple[float, float]
 
 
 def sized(stack: Stack, effect: str, values: dict[str, float]) -> dict[str, float]:
-    """The sizes our notes give in units of the disk, in ours."""
+    """The sizes of our notes, which are in units of the disk, converted to the model's."""
     layer = stack.layers[0]
     f0 = np.sqrt(layer.c33D.real / layer.density) / (2 * layer.thickness)
     if effect == "spurious-resonance":
         return values | {"frequency": values["frequency"] * f0}
-    if effect == "drive-nonlinearity":  # softening of c33D at the peak in the notes; per strain here
+    if effect == "drive-nonlinearity":  # the notes give the softening of c33D at the peak; here it is per strain
         softening = find_effect(effect).effect_parameters(stack, "layer:disk")[0]
         return {"softening": values["softening"] / 1e-3 * softening.typical}
     return values
 
 
-def test_survival_of_each_effect_beside_our_notes() -> None:
+def test_survival_of_each_effect_compared_with_our_notes() -> None:
     stack = disk()
     print(f"\n{'':22s} rms T1 (notes)     surv. T1 (notes)   surv. TW (notes)   in %")
     for what, effects, *notes in ROWS:
@@ -86,11 +86,11 @@ def test_survival_of_each_effect_beside_our_notes() -> None:
         (rms, narrow), (_, wide) = (survives(stack, device, f) for f in (T1, TW))
         pairs = tuple(zip((100 * rms, 100 * narrow, 100 * wide), notes, strict=True))
         print(f"{what:22s}" + "".join(f"{ours:8.2f} ({theirs:5.2f})   " for ours, theirs in pairs))
-        if what.startswith("softening"):  # with a source of 25 ohm the constants absorb it in one sweep
+        if what.startswith("softening"):  # with a source of 25 ohm the constants absorb it in a single sweep
             assert narrow < 0.15 < wide
             continue
         size = np.sqrt(2) if what.startswith("skin") else 1.0
-        limit = 12 if what.startswith("blob") else 6  # percentage points; our notes have another model of the dot
+        limit = 12 if what.startswith("blob") else 6  # percentage points; our notes use another model of the dot
         assert 100 * rms == pytest.approx(size * notes[0], rel=0.3, abs=0.02)
         assert all(abs(ours - theirs) < limit for ours, theirs in pairs[1:])
 
@@ -114,7 +114,7 @@ def graded(stack: Stack, depth: float, f: float) -> complex:
 
 
 def refitted(device: Device, names: list[str], f: np.ndarray, Z: np.ndarray) -> tuple[Device, float]:
-    """Return the device with `names` fitted to Z, and the root mean square of what is left of ln Z."""
+    """Return the device with `names` fitted to Z, and the root mean square residual of ln Z."""
     start = np.array([device.parameters()[name] for name in names])
     size = np.where(start == 0, [1e-6 if name.endswith("depth") else 1e7 for name in names], np.abs(start))
 
@@ -130,7 +130,7 @@ def refitted(device: Device, names: list[str], f: np.ndarray, Z: np.ndarray) -> 
 
 
 def test_a_graded_layer_as_a_dead_one() -> None:
-    """What of graded piezoelectricity a dead layer explains, and how far the constants were off without it."""
+    """How well a dead layer explains graded piezoelectricity, and the errors of the constants without it."""
     stack, f = disk(), np.linspace(1.5e6, 15e6, 241)
     print("\nh33 (1 - exp(-z/depth)) at one face, 1.5-15 MHz, refitted")
     for depth in (2e-6, 5e-6, 10e-6):

@@ -1,6 +1,6 @@
-"""How far an estimate can be trusted: starts, bounds, coverage, time; over seeds, against what others do.
+"""Reliability of estimates: starts, bounds, coverage and time, over seeds, compared with other methods.
 
-Sizes by environment: PZCTL_STARTS (5), PZCTL_DRAWS (20), PZCTL_SLOW (2: for what takes seconds each). The figures of
+Sizes by environment: PZCTL_STARTS (5), PZCTL_DRAWS (20), PZCTL_SLOW (2: for cases of several seconds). The figures of
 docs/estimation.md were made with the sizes given there.
 """
 
@@ -40,7 +40,7 @@ STARTS, DRAWS, SLOW = (
 
 
 def parts(result: FitResult, one: World) -> dict[str, tuple[float, float, float]]:
-    """Found, true, standard uncertainty of each free real number."""
+    """Estimate, truth and standard uncertainty of each free real number."""
     found: dict[str, tuple[float, float, float]] = {}
     for name, true in one.truth().items():
         constant = result.constants.get(name)
@@ -63,7 +63,7 @@ def right(result: FitResult, one: World, u: dict[str, float]) -> bool:
 
 
 def by_scipy(given: FitTask) -> FitResult:
-    """`scipy.optimize.least_squares` as one would write it: numeric Jacobian, constants over their starts."""
+    """A plain `scipy.optimize.least_squares`: numeric Jacobian, constants relative to their starts."""
     assert given.build is not None
     build = given.build
     recordings = [
@@ -133,9 +133,9 @@ def test_starts_at_thirty_per_cent(steps: int) -> None:
 
 
 def bound(one: World, given: FitTask) -> dict[str, float]:
-    """Cramer-Rao bound of every constant with what is known beforehand: from derivatives at the truth.
+    """Cramer-Rao bound of every constant with the prior knowledge: from derivatives at the truth.
 
-    Of the delay of each layer, too, as `ml1.delay`.
+    It includes the delay of each layer, as `ml1.delay`.
     """
     assert given.build is not None
     build = given.build
@@ -191,10 +191,10 @@ def test_bound_and_coverage() -> None:
     print(f"  wrong by more than 5 sigma: {silent} silent, {flagged} flagged; not fitted: {failed}")
 
 
-def test_time_and_misfit_beside_nelder_mead() -> None:
-    """CPU time of whole answers, of all up to the minimum, and of the way downhill on one and the same objective.
+def test_time_and_misfit_compared_with_nelder_mead() -> None:
+    """CPU time of complete answers, of all steps up to the minimum, and of the descent alone on the same objective.
 
-    Every run has recordings of its own: nobody remembers the noise of one that was seen before.
+    Every run has its own recordings, so that no cached noise estimate is reused.
     """
     given, *fresh = (task(3, 1)[1] for _ in range(23))
     solution = solve(given, lambda _: None)
@@ -239,7 +239,7 @@ def test_time_and_misfit_beside_nelder_mead() -> None:
 
 
 def _timed(what: Callable[[], T], times: int) -> tuple[T, float]:
-    """What it gives, and the least CPU time in seconds."""
+    """Return its result and the smallest CPU time in seconds."""
     spent: list[float] = []
     for _ in range(times):
         began = time.process_time()
@@ -248,7 +248,7 @@ def _timed(what: Callable[[], T], times: int) -> tuple[T, float]:
     return found, min(spent)
 
 
-def test_joint_beside_frozen() -> None:
+def test_joint_compared_with_frozen_fits() -> None:
     errors: dict[str, dict[str, list[float]]] = {"joint": {}, "sequential": {}, "frozen": {}, "thesis": {}}
     bounds: dict[str, list[float]] = {}
     for seed in range(DRAWS):

@@ -1,4 +1,4 @@
-"""What the models of single devices cost and how far they reach; run by `make bench`."""
+"""Cost and accuracy of the models of single devices; run by `make bench`."""
 
 import importlib.util
 import time
@@ -58,7 +58,7 @@ def test_value_and_jacobian_of_each_model():
         )
 
 
-def test_what_the_division_by_frequency_brings_to_sherrits_method():
+def test_the_benefit_of_dividing_by_frequency_in_sherrits_method():
     print("\nerror of c33D', c33D'' and kt^2' from critical frequencies of wZ, Y/w and of Z, Y themselves")
     f = np.arange(3e6, 6e6, 50.0)
     for Q in (80, 20, 10):
@@ -66,7 +66,7 @@ def test_what_the_division_by_frequency_brings_to_sherrits_method():
         Z = stack.impedance(f)
         w = 2 * np.pi * f
         above = 12e6, complex(stack.impedance(np.array([12e6]))[0])
-        for name, shown in (("divided", Z), ("as they are", Z / w)):  # what is divided is multiplied in there
+        for name, shown in (("divided", Z), ("as they are", Z / w)):  # the functions multiply by w, which Z / w undoes
             fs, fp = sherrit.resonance_frequencies(f, shown), sherrit.antiresonance_frequencies(f, shown)
             found = sherrit.thickness_constants(fs.complex, fp.complex, 0.5e-3, 7800.0, above, AREA)
             errors = (
@@ -77,7 +77,7 @@ def test_what_the_division_by_frequency_brings_to_sherrits_method():
             print(f"Q {Q:3d} {name:12s}", *(f"{error:+.1e}" for error in errors))
 
 
-def test_how_far_radial_models_reach_for_a_disk_of_finite_thickness():
+def test_the_accuracy_of_radial_models_for_a_disk_of_finite_thickness():
     path = Path(__file__).parents[1] / "models" / "disk2d" / "test_finite_disk.py"
     spec = importlib.util.spec_from_file_location("finite_disk", path)
     finite = importlib.util.module_from_spec(spec)

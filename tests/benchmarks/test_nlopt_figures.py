@@ -1,6 +1,6 @@
 """Global search from data sheets 30 % wrong: how many end within three standard uncertainties of the truth.
 
-`make bench`; PZCTL_BENCH_DRAWS sets how many starts (200 for the full figure), the stack gets a quarter of them.
+`make bench`; PZCTL_BENCH_DRAWS sets the number of starts (200 for the full figure); the stack gets a quarter of them.
 """
 
 import os
@@ -56,7 +56,7 @@ F = np.linspace(1e6, 9e6, 801)
 
 
 def told(full, factor):
-    """A build whose constants are the truth times `factor()` each; its sizes are right, and uncertain."""
+    """A build whose constants are the truth times `factor()` each; its sizes are correct but uncertain."""
     text = DISK.format(**{name: value * factor() for name, value in PIEZO.items()})
     steps, there = STEP.format(name="disk", layers='["disk"]'), ["disk"]
     for k, (values, thickness, u_z) in enumerate(LAYERS if full else (), 1):

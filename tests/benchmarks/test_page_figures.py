@@ -1,4 +1,4 @@
-"""The live page in figures: from the end of a sweep to its picture on the screen, and what the page costs acquisition.
+"""Measurements of the live page: time from the end of a sweep to its picture, and the page's effect on acquisition.
 
 Run with `make bench`, or this file with `pytest -s`.
 """
@@ -48,7 +48,7 @@ def test_from_the_end_of_a_sweep_to_its_picture(tmp_path: Path) -> None:
 
 @needs_chromium
 def test_an_open_page_does_not_slow_acquisition(tmp_path: Path) -> None:
-    """By turns: nobody looks, then the page draws every sweep; at a simulated 4294A that answers at once."""
+    """In turns with and without an open page that draws every sweep, with a simulated 4294A that answers at once."""
     build = read_build(BUILD)
     plan = SweepPlan((Segment(1e6, 6e6, 801),))
     taken: dict[str, list[float]] = {"about:blank": [], "page": []}
@@ -60,7 +60,7 @@ def test_an_open_page_does_not_slow_acquisition(tmp_path: Path) -> None:
                 browser.open(address if name == "page" else name)
                 if name == "page":
                     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
-                time.sleep(1)  # what it loads is not what it costs
+                time.sleep(1)  # loading the page is not part of the cost
                 found += [seconds(lab, build, plan) for _ in range(ROUNDS)]
         browser.close()
     without, with_page = (float(np.median(found)) for found in taken.values())
@@ -88,7 +88,7 @@ def test_sliders_do_not_slow_acquisition(tmp_path: Path) -> None:
                 moves[0] += 1
 
         alone = [seconds(lab, build, plan) for _ in range(ROUNDS)]
-        # the measurements have become the newest on the page: take the last one in hand
+        # the measurements are now the newest on the page: fit the last one by hand
         browser.run("document.getElementById('hand-open').click()")
         browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
         hand = threading.Thread(target=dragging)

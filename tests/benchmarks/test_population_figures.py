@@ -1,4 +1,4 @@
-"""Populations, measured: false alarms and power of the outlier test, and what the interval of tau holds."""
+"""Populations: false alarms and power of the outlier test, and coverage of the interval of tau."""
 
 import math
 
@@ -30,7 +30,7 @@ def test_false_alarms_of_the_outlier_test_and_of_the_median_rule(n: int) -> None
 
 @pytest.mark.parametrize("n", [3, 4, 8])
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
-def test_what_the_intervals_hold(n: int, ratio: float) -> None:
+def test_coverage_of_the_intervals(n: int, ratio: float) -> None:
     """tau/u is `ratio`; u differs between samples by a factor of 3."""
     from scipy.stats import t
 

@@ -1,4 +1,4 @@
-"""The radial fitter on a real disk, with and without its physics, and its intervals over noise draws (`make bench`)."""
+"""The radial fitter on a real disk, with and without parts of its physics, and its intervals (`make bench`)."""
 
 from collections import defaultdict
 from dataclasses import replace
@@ -44,7 +44,7 @@ eps33T_r = { re = 3000, im = -60, u = 150 }"""
 DRAWS = 100
 
 
-def test_the_real_disk_and_what_each_piece_of_physics_is_worth(recordings):
+def test_the_real_disk_with_and_without_each_part_of_the_physics(recordings):
     sweeps = tuple(read_recording(recordings / "disk-35x2" / f"radial-mode-{k}.csv") for k in (1, 2))
     v = find("Li 2021 disk").values
     constants = Radial(*(v[name].value for name in ("s11E", "s12E", "d31", "eps33T")))

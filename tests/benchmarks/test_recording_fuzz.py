@@ -1,4 +1,4 @@
-"""Damaged recordings by the hundred thousand (`PZCTL_FUZZ=1000000` for a million): a sweep or a sentence, each time."""
+"""A hundred thousand damaged recordings (`PZCTL_FUZZ=1000000` for a million): each gives a sweep or a sentence."""
 
 import importlib.util
 import os
@@ -19,7 +19,7 @@ FILES = int(os.environ.get("PZCTL_FUZZ", "100000"))
 
 
 def _accidents() -> ModuleType:
-    """The seed files and the accidents of the test of the same subject."""
+    """The seed files and the defects of the test of the same subject."""
     path = Path(__file__).resolve().parents[1] / "drivers" / "recordings" / "test_recordings_errors.py"
     spec = importlib.util.spec_from_file_location("recording_accidents", path)
     assert spec is not None

@@ -1,7 +1,7 @@
 """The daemon as a service, measured: soak, kills, hostile messages. Run with -s to read the figures.
 
 Modest sizes unless the environment asks for more: PZCTL_SOAK=10000 PZCTL_KILLS=200 PZCTL_HOSTILE=1000000
-PZCTL_PRICED=2000. Everything speaks CURVE and writes the hash chain; `test_price` leaves them out, to compare.
+PZCTL_PRICED=2000. All runs use CURVE and the hash chain; `test_price` switches them off to compare.
 """
 
 import logging
@@ -78,7 +78,7 @@ def rss_MB(pid: int) -> float:
 
 
 class Reader(threading.Thread):
-    """Hears every event; from time to time it goes away and comes back, asking for what it missed."""
+    """Receives every event; from time to time it disconnects, reconnects, and requests the missed events."""
 
     def __init__(self, restarts: bool) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ class Reader(threading.Thread):
                 self._follow(lab, until)
 
     def _follow(self, lab: Client, until: float) -> None:
-        """Hear until nothing comes for a second, after what was missed since the last time."""
+        """Request the missed events, then receive until nothing arrives for a second."""
         with closing(lab.listen(patience=1.0)) as events:
             newest = lab.hello().seq
             first = self.seqs[-1] + 1 if self.seqs else newest + 1
@@ -114,11 +114,11 @@ class Reader(threading.Thread):
 
 
 AHEAD = 20
-"""Measurements that are asked for ahead of the one that runs."""
+"""Measurements requested ahead of the running one."""
 
 
 def measure_on(lab: Client, where: Location, count: int = SOAK) -> tuple[float, list[float]]:
-    """Have sweeps measured, one behind the other; return the seconds, and the daemon's memory by tenths."""
+    """Measure sweeps one after the other; return the seconds, and the daemon's memory by tenths."""
     events, done, asked, rss = lab.listen(patience=60), 0, 0, list[float]()
     began = time.perf_counter()
     while done < count:
@@ -153,7 +153,7 @@ def test_soak(home: Path) -> None:
         newest, metrics = other.hello().seq, other.metrics()
         for reader in readers:
             reader.ends = newest
-        other.begin(BUILD, "disk")  # something to be heard, so that all of them see the end
+        other.begin(BUILD, "disk")  # one more event, so that all of them see the end
         for reader in readers:
             reader.join(120)
     sleeper.close()
@@ -205,7 +205,7 @@ def a_sweep() -> tuple[SweepEvent, tuple[bytes, ...]]:
 
 
 def test_price_of_the_chain_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sweep made lasting with an entry in the chain and without, by turns."""
+    """A sweep written durably with and without an entry in the chain, in turns."""
     event, payload = a_sweep()
     append, taken = chain._append, dict[str, list[float]](chained=[], plain=[])
     with closing(JournalWriter(tmp_path / "chained")) as chained, closing(JournalWriter(tmp_path / "plain")) as plain:
@@ -235,7 +235,7 @@ def journal_alone(home: Path) -> float:
 
 
 def bare_commit(home: Path) -> float:
-    """Seconds that SQLite needs to make one row of a sweep's bytes lasting (WAL, synced), and a copy of them."""
+    """Seconds that SQLite needs to commit a sweep's bytes as one row durably (WAL, synced), and to copy them."""
     event, payload = a_sweep()
     row = b"".join(encode(event, payload))
     db = sqlite3.connect(home / "bare.sqlite", isolation_level=None)
@@ -249,7 +249,7 @@ def bare_commit(home: Path) -> float:
 
 
 def family(pid: int) -> dict[str, int]:
-    """The processes of a daemon, by what they are."""
+    """The processes of a daemon by role."""
     found = {"daemon": pid}
     for child in map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()):
         with suppress(OSError):
@@ -272,7 +272,7 @@ with pzctl.connect() as lab:
 
 
 def test_kills(home: Path) -> None:
-    """`kill -9` of daemon, fitter, simulator or client at random moments: nothing that was announced is lost."""
+    """`kill -9` of daemon, fitter, simulator or client at random moments: no announced event is lost."""
     chance = random.Random(0)  # noqa: S311
     killed = {"daemon": 0, "fitter": 0, "simulator": 0, "client": 0}
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -286,7 +286,7 @@ def test_kills(home: Path) -> None:
         os.kill(victim, signal.SIGKILL)
         killed[what] += 1
         heard += overheard(ear, 0.2)
-        if what == "simulator":  # its instrument is gone for good with it
+        if what == "simulator":  # its simulated instrument does not come back
             with suppress(DaemonError), connect() as lab:
                 lab.shutdown()
         if what in ("daemon", "simulator"):
@@ -319,7 +319,7 @@ def test_kills(home: Path) -> None:
 
 
 def overheard(ear: "zmq.Socket[bytes]", seconds: float) -> list[list[bytes]]:
-    """What is said within some seconds."""
+    """The next event, within some seconds."""
     heard: list[list[bytes]] = []
     until = time.monotonic() + seconds
     while time.monotonic() < until:
@@ -329,14 +329,14 @@ def overheard(ear: "zmq.Socket[bytes]", seconds: float) -> list[list[bytes]]:
 
 
 def wait_gone(pid: int) -> None:
-    """Wait until a process has gone; `start` has a thread that reaps it."""
+    """Wait until a process has ended; `start` has a thread that reaps it."""
     deadline = time.monotonic() + 30
     while Path(f"/proc/{pid}").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
 
 
 def listening(context: "zmq.Context[zmq.Socket[bytes]]", where: Location) -> "zmq.Socket[bytes]":
-    """A socket that hears everything from now on."""
+    """A socket that receives all events from now on."""
     ear = context.socket(zmq.SUB)
     ear.setsockopt(zmq.LINGER, 0)
     ear.setsockopt(zmq.RCVTIMEO, 10_000)
@@ -359,11 +359,11 @@ print(link.bind_to_random_port("tcp://127.0.0.1"), flush=True)
 while True:
     link.send_multipart(link.recv_multipart())
 """
-"""What is asked beside the daemon, and not flooded: what it takes longer is the machine's doing."""
+"""An echo process that is not flooded: if it slows down, the machine is the cause."""
 
 
 class Questions:
-    """Asks a daemon, and in turn a plain echo, while a flood lasts; keeps how long each answer took, and the memory."""
+    """Queries a daemon and a plain echo in turns during a flood; records response times and memory."""
 
     def __init__(self, where: Location) -> None:
         self.quiet = answers_of(where, 200)
@@ -373,7 +373,7 @@ class Questions:
         self._where = where
 
     def ask_while(self, flood: "subprocess.Popen[bytes] | subprocess.Popen[str]") -> None:
-        """Ask until the flood has ended."""
+        """Query until the flood has ended."""
         server = subprocess.Popen([sys.executable, "-c", ECHO_SERVER], stdout=subprocess.PIPE)
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         link = context.socket(zmq.REQ)
@@ -398,7 +398,7 @@ class Questions:
             context.term()
 
     def says(self) -> str:
-        """What came of it."""
+        """The result as text."""
         parts: list[str] = []
         for name, found in (("daemon", self.ours), ("echo that nobody floods", self.echo)):
             ordered = sorted(1e3 * one for one in found)
@@ -427,14 +427,14 @@ ROUNDS = 10
 
 
 def plainly(left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a daemon that is started from now on go without CURVE, the chain or both."""
+    """Make daemons started from now on run without CURVE, the chain or both."""
     folder = Path(__file__).with_name("plain")
     monkeypatch.setenv("PZCTL_PLAIN", left_out)
     monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
 
 
 def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What CURVE and the hash chain cost: daemons with and without them, asked and measuring by turns."""
+    """Cost of CURVE and the hash chain: daemons with and without them answer and measure in turns."""
     ways = {"with both": "", "without the chain": "chain", "without CURVE": "curve", "with neither": "curve,chain"}
     places: dict[str, Location] = {}
     for name, left_out in ways.items():
@@ -445,7 +445,7 @@ def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     answers: dict[str, list[float]] = {name: [] for name in ways}
     paces: dict[str, list[float]] = {name: [] for name in ways}
     used: dict[str, float] = dict.fromkeys(ways, 0.0)
-    for _ in range(ROUNDS):  # by turns, so that what else the machine does meets all of them
+    for _ in range(ROUNDS):  # in turns, so that other load on the machine affects all of them
         for name, where in places.items():
             answers[name] += answers_of(where, max(20, PRICED // ROUNDS))
             with Client(where.events, where.requests, where.key) as lab:
@@ -472,7 +472,7 @@ def test_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("left_out", ["", "curve,chain"])
 def test_hostile(home: Path, left_out: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Messages made to harm, from another process over eight connections; a proper question is asked meanwhile."""
+    """Malicious messages from another process over eight connections; a proper request is sent meanwhile."""
     plainly(left_out, monkeypatch)
     where = begin()
     monkeypatch.delenv("PZCTL_PLAIN")
@@ -494,7 +494,7 @@ def test_hostile(home: Path, left_out: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("what", sorted(ENDLESS))
 def test_without_end(home: Path, what: str) -> None:
-    """Subscriptions without end, and messages that never end, over four connections that come again when cut."""
+    """Endless subscriptions and messages that never end, over four connections that reconnect when cut."""
     where = begin()
     before = rss_MB(where.pid)
     endpoint = where.requests if ENDLESS[what][0] == b"DEALER" else where.events
@@ -515,7 +515,7 @@ def spread(seconds: list[float]) -> str:
 
 
 def test_heard_after(home: Path) -> None:
-    """From the moment that an event is stamped, before it is kept, until a subscriber in another process has it."""
+    """Time from an event's time stamp, before it is stored, until a subscriber in another process has it."""
     begin()
     delays: list[float] = []
     with connect() as lab:
@@ -529,7 +529,7 @@ def test_heard_after(home: Path) -> None:
 
 
 def test_beside_others(home: Path) -> None:
-    """Publish to subscriber, 801 points in one process: plain pyzmq, pyleco through its proxy, this wire."""
+    """Publisher to subscriber, 801 points in one process: plain pyzmq, pyleco through its proxy, this wire."""
     proxy_server = pytest.importorskip("pyleco.coordinators.proxy_server")
     from pyleco.core.data_message import DataMessage
 
@@ -569,7 +569,7 @@ def test_beside_others(home: Path) -> None:
         "this wire, kept first": lambda: ours(lambda: journal.append(event, payload)[1]),
     }
     seconds: dict[str, list[float]] = {name: [] for name in ways}
-    for _ in range(500):  # by turns, so that what else the machine does meets all of them
+    for _ in range(500):  # in turns, so that other load on the machine affects all of them
         for name, way in ways.items():
             began = time.perf_counter()
             way()
@@ -579,13 +579,13 @@ def test_beside_others(home: Path) -> None:
     for name, found in seconds.items():
         print(f"{name}: {spread(found)} = {statistics.median(found) / base:.1f} times plain")
     journal.close()
-    logging.disable()  # it complains of its end
+    logging.disable()  # it raises when it is ended
     proxy.destroy(linger=0)
     context.destroy(linger=0)
 
 
 def test_both_engines(home: Path) -> None:
-    """A sweep made lasting in a folder, and on a PostgreSQL server of this machine; and read again."""
+    """A sweep written durably to a folder and to a PostgreSQL server on this machine, and read again."""
     import postgres
 
     if postgres.reason_why_not():

@@ -1,4 +1,4 @@
-"""How well Sherrit's methods give back constants from spectra regenerated at usual spacings (`make bench`)."""
+"""How well Sherrit's methods recover constants from computed spectra at usual spacings (`make bench`)."""
 
 import numpy as np
 import pytest

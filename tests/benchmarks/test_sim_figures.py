@@ -1,4 +1,4 @@
-"""Figures of the simulated analyzer: time per point against the model, exchanges a second, a million odd messages."""
+"""Measurements of the simulated analyzer: time per point, exchanges per second, a million malformed messages."""
 
 import random
 import socket
@@ -23,7 +23,7 @@ def connect(port):
     return link, link.makefile("rb")
 
 
-def test_time_per_point_against_the_model():
+def test_time_per_point_compared_with_the_model():
     print("\nBWFACT  model ms/point  measured ms/point (times 1/scale)")
     scale = 0.02
     with running(SimOptions(port=0, bench_port=0, time_scale=scale)) as sim:
@@ -67,7 +67,7 @@ def test_exchanges_and_sweeps_per_second():
         link.close()
 
 
-def test_a_million_odd_messages():
+def test_a_million_malformed_messages():
     rng, now = random.Random(4294), [0.0]  # noqa: S311  # messages, not secrets
     instrument = Instrument(Bench(), clock=lambda: now[0])
     headers = [*COMMANDS, *TABLE, *(f"{q}?" for q in [*QUERIES, *TABLE])]

@@ -1,4 +1,4 @@
-"""How fast the stack is: ratios within one run, rivals on the same stack. Prints; asserts only that all agree."""
+"""Speed of the stack relative to other implementations in the same run. Asserts only that all results agree."""
 
 import timeit
 from collections.abc import Callable
@@ -35,12 +35,12 @@ NAMES = [
 
 
 def seconds(call: Callable[[], object], number: int = 50) -> float:
-    """The best of many short runs: what the machine can do when nobody else is on it."""
+    """The fastest of many short runs, so that other load on the machine does not count."""
     return min(timeit.repeat(call, number=number, repeat=20)) / number
 
 
 def masons_three_port() -> np.ndarray:
-    """The textbook, straight into NumPy: tan for layers, tan and sin for the plate."""
+    """The textbook formulas in NumPy: tan for layers, tan and sin for the plate."""
     load = WATER.z * np.ones_like(F, complex)
     for layer in reversed(LAYERS):
         root = np.sqrt(1 + 1j / layer.q)
@@ -55,7 +55,7 @@ def masons_three_port() -> np.ndarray:
 
 
 def scikit_rf() -> np.ndarray:
-    """Acoustic lines as transmission lines, cascaded by scikit-rf; then the three-port with the load they make."""
+    """Acoustic lines as transmission lines, cascaded by scikit-rf; then the three-port loaded with them."""
     frequency = skrf.Frequency.from_f(F, unit="Hz")
     chain = None
     for layer in LAYERS:
@@ -78,7 +78,7 @@ def scikit_rf() -> np.ndarray:
 
 
 def four_by_four() -> np.ndarray:
-    """xMason's way: one 4 x 4 matrix of (pressure, velocity, voltage, current) per layer and frequency."""
+    """xMason's method: one 4 x 4 matrix of (pressure, velocity, voltage, current) per layer and frequency."""
     total = np.broadcast_to(np.eye(4, dtype=complex), (F.size, 4, 4))
     for layer in (DISK, *LAYERS):
         c33 = layer.c33D if isinstance(layer, Piezo) else layer.c33
@@ -138,7 +138,7 @@ def test_speed() -> None:
 
 
 def test_batch() -> None:
-    """Two hundred parameter sets one after the other, against the same set again and again."""
+    """Two hundred parameter sets one after the other, compared with the same set repeated."""
     values = STACK.parameters()
     draws = np.random.default_rng(2).normal(1, 0.01, (200, len(NAMES)))
     sets = [{name: values[name] * factor for name, factor in zip(NAMES, row, strict=True)} for row in draws]
@@ -150,7 +150,7 @@ def test_batch() -> None:
 
 
 def test_more_points_and_layers() -> None:
-    """What a point costs when there are many, and what a further layer costs."""
+    """Cost of a point when there are many, and of a further layer."""
     print()
     for points in (201, 801, 3201, 12801):
         f = np.linspace(0.5e6, 15.5e6, points)

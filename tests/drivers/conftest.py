@@ -1,6 +1,6 @@
-"""The other end of the wire, for tests that state the bytes: remembers settings, writes down every message.
+"""The other end of the wire, for tests that state the bytes: it remembers settings and records every message.
 
-It knows nothing of a 4294A but that `X v` sets what `X?` answers; everything else is said by the test.
+All it knows of a 4294A is that `X v` sets the answer to `X?`; the test defines everything else.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ POWER_ON = {
 Answer = bytes | tuple[bytes, ...] | Callable[["Peer"], bytes]
 
 PAUSE_SECONDS = 0.3
-"""Between the pieces of an answer: longer than the driver waits in one go."""
+"""Pause between the pieces of an answer: longer than a single wait of the driver."""
 
 
 class Peer:

@@ -1,4 +1,4 @@
-"""Sentences about an instrument that does what no 4294A should: what, where, what was found, what is allowed."""
+"""Error sentences about a misbehaving 4294A: what, where, what was found, what is allowed."""
 
 import re
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def fetch(analyzer: Agilent4294A) -> object:
 
 
 def ask_unplugged(analyzer: Agilent4294A) -> object:
-    analyzer._link._resource.close()  # as a bus does that is unplugged
+    analyzer._link._resource.close()  # as when the bus is unplugged
     return analyzer._link.ask("*IDN?")
 
 

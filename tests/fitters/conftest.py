@@ -1,4 +1,4 @@
-"""A bare round disk as build.toml has it, and noise."""
+"""A bare round disk as in a build.toml, and noise."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,7 +34,7 @@ layers = ["disk"]
 
 @pytest.fixture
 def disk_build() -> Callable[..., Build]:
-    """Builds of one bare disk, of the library's materials and the tests' own ceramic; sizes in mm and kg/m3."""
+    """Builds of one bare disk from the library's materials or the tests' own ceramic; sizes in mm and kg/m3."""
 
     def make(
         material: str,

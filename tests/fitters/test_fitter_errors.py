@@ -1,4 +1,4 @@
-"""Sentences of fitters about recordings and wishes that do not go together: what was found, and what would."""
+"""Error sentences of fitters whose recordings and options do not fit: what was found, and what is allowed."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -88,7 +88,7 @@ def recorded(glued: Build, swept: Callable[..., Sweep]) -> Callable[..., FitTask
 
 
 def refused(fitter: object, task: FitTask) -> str:
-    """What a fitter says instead of an answer."""
+    """The error sentence of a fitter."""
     with pytest.raises(FitError) as caught:
         fitter.fit(task)  # type: ignore[attr-defined]
     return str(caught.value)
@@ -186,7 +186,7 @@ def test_a_band_too_near_the_resonance_to_show_a_permittivity(disk_build, swept)
         "the recording ends at 4.649 MHz, too near the resonance to show eps33S; sweep up to 8.62 MHz, or down to "
         "3.09 MHz"
     )
-    unknown = disk_build("PZT-5H", (10.0, 0.5, 7800.0))  # of which no radial permittivity is known
+    unknown = disk_build("PZT-5H", (10.0, 0.5, 7800.0))  # a material without a known radial permittivity
     bands = (np.arange(186e3, 250e3, 100.0), np.arange(496e3, 540e3, 100.0))
     parts = tuple(swept(radial_disk(build), band) for band in bands)
     assert refused(SherritRadial(), FitTask(unknown, {"disk": parts})) == (
@@ -215,14 +215,14 @@ def test_a_recording_of_something_that_gives_power(disk_build, swept) -> None:
 def test_a_peak_that_is_no_resonance() -> None:
     f = np.linspace(1e6, 1.1e6, 401)
     x = (f - 1.05e6) / 2e3
-    peak = 1 / (1 - 1j * x)  # conjugated: its reactive part runs the other way
+    peak = 1 / (1 - 1j * x)  # conjugated, so that its reactance has the opposite slope
     with pytest.raises(FitError, match=r"for a resonance they lie below and above it"):
         critical(ImmittanceTrace(f, peak, np.full(f.size, 1e-4)), 200, "fs")
 
 
 def test_extremes_that_too_few_points_show() -> None:
     f = np.linspace(1e6, 1.1e6, 401)
-    width = 4.0 * 250  # of points 250 Hz apart: enough to have a width, too few for a polynomial at its flank
+    width = 4.0 * 250  # points 250 Hz apart: enough to see a width, too few for a polynomial at its flank
     x = (f - 1.05e6) / width
     peak = 1 / (1 + 1j * x)
     gap = (np.abs(f - 1.05e6 - width) > 3.5 * 250) | (np.abs(f - 1.05e6) < 600)
@@ -260,7 +260,7 @@ def test_a_fitter_that_does_not_load(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class _Demanding:
-    """A fitter with the documented signature, which gives up in its own way."""
+    """A fitter with the documented signature that raises its own exception."""
 
     name, version, summary = "demanding", "1", "asks for progress"
 
@@ -269,7 +269,7 @@ class _Demanding:
         return 1 / 0
 
 
-def test_a_fitter_of_the_documented_signature_runs_and_what_it_raises_is_one_sentence() -> None:
+def test_an_exception_of_a_documented_fitter_is_one_sentence() -> None:
     heard: list[str] = []
     with pytest.raises(plugins.PluginError, match=r"^fitter 'demanding' failed: ZeroDivisionError: division by zero$"):
         plugins.run(_Demanding(), FitTask(None, {}), heard.append)

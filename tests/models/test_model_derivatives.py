@@ -1,4 +1,4 @@
-"""Every model's exact derivatives against sixth-order differences."""
+"""Every model's exact derivatives compared with sixth-order differences."""
 
 from dataclasses import replace
 
@@ -49,7 +49,7 @@ MODELS = {
 }
 
 
-# The size of a change where the value itself is zero.
+# Size of a step where the value itself is zero.
 NULL_SIZES = {
     "inductance": 1e-9, "resistance": 0.1, "skin": 0.1, "capacitance": 1e-12, "conductance": 1e-6, "length": 0.1,
     "loss": 1e-3, "delay": 1e-10,
@@ -78,7 +78,7 @@ def test_derivatives_are_exact(which):
     assert J.shape == (len(names), frequency.size)
     for row, name in zip(J, names, strict=True):
         expected = differences(model, frequency, name)
-        rounding = 1e-14 / step_of(model, name)  # of the differences, not of the derivative
+        rounding = 1e-14 / step_of(model, name)  # error of the differences, not of the derivative
         assert np.abs(row - expected).max() < 1e-8 * np.abs(row).max() + rounding, name
 
 

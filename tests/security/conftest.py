@@ -1,4 +1,4 @@
-"""A daemon in a process of its own, for each test that asks for one."""
+"""A daemon in its own process, for each test that requests one."""
 
 from daemon_fixtures import build, end, start_daemon, wait_until
 

@@ -1,4 +1,4 @@
-"""What a fitter answers is text from outside: it commands no terminal, is no markup, and no part of a page."""
+"""A fitter's answer is untrusted text: it is shown as text in terminal, report and page, and never interpreted."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -34,7 +34,7 @@ from pzctl.models.sweep import Sweep
 
 ESCAPE = "\x1b[2J"
 EVIL = f"[/red]{ESCAPE}<script>alert(1)</script>\rfree\u202e"
-"""Markup of two kinds, a command of the terminal, a carriage return, and text turned round."""
+"""Two kinds of markup, a terminal escape sequence, a carriage return, and right-to-left text."""
 
 
 def _report(build: Build, fitter: str) -> FitReport:
@@ -127,7 +127,7 @@ def test_what_a_fitter_answers_is_shown_as_text(
         assert "<script>alert" not in page.read_text(encoding="utf-8")
 
 
-def test_the_live_view_in_the_terminal_shows_it_as_text(
+def test_the_live_view_shows_a_fitters_answer_as_text(
     measurement: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -164,7 +164,7 @@ ODD = [
 
 @pytest.mark.parametrize("odd", ODD, ids=" ".join)
 def test_a_diagnosis_of_another_form_is_refused(measurement: str, odd: dict[str, Any], tmp_path: Path) -> None:
-    """Readers trust its form: one of another would end `pzctl watch` and every report of the sample."""
+    """Readers rely on its form: a malformed one would end `pzctl watch` and every report of the sample."""
     with closing(JournalWriter(journal_folder(tmp_path))) as journal:
         known = journal.measurement(measurement)
         assert known is not None
@@ -179,7 +179,7 @@ def test_a_diagnosis_of_another_form_is_refused(measurement: str, odd: dict[str,
 def test_the_answers_to_one_measurement_have_a_limited_size(
     measurement: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are read all together: whoever may hand them in could otherwise let every `fits` take all memory."""
+    """They are read all at once: otherwise a fitter could make every `fits` request exhaust the memory."""
     monkeypatch.setattr("pzctl.daemon.server.requests.submissions.MOST_ANSWERED", 20_000)
     with closing(JournalWriter(journal_folder(tmp_path))) as journal:
         known = journal.measurement(measurement)

@@ -1,4 +1,4 @@
-"""Who did what is in the record, and a change of it is found."""
+"""The audit log records who did what, and changes to it are detected."""
 
 import json
 import signal

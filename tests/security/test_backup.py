@@ -1,4 +1,4 @@
-"""The scheduled backup: it survives the machine, never overwrites a good copy, and nobody misses that it failed."""
+"""The scheduled backup can be restored elsewhere, never overwrites a good copy, and raises an alarm when it fails."""
 
 import asyncio
 import os
@@ -88,7 +88,9 @@ def test_restore_drill_of_a_scheduled_backup(
     with connect() as lab:
         measured = lab.measure(build, "disk")
         began = lab.metrics().counts.get("state-backup-done", 0)
-        wait_until(lambda: lab.metrics().counts.get("state-backup-done", 0) > began + 1)  # one began after the sweep
+        wait_until(
+            lambda: lab.metrics().counts.get("state-backup-done", 0) > began + 1
+        )  # one backup began after the sweep
         found = lab.status().backup
         assert found is not None
         assert (found.failed, found.late, found.last_failure) == (False, False, None)
@@ -125,7 +127,7 @@ def test_a_failed_backup_is_an_alarm_until_one_succeeds(
         assert (home() / "backup.json").stat().st_size
 
 
-def test_a_backup_that_cannot_even_begin_is_an_alarm_and_the_daemon_goes_on(tmp_path: Path) -> None:
+def test_a_backup_that_cannot_begin_is_an_alarm_and_the_daemon_continues(tmp_path: Path) -> None:
     (tmp_path / "log").write_text("no folder")
     events: list[StateEvent] = []
     schedule = BackupSchedule(BackupPlan("/nowhere", 24.0), tmp_path, events.append)
@@ -136,7 +138,7 @@ def test_a_backup_that_cannot_even_begin_is_an_alarm_and_the_daemon_goes_on(tmp_
     assert schedule.state.failed
 
 
-def test_a_clock_set_back_neither_puts_a_backup_off_nor_repeats_it_without_end(tmp_path: Path) -> None:
+def test_a_clock_set_back_neither_delays_nor_repeats_backups(tmp_path: Path) -> None:
     ahead = BackupState("/nowhere", 24.0, last_success="2999-01-01T00:00:00Z", last_failure="2999-01-02T00:00:00Z")
     (tmp_path / "backup.json").write_bytes(to_json(ahead))
     (tmp_path / "log").write_text("no folder")
@@ -147,7 +149,7 @@ def test_a_clock_set_back_neither_puts_a_backup_off_nor_repeats_it_without_end(t
     assert len(events) == 1
 
 
-def test_the_next_backup_brings_the_copy_up_to_date_and_keeps_the_database_before(
+def test_the_next_backup_updates_the_copy_and_keeps_the_previous_database(
     journal: Path, share: Path, build: Build
 ) -> None:
     back_up(journal, share)
@@ -163,7 +165,7 @@ def test_the_next_backup_brings_the_copy_up_to_date_and_keeps_the_database_befor
 
 
 def lose(journal: Path, share: Path, build: Build) -> None:
-    """A daemon that begins anew on an empty data folder must not overwrite what the backup holds."""
+    """A daemon that starts on an empty data folder must not overwrite the backup."""
     shutil.rmtree(journal)
     measure(journal, build, "other")
 
@@ -223,7 +225,7 @@ def test_a_good_copy_is_never_replaced_by_a_worse_one(
 
 @pytest.fixture
 def remote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A program `ssh` that runs the command here, as another machine would."""
+    """A program `ssh` that runs the command on this machine."""
     if shutil.which("rsync") is None:
         pytest.skip("rsync is not installed")
     program = tmp_path / "bin" / "ssh"
@@ -262,7 +264,7 @@ def test_a_backup_by_rsync_is_read_back_and_can_be_restored(
         send(journal, f"lab:{share / 'nowhere'}")
 
 
-def test_without_rsync_that_is_said(journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_rsync_is_reported(journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(JournalError, match="needs rsync, which is not installed here"):
         send(journal, "lab:/backup")

@@ -1,4 +1,4 @@
-"""One client's requests, answers and lease are of no use to another."""
+"""A client cannot use another client's requests, answers or lease."""
 
 import json
 from collections.abc import Callable
@@ -19,14 +19,14 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 
 @pytest.fixture
 def clients(tmp_path: Path, start_daemon: Callable[..., Location]) -> tuple[Location, ClientKey, ClientKey]:
-    """Return where a daemon is, and the keys of Ana and Ben, who may measure and command the bench."""
+    """Return a daemon's addresses, and the keys of Ana and Ben, who may measure and command the bench."""
     make_server(keys_folder(tmp_path))
     ana, ben = (make_client(keys_folder(tmp_path), name, "bench") for name in ("ana", "ben"))
     return start_daemon(time_scale=0.05), ana, ben
 
 
 def measure(build: Build, number: str, step: str = "disk", lease: object = None) -> dict[str, object]:
-    """Return a request of a client that counts its requests."""
+    """Return a request of a client that numbers its requests."""
     sent = json.loads(to_json(build))
     return {"request": "measure", "id": number, "build": sent, "step": step, "lease": lease}
 
@@ -77,7 +77,7 @@ def glue(number: str, **command: object) -> dict[str, object]:
 def test_nothing_is_measured_under_the_name_of_another_step_than_was_glued(
     clients: tuple[Location, ClientKey, ClientKey], build: Build, same_account: bool
 ) -> None:
-    """Ana glues, Ben glues on, Ana measures what she glued: it is not there any more."""
+    """Ana glues, Ben glues the next layer, and Ana measures her step, which no longer exists."""
     where, ana, ben = clients
     ben = ana if same_account else ben
     third = replace(build, steps=(*build.steps, Step("bare", ("disk", "ml1"))))

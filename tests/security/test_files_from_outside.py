@@ -1,4 +1,4 @@
-"""A file or a setting from outside is used, or refused with one sentence: no traceback, no work without end."""
+"""An untrusted file or setting is used, or refused in one sentence, without traceback or endless work."""
 
 import io
 import os
@@ -28,13 +28,13 @@ SWEEP = Sweep(np.linspace(1e6, 2e6, 5), np.full(5, 50 - 10j), {"oscillator_V": 0
 @pytest.mark.timeout(20)
 @pytest.mark.parametrize("name", ["f{}x", "x{}(", "f (Hz{}", "f{}_", "f /{}", "({}(", "_{}/"])
 @pytest.mark.parametrize("filling", [" ", "\t", "_", "(", " /", "\u00a0"], ids=ascii)
-def test_a_long_column_name_takes_no_long_time(name: str, filling: str) -> None:
+def test_a_long_column_name_is_read_quickly(name: str, filling: str) -> None:
     page = TextFile(Path("a.csv"), ())
     columns = read_header(page, ["frequency_Hz", name.format(filling * 100_000)], 1)
     assert columns[0].quantity == "f"
 
 
-def test_units_are_read_as_before() -> None:
+def test_units_are_read_with_blanks() -> None:
     names = ["f (MHz)", "R [ ohm ]", "X  /  ohm", "|Z|_ohm", "theta  ( deg )", "Frequency  (Hz)", "G/S"]
     found = read_header(TextFile(Path("a.csv"), ()), names, 1)
     units = [(column.quantity, column.unit, column.factor) for column in found[:5]]
@@ -44,7 +44,7 @@ def test_units_are_read_as_before() -> None:
 
 
 def hdf5(change: Callable[[h5py.File], object]) -> bytes:
-    """Return a sealed HDF5 file that differs from what pzctl writes."""
+    """Return a sealed HDF5 file in a layout that pzctl does not write."""
     memory = io.BytesIO()
     with h5py.File(memory, "w") as file:
         for key in ("frequency", "resistance", "reactance"):
@@ -99,7 +99,7 @@ def test_an_hdf5_file_of_another_layout_is_refused_with_a_sentence(tmp_path: Pat
 def test_a_damaged_file_under_a_right_seal_is_refused_with_a_sentence(
     tmp_path: Path, write: Callable[[Sweep, Path], None], suffix: str
 ) -> None:
-    """In a process of its own: a library that trusts its bytes must not take the tests along."""
+    """In a separate process: a crash of the HDF5 library must not end the tests."""
     whole = tmp_path / f"whole{suffix}"
     write(SWEEP, whole)
     program = (

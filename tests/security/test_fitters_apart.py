@@ -1,4 +1,4 @@
-"""A fitter answers under its own name, about what it was asked, and leaves the table when it has gone."""
+"""A fitter can answer only under its own name and about its own sweeps, and is removed when it disconnects."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -28,7 +28,7 @@ ECHO = "guest_examples:Echo"
 
 @pytest.fixture
 def asks(tmp_path: Path, start_daemon: Callable[..., Location]) -> Iterator[tuple[Ask, Ask]]:
-    """Return what asks the daemon with Ana's key, and what asks with Ben's: both may measure and hand in fits."""
+    """Return functions that send requests with Ana's and with Ben's key; both may measure and submit fits."""
     make_server(keys_folder(tmp_path))
     keys = [make_client(keys_folder(tmp_path), name, "measure") for name in ("ana", "ben")]
     where = start_daemon("Echo")
@@ -99,7 +99,7 @@ def test_nobody_answers_about_sweeps_that_it_was_not_asked_for(asks: tuple[Ask, 
         assert code(ana("submit", **answer(ml1.id, [*of_disk, *of_ml1]))) == "ok"
 
 
-def test_a_fitter_that_has_gone_leaves_the_table_and_its_name_is_free(tmp_path: Path) -> None:
+def test_a_disconnected_fitter_is_removed_and_its_name_is_free(tmp_path: Path) -> None:
     now = 0.0
     told: list[str] = []
     supervisor = Supervisor(

@@ -1,4 +1,4 @@
-"""Whoever changes what was written is found out: by the chain, by the database's own check, or by the seal."""
+"""Changes to written data are detected by the hash chain, by the database's own check, or by the seal."""
 
 import json
 import os
@@ -109,14 +109,14 @@ def test_what_is_changed_is_found(folder: Path, statement: str, says: str) -> No
     assert any(says in fault for fault in faults(folder)), faults(folder)
 
 
-def test_a_damaged_database_is_said(folder: Path) -> None:
+def test_a_damaged_database_is_reported(folder: Path) -> None:
     path = folder / "journal.sqlite"
     db = sqlite3.connect(path)
     (page,) = db.execute("SELECT rootpage FROM sqlite_master WHERE name = 'events_by_measurement'").fetchone()
     (measurement,) = db.execute("SELECT id FROM measurements WHERE number = 2").fetchone()
     db.close()
     data = bytearray(path.read_bytes())
-    data[data.index(measurement.encode(), (page - 1) * 4096)] ^= 1  # one bit of an index, which no row shows
+    data[data.index(measurement.encode(), (page - 1) * 4096)] ^= 1  # one bit of an index, which does not affect any row
     path.write_bytes(data)
     told = pzctl(folder.parent, "journal", "verify")
     assert (told.returncode, "journal.sqlite is damaged" in told.stdout + told.stderr) == (1, True), told
@@ -167,7 +167,7 @@ def test_an_older_journal_is_chained_as_it_is(folder: Path, tmp_path: Path, buil
 
 
 def rewrite(db: sqlite3.Connection) -> None:
-    """Change an event, and write the whole chain anew over it: all that who owns the file can do."""
+    """Change an event and recompute the whole chain, as the owner of the file could."""
     db.execute("UPDATE events SET header = CAST(replace(header, 'started', 'stopped') AS BLOB) WHERE seq = 1")
     row = db.execute(f"SELECT {COLUMNS['events']} FROM events WHERE seq = 1").fetchone()  # noqa: S608
     link = GENESIS
@@ -193,7 +193,7 @@ def test_a_chain_that_was_written_anew_breaks_the_seal(folder: Path, build: Buil
     assert (told.returncode, "is not valid: the chain was rewritten since" in told.stdout) == (1, True), told
 
 
-def test_a_seal_by_another_key_or_none_is_said(folder: Path, tmp_path: Path) -> None:
+def test_a_seal_by_another_key_or_a_missing_seal_is_reported(folder: Path, tmp_path: Path) -> None:
     home = folder.parent
     public = tmp_path / "kept.pem"
     assert pzctl(home, "journal", "seal").returncode == 0

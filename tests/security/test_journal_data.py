@@ -1,4 +1,4 @@
-"""Nothing that was measured is removed: not at a start without its database, not through a link, not by a copy."""
+"""No measured data is removed: not at a start without the database, not through a link, not by a copy."""
 
 import json
 import logging
@@ -115,7 +115,7 @@ def without_tables(path: Path) -> None:
 
 
 def without_rows(path: Path) -> None:
-    """A new journal's database: its tables are there."""
+    """The database of a new journal, with its tables."""
     other = path.parent.parent / "other"
     JournalWriter(other).close()
     shutil.copy(other / path.name, path)
@@ -169,7 +169,7 @@ PAGE = 4096
 
 
 def test_repair_keeps_withdrawals_and_the_audit_log_wherever_the_damage_is(tmp_path: Path, build: Build) -> None:
-    """Each page of a database is destroyed in turn; what a repair cannot keep, it names."""
+    """Each page of a database is destroyed in turn; the repair names everything that it cannot keep."""
     whole = tmp_path / "whole"
     journal = JournalWriter(whole)
     journal.append(StateEvent(state="started", client="local"))
@@ -207,7 +207,7 @@ def test_repair_keeps_withdrawals_and_the_audit_log_wherever_the_damage_is(tmp_p
 
 
 def test_rows_of_another_journal_or_changed_ones_are_not_taken_over(folder: Path, tmp_path: Path, build: Build) -> None:
-    """What a repair takes from a damaged database is of these recordings, and as it was written."""
+    """A repair takes only unchanged rows of these recordings from a damaged database."""
     journal = JournalWriter(folder)
     first, second = (one.id for one in journal.measurements())
     journal.append(withdrawal_event(journal, first, "the lead had come off", "bench", "Ana"))
@@ -231,7 +231,7 @@ def test_rows_of_another_journal_or_changed_ones_are_not_taken_over(folder: Path
     assert (report.salvaged, [one for one in report.lost if "names one of the recordings" in one] != []) == (0, True)
 
 
-def test_an_older_copy_of_the_database_is_added_to(tmp_path: Path, build: Build) -> None:
+def test_an_older_copy_of_the_database_is_completed(tmp_path: Path, build: Build) -> None:
     folder = tmp_path / "journal"
     journal = JournalWriter(folder)
     first = measure(journal, build, "1")
@@ -253,7 +253,7 @@ def test_an_older_copy_of_the_database_is_added_to(tmp_path: Path, build: Build)
     journal.close()
 
 
-def test_an_array_of_an_earlier_version_is_read_and_not_guessed_at(folder: Path) -> None:
+def test_an_array_of_an_earlier_version_is_read_without_guessing(folder: Path) -> None:
     reader = JournalReader(folder)
     first = reader.measurements()[0].id
     sweep = reader.sweep_ids(first)[0]
@@ -280,8 +280,8 @@ def test_arrays_that_cannot_be_indexed_are_left_where_they_are(tmp_path: Path) -
     assert (arrays / "old.bin").read_bytes() == b"1234"
 
 
-def test_raw_columns_begin_an_array_and_its_index_ends_it(folder: Path) -> None:
-    """Who reads the columns from byte 0, as ever, need not know of the index."""
+def test_an_array_starts_with_raw_columns_and_ends_with_its_index(folder: Path) -> None:
+    """Programs that read the columns from byte 0 are not affected by the index."""
     reader = JournalReader(folder)
     measurement = reader.measurements()[0]
     (frames,) = reader.sweeps(measurement.id)
@@ -354,8 +354,8 @@ def test_a_pruned_journal_is_repaired_and_a_backup_as_well(folder: Path, tmp_pat
         reader.close()
 
 
-def test_what_a_kill_leaves_does_not_stop_the_start(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An array is on disk before its row is: killed in between, it is set aside, and its number is given anew."""
+def test_the_remains_of_a_kill_do_not_prevent_a_start(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An array is written before its row: after a kill in between, it is set aside and its number is used again."""
     journal = JournalWriter(folder)
     written = journal.store.write_array
 
@@ -383,7 +383,7 @@ def test_the_daemon_says_so_and_the_command_repairs(start_daemon, build: Build, 
     with connect() as lab:
         measurement = lab.measure(build, "disk").id
         lab.shutdown()
-    JournalMaintenance(journal_folder(tmp_path)).close()  # waits for the daemon to go
+    JournalMaintenance(journal_folder(tmp_path)).close()  # waits for the daemon to end
     (journal_folder(tmp_path) / "journal.sqlite").unlink()
     told = pzctl(tmp_path, "daemon")
     assert (told.returncode, "run `pzctl journal repair`" in " ".join(told.stderr.split())) == (1, True), told

@@ -1,4 +1,4 @@
-"""A journal on a PostgreSQL server: as hard to change unnoticed, and no clock ends its daemon."""
+"""A journal on a PostgreSQL server: changes are detected as in a folder, and a wrong clock does not end its daemon."""
 
 import time
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ def faults(url: str) -> list[str]:
 
 
 def test_a_clock_set_back_does_not_end_the_daemon(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The run of the daemon is the last one that began, whatever the clock said."""
+    """The daemon's run is the last one that began, whatever the clock said."""
     earlier = JournalWriter(tmp_path / "one", url, "a")
     earlier.append(StateEvent(state="started"))
     earlier.close()
@@ -88,7 +88,7 @@ def test_what_is_changed_is_found(url: str, build: Build, tmp_path: Path, statem
     assert any(says in fault for fault in faults(url)), faults(url)
 
 
-def test_a_seal_holds_and_breaks_on_a_server(url: str, build: Build, tmp_path: Path) -> None:
+def test_a_seal_on_a_server_detects_changes(url: str, build: Build, tmp_path: Path) -> None:
     journal = JournalWriter(tmp_path / "a", url, "a")
     measure(journal, build, "1")
     private, public = tmp_path / "private.pem", tmp_path / "public.pem"
@@ -104,7 +104,7 @@ def test_a_seal_holds_and_breaks_on_a_server(url: str, build: Build, tmp_path: P
     journal.close()
 
 
-def test_pruned_and_copied_the_chain_holds(url: str, build: Build, tmp_path: Path) -> None:
+def test_the_chain_holds_after_pruning_and_copying(url: str, build: Build, tmp_path: Path) -> None:
     for station in ("a", "b"):
         journal = JournalWriter(tmp_path / station, url, station)
         measure(journal, build, station)

@@ -1,4 +1,4 @@
-"""A key file concerns its own key alone, is looked at as it is now, and counts no longer than it says."""
+"""A key file affects its own key only, takes effect as soon as it changes, and expires on its date."""
 
 import json
 import logging
@@ -40,7 +40,7 @@ def keys(tmp_path: Path) -> Path:
 
 
 def spoil(path: Path, how: str) -> None:
-    """Make a client's file one that cannot be used."""
+    """Make a client's key file unusable."""
     if how == "mode":
         path.chmod(0o644)
         return
@@ -95,7 +95,7 @@ def test_a_bad_key_file_bars_its_own_key_alone_and_is_said_once(
 
 
 def test_a_right_that_is_lowered_in_place_counts_at_once(start_daemon: Callable[..., Location], keys: Path) -> None:
-    """Also where the file keeps its size and all its times: the clock of a file system is coarse."""
+    """Even if the file keeps its size and its times: the clock of a file system is coarse."""
     key = make_client(keys, "ana", "admin")
     path = keys / "clients" / "ana.json"
     where = start_daemon()
@@ -109,7 +109,7 @@ def test_a_right_that_is_lowered_in_place_counts_at_once(start_daemon: Callable[
             lab.shutdown()
 
 
-def test_a_change_within_a_tick_of_the_file_systems_clock_is_noticed(
+def test_a_change_within_a_tick_of_the_file_systems_clock_is_detected(
     keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ana = make_client(keys, "ana", "admin")
@@ -186,7 +186,7 @@ def test_the_key_before_a_rotation_expires_and_allows_no_more_than_the_new_one(k
     assert not gate.allows(fresh.public)
 
 
-def test_a_rotation_does_not_prolong_a_key(keys: Path) -> None:
+def test_a_rotation_does_not_extend_a_keys_validity(keys: Path) -> None:
     make_client(keys, "ana", "watch", TODAY)
     with pytest.raises(KeyFileError, match="its key expires after 2027-03-01; give the new one a day too"):
         rotate(keys, "ana", TODAY + WEEK, TODAY)
@@ -196,7 +196,7 @@ def test_a_rotation_does_not_prolong_a_key(keys: Path) -> None:
         rotate(keys, "eve", TODAY, TODAY)
 
 
-def test_a_client_goes_on_with_either_key_while_it_is_rotated(
+def test_both_keys_work_during_a_rotation(
     start_daemon: Callable[..., Location], build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_server(keys_folder(tmp_path))

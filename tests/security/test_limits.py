@@ -1,4 +1,4 @@
-"""What one request, or what a killed daemon left, must not do: fill the memory, keep the analyzer, leave a bias on."""
+"""A single request or a killed daemon cannot exhaust the memory, block the analyzer, or leave a bias on."""
 
 import os
 import socket
@@ -79,7 +79,7 @@ def test_a_plan_beyond_what_the_sample_stands_is_refused_before_it_is_accepted(
 
 
 def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_path: Path) -> None:
-    """Neither `measure` nor the page glues first and is refused then: the file itself is."""
+    """The file itself is refused, so that neither `measure` nor the page glues before the refusal."""
     path = tmp_path / "S4.toml"
     path.write_text(THESIS_BUILD.read_text() + "\n[sample]\nmax_bias_V = 10\nmax_oscillator_V = 0.1\n")
     for command in (["measure"], ["page", "--port", "1"], ["daemon", "--page"]):
@@ -105,7 +105,7 @@ def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_p
         ("max_oscillator_mV = 5", "max_oscillator_mV is not a known key"),
     ],
 )
-def test_a_limit_that_is_none_is_refused(line: str, says: str) -> None:
+def test_an_invalid_limit_is_refused(line: str, says: str) -> None:
     with pytest.raises(BuildError, match=says):
         parse_build(f"{THESIS_BUILD.read_text()}\n[sample]\n{line}\n")
 
@@ -113,14 +113,14 @@ def test_a_limit_that_is_none_is_refused(line: str, says: str) -> None:
 def test_a_measurement_can_be_cancelled_in_every_state(
     start_daemon: Callable[..., object], build: Build, wait_until: Callable[..., None]
 ) -> None:
-    """The longest plan that is accepted, measured at the instrument's own pace: nobody has to wait for its end."""
+    """The longest accepted plan at the instrument's real speed: nobody has to wait for its end."""
     start_daemon(time_scale=1.0)
     long = SweepPlan(tuple(Segment(1e6, 6e6, 801) for _ in range(200)))
     with connect() as lab:
         runs, waits = lab.begin(build, "disk", long), lab.begin(build, "disk", long)
         wait_until(lambda: lab.status().measuring == runs)
         lab.cancel(waits)
-        lab.cancel(waits)  # twice: it is being cancelled already
+        lab.cancel(waits)  # the second time it is being cancelled already
         lab.cancel(runs)
         wait_until(lambda: lab.status().measuring is None and not lab.status().queue)
         assert [one.state for one in lab.samples()[0].measurements] == ["cancelled", "cancelled"]
@@ -148,7 +148,7 @@ def test_a_bias_that_a_killed_daemon_left_on_goes_off_when_the_next_one_connects
 
 
 def asked(port: int, line: bytes) -> bytes:
-    """Return what the analyzer answers to one line, as whoever else has its port could ask it."""
+    """Return the analyzer's answer to one line, sent over a second connection to its port."""
     with socket.create_connection(("127.0.0.1", port), timeout=30) as panel:
         panel.sendall(line + b"\n")
         return panel.recv(100).strip()
@@ -157,7 +157,7 @@ def asked(port: int, line: bytes) -> bytes:
 @pytest.mark.parametrize("token", ["", "short"])
 def test_an_empty_or_short_token_opens_the_page_to_nobody(tmp_path: Path, token: str) -> None:
     done = subprocess.run(
-        [PZCTL, "page", "--token", token, "--host", "0.0.0.0"],  # noqa: S104 - it must not come to listening
+        [PZCTL, "page", "--token", token, "--host", "0.0.0.0"],  # noqa: S104 - the test expects that it does not listen
         env={**os.environ, "PZCTL_HOME": str(tmp_path)},
         capture_output=True,
         text=True,

@@ -1,4 +1,4 @@
-"""Who knocks without end does not fill the disk: the log says how often, and begins a new file."""
+"""Endless connection attempts do not fill the disk: the log counts them and rotates its files."""
 
 import asyncio
 import logging
@@ -37,7 +37,7 @@ class Kept(logging.Handler):
 
 @pytest.fixture
 def log() -> tuple[logging.Logger, list[str], list[Callable[[], None]]]:
-    """Return a logger, what it wrote, and what it wants done when a minute is over."""
+    """Return a logger, its lines, and its callbacks for the end of a minute."""
     kept, due = Kept(), []
 
     def later(seconds: float, do: Callable[[], None]) -> None:
@@ -63,7 +63,7 @@ def test_repeated_refusals_become_one_line_a_minute(log) -> None:
     assert lines[-1] == "turned away: again"
 
 
-def test_keys_that_are_not_known_leave_few_lines(start_daemon: Callable[..., Location], tmp_path: Path) -> None:
+def test_unknown_keys_leave_few_lines(start_daemon: Callable[..., Location], tmp_path: Path) -> None:
     where = start_daemon()
     for _ in range(3 * REPEATED):
         pair = new_pair()
@@ -111,8 +111,8 @@ def test_the_logs_of_failed_jobs_are_few_and_short(tmp_path: Path) -> None:
     assert (tmp_path / "daemon.log").stat().st_size == 5000
 
 
-def test_two_jobs_of_one_measurement_have_logs_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that is done removes its log; the other fails later, and must find its own, or nobody is told."""
+def test_two_jobs_of_one_measurement_have_separate_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A finished job removes its log; the other one fails later and must find its own log to report."""
     done = asyncio.Event()
 
     async def run(module: str, arguments: list[str], log: Path, *_: object) -> ProcessExit:
@@ -142,8 +142,8 @@ def _is_refused(heard: "zmq.Socket[bytes]") -> bool:
     return event in (zmq.EVENT_HANDSHAKE_FAILED_AUTH, zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL, zmq.EVENT_DISCONNECTED)
 
 
-def test_the_log_in_the_background_does_not_grow_on(tmp_path: Path) -> None:
-    """Lines of the log, and what a library writes on standard error, go on in the new file when one is full."""
+def test_the_background_log_is_bounded(tmp_path: Path) -> None:
+    """When a file is full, log lines and a library's standard error continue in the new file."""
     program = (
         "import logging, os, sys; from pathlib import Path; from pzctl.daemon.server import logs\n"
         "logs.LARGEST_LOG = 1000; logs.begin_log(file=Path(sys.argv[1]))\n"

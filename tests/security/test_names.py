@@ -1,4 +1,4 @@
-"""A name is shown as a name everywhere: it is no markup, commands no terminal, and begins no line of its own."""
+"""A name is shown as plain text everywhere: it cannot inject markup, terminal escape sequences or new lines."""
 
 import io
 import json
@@ -30,7 +30,7 @@ from pzctl.models.build import Build
 
 ESCAPE = "\x1b[2J"
 BAD = ["a" + ESCAPE, "a\nmeasured: S5", "a\x00b", "a\u202eb", " a", "", "a" * (LONGEST_NAME + 1)]
-"""Names that are none: a terminal's command, a second line, NUL, text turned round, blanks, nothing, without end."""
+"""Invalid names: an escape sequence, a second line, NUL, right-to-left text, blanks, an empty and an endless name."""
 
 
 @pytest.mark.parametrize("name", BAD, ids=ascii)
@@ -64,7 +64,7 @@ def test_neither_a_build_nor_a_setting_has_such_a_name(build: Build, name: str) 
 
 
 def old_journal(home: Path, build: Build, name: str) -> None:
-    """Write a journal as one of an earlier version may be, which took every name."""
+    """Write a journal like those of an earlier version, which accepted every name."""
     (home / "journal").mkdir()
     journal = JournalWriter(journal_folder(home))
     odd = replace(build, name=name, steps=(replace(build.steps[0], name=name),))
@@ -94,7 +94,7 @@ def test_an_old_journal_with_such_names_is_shown(
     assert ESCAPE not in printed
 
 
-def test_a_name_is_no_formula_in_a_picture(tmp_path: Path) -> None:
+def test_a_name_is_not_a_formula_in_a_picture(tmp_path: Path) -> None:
     f, z = np.linspace(1e6, 2e6, 11), np.full(11, 50 - 10j)
     odd = "$\\x$" + ESCAPE
     constants = {f"{odd}.{name}": Constant(1.0, 0.0, 0.1, None, odd) for name in ("c", "z")}
@@ -121,12 +121,12 @@ def test_a_name_is_no_formula_in_a_picture(tmp_path: Path) -> None:
     assert history_svg({name: [(odd, one)] for name, one in constants.items()})
 
 
-def test_no_file_is_named_out_of_its_folder() -> None:
+def test_no_file_name_leads_out_of_its_folder() -> None:
     assert as_file_name("../../S4", "a\\b\n", "x" + ESCAPE) == "_.._S4-a_b_-x__2J"
     assert as_file_name("S4.a", "ml1 (2)", "mason") == "S4.a-ml1 _2_-mason"
 
 
-def test_the_log_keeps_a_message_on_its_line() -> None:
+def test_a_log_message_stays_on_one_line() -> None:
     stream = io.StringIO()
     handler = logging.StreamHandler(stream)
     handler.setFormatter(TextLines("%(levelname)s %(message)s"))

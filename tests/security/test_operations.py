@@ -1,4 +1,4 @@
-"""How the daemon is run: what its unit and container may do, who reads what is counted, and a restored backup."""
+"""Operation of the daemon: rights of its unit and container, access to its metrics, and a restored backup."""
 
 import json
 import os
@@ -28,7 +28,7 @@ UNIT = ROOT / "docs" / "pzctl.service"
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 MOST_EXPOSED = 15
-"""Tenths of what `systemd-analyze security` calls exposure: 100 is no protection at all."""
+"""Exposure by `systemd-analyze security` in tenths: 100 is no protection at all."""
 
 
 def unit() -> dict[str, list[str]]:
@@ -55,7 +55,7 @@ def unit() -> dict[str, list[str]]:
         ("UMask", "0077"),
     ],
 )
-def test_the_unit_takes_away_what_the_daemon_does_not_need(key: str, value: str) -> None:
+def test_the_unit_removes_rights_that_the_daemon_does_not_need(key: str, value: str) -> None:
     assert unit()[key][0] == value
 
 
@@ -78,10 +78,10 @@ STEPS = [
     for line in (ROOT / "docs" / "Containerfile").read_text(encoding="utf-8").splitlines()
     if line and not line.startswith("#")
 ]
-"""Instruction and words of each line."""
+"""Instruction and arguments of each line."""
 
 
-def test_the_container_is_built_of_files_that_are_there_and_misses_none() -> None:
+def test_the_container_is_built_from_existing_files_and_misses_none() -> None:
     copied = [shlex.split(words) for step, words in STEPS if step == "COPY" and not words.startswith("--from")]
     sources = {source for *of_step, _ in copied for source in of_step}
     assert [source for source in sources if not (ROOT / source).exists()] == []
@@ -142,7 +142,7 @@ def test_every_alarm_of_the_guide_names_a_metric_that_is_told(
 
 
 def pzctl(home: Path, *words: str) -> str:
-    """Run a command on a data folder that has to succeed; return what it says."""
+    """Run a command on a data folder, which must succeed; return its output."""
     environment = {**os.environ, "PZCTL_HOME": str(home)}
     ran = subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
@@ -164,7 +164,7 @@ def test_restore_drill_a_backup_replaces_a_data_folder_that_is_lost(
         last = lab.status().seq
     pzctl(lost, "journal", "seal")
     shutil.copytree(lost / "seal", shelf)
-    pzctl(lost, "journal", "backup", str(shelf / "journal"))  # while the daemon goes on
+    pzctl(lost, "journal", "backup", str(shelf / "journal"))  # while the daemon runs
     end(where.pid, signal.SIGKILL)
     shutil.rmtree(lost)
 

@@ -1,4 +1,4 @@
-"""What one who may see the page must not do to it: crash it with a body, hold its connections, take all its streams."""
+"""A client of the page cannot crash it with a body, hold its connections, or use up its event streams."""
 
 import asyncio
 import json
@@ -126,7 +126,7 @@ def test_a_head_that_does_not_come_ends_its_connection(begun: bytes, monkeypatch
                 if not slow.recv(1 << 16):
                     break
             except ConnectionResetError:
-                break  # ended, which is what is promised; a connection that is kept times out above
+                break  # ended as promised; a connection that stays open times out above
 
 
 def test_somebody_who_does_not_read_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The page's users: who may look, who may act, whose name goes with it; and HTTPS with an own certificate."""
+"""The page's users: who may read, who may act, and under which name; and HTTPS with the lab's own certificate."""
 
 import asyncio
 import datetime
@@ -94,7 +94,7 @@ def test_a_removed_user_hears_no_further_event(file: Path) -> None:
             if message["type"] == "http.response.body" and message["body"].startswith(b"retry"):
                 file.write_text("")
 
-        async with app.router.lifespan_context(app):  # no daemon runs: that is the first event
+        async with app.router.lifespan_context(app):  # the first event says that no daemon runs
             await asyncio.wait_for(app(scope, asyncio.Event().wait, send), 60)  # type: ignore[arg-type]
 
     asyncio.run(streamed())
@@ -109,7 +109,7 @@ def test_a_user_that_cannot_be_added_is_refused(file: Path, name: str, says: str
 
 
 @pytest.mark.parametrize("content", ["[ana", '[ana]\nright = "act"\n', '["a b"]\nright = "act"\ntoken_sha256 = "00"\n'])
-def test_a_file_that_is_none_is_refused(file: Path, content: str) -> None:
+def test_an_invalid_file_of_users_is_refused(file: Path, content: str) -> None:
     file.write_text(content)
     with pytest.raises(PageUsersError, match="page-users"):
         PageUsers(file)
@@ -149,7 +149,7 @@ def test_the_name_of_the_user_goes_with_each_request(monkeypatch: pytest.MonkeyP
 
 @pytest.fixture
 def certificate(tmp_path: Path) -> tuple[Path, Path]:
-    """A certificate for 127.0.0.1 as a lab may make it, and its key."""
+    """A self-signed certificate for 127.0.0.1, and its key."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "localhost")])
     now = datetime.datetime.now(datetime.UTC)

@@ -1,4 +1,4 @@
-"""The password of a journal's database is shown by nothing: no sentence, no setting, no log."""
+"""The password of a journal's database never appears: in no error, no setting and no log."""
 
 import pytest
 
@@ -36,7 +36,7 @@ def test_no_error_on_the_way_to_a_server_shows_it(url: str, tmp_path, caplog: py
     with pytest.raises(JournalError) as refused:
         JournalWriter(tmp_path / "journal", url, "bench")
     error: BaseException | None = refused.value
-    while error is not None:  # a traceback in the log shows what is behind an error, too
+    while error is not None:  # a traceback in the log also shows the cause of an error
         assert "secret" not in str(error)
         error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     assert "secret" not in caplog.text
@@ -57,5 +57,5 @@ def test_a_setting_that_is_refused_does_not_show_it(url: str, monkeypatch: pytes
 @pytest.mark.parametrize(
     "url", ["postgresql://pzctl@lab-server/pzctl", "postgresql:///x?host=/run/pg&port=5433", "/mnt/archive/journal"]
 )
-def test_what_holds_no_password_is_shown_whole(url: str) -> None:
+def test_addresses_without_a_password_are_shown_in_full(url: str) -> None:
     assert without_password(url) == url

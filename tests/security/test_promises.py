@@ -1,4 +1,4 @@
-"""Every promise of docs/security.md names a test that is there, and every file of tests/security shows one."""
+"""Every promise of docs/security.md names an existing test, and every file of tests/security has a promise."""
 
 import ast
 import re
@@ -15,7 +15,7 @@ def names_in(path: Path) -> set[str]:
     return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")}
 
 
-def test_every_promise_names_a_test_that_is_there() -> None:
+def test_every_promise_names_an_existing_test() -> None:
     assert len(ROWS) > 50
     for row in ROWS:
         named = re.fullmatch(r"\| .+ \| (?:stranger|client|user|accident|writer) \| `(\S+)::(\w+)` \|", row)
@@ -24,6 +24,6 @@ def test_every_promise_names_a_test_that_is_there() -> None:
         assert named[2] in names_in(ROOT / named[1]), row
 
 
-def test_every_file_of_these_tests_is_promised() -> None:
+def test_every_file_of_these_tests_has_a_promise() -> None:
     files = {path.name for path in HERE.glob("test_*.py")} - {Path(__file__).name}
     assert {name for name in files if f"tests/security/{name}::" not in GUIDE} == set()

@@ -1,4 +1,4 @@
-"""Who has no key commands nothing: not from this machine, not by a web page, not with a name that means code."""
+"""Without a key nobody can command anything: not from this machine, not by a web page, not with a module's name."""
 
 import json
 import socket
@@ -40,7 +40,7 @@ def test_a_program_without_a_key_is_not_heard_on_loopback(start_daemon, plain_so
 
 @pytest.mark.parametrize("head", [b"POST / HTTP/1.1\r\nContent-Length: 99\r\n\r\n", b""], ids=["HTTP", "bare"])
 def test_unversioned_zmtp_commands_nothing(start_daemon, head: bytes) -> None:
-    """ZMTP 1.0 has no handshake: the body of a web page's POST can be frames of it."""
+    """ZMTP 1.0 has no handshake: the body of a web page's POST can be valid frames."""
     where = start_daemon()
     host, _, port = where.requests.removeprefix("tcp://").rpartition(":")
     with socket.create_connection((host, int(port)), timeout=10) as link, suppress(ConnectionResetError):
@@ -58,7 +58,7 @@ def test_the_keys_of_an_account_are_readable_by_it_alone(start_daemon) -> None:
 
 
 def test_a_name_from_the_wire_is_never_imported(start_daemon, build: Build, tmp_path: Path, plain_socket) -> None:
-    """Saying hello as a fitter `module:Class` does not have the daemon load that module."""
+    """A hello from a fitter `module:Class` does not make the daemon load that module."""
     where = start_daemon("Echo")
     unlocked(plain_socket, where).connect(where.requests)
     plain_socket.send(b'{"id":"h","request":"hello","fitter":"evil:X","version":"1"}')
@@ -75,7 +75,7 @@ def test_a_name_from_the_wire_is_never_imported(start_daemon, build: Build, tmp_
 def test_files_beside_the_daemon_are_no_part_of_it(
     start_daemon, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A `statistics.py` in the folder it is started in is imported neither by the daemon nor by its fitters."""
+    """A `statistics.py` in the working folder is imported neither by the daemon nor by its fitters."""
     for name in ("statistics", "random", "numpy", "pzctl"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('imported')\n")
     monkeypatch.chdir(tmp_path)
@@ -86,7 +86,7 @@ def test_files_beside_the_daemon_are_no_part_of_it(
 
 
 def heard_from(address: str, *parts: bytes) -> bytes:
-    """Send bytes to a port, one part after the other; return everything that it answers until it ends or is silent."""
+    """Send bytes to a port, one part after the other; return its whole answer until it closes or is silent."""
     host, port = address.rsplit(":", 1)
     found = b""
     with socket.create_connection((host, int(port)), timeout=3) as link, suppress(OSError):
@@ -103,7 +103,7 @@ def heard_from(address: str, *parts: bytes) -> bytes:
 
 @pytest.mark.parametrize("method", ["GET", "POST", "PUT", "OPTIONS"])
 def test_a_web_page_commands_neither_the_simulator_nor_its_bench(start_daemon, build: Build, method: str) -> None:
-    """What a page posts is text: its lines would be commands, as these ports take any text line by line."""
+    """A page posts text; these ports accept text line by line, so its lines would be commands."""
     where = start_daemon()
     instrument = ":".join(where.resource.split("::")[1:3])
     with connect() as lab:

@@ -1,4 +1,4 @@
-"""Who asks for much and reads nothing costs the daemon no memory, and others are answered meanwhile."""
+"""A client that requests much and reads nothing costs the daemon no memory, and others are answered meanwhile."""
 
 import json
 import os
@@ -64,7 +64,7 @@ def test_answers_that_nobody_reads_are_not_kept_without_end(
         assert (error["code"], "MB of earlier answers were not read yet" in error["message"]) == ("too-much", True)
 
 
-def test_who_reads_may_ask_on(start_daemon: Callable[..., Location], measurement: str) -> None:
+def test_a_client_that_reads_may_continue(start_daemon: Callable[..., Location], measurement: str) -> None:
     where = start_daemon()
     with Client(where.events, where.requests, where.key) as lab:
         for _ in range(8):

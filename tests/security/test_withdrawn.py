@@ -1,4 +1,4 @@
-"""A withdrawn measurement is marked for all to see, counts no more unless asked for, and is never removed."""
+"""A withdrawn measurement is marked for everybody, counts only on request, and is never removed."""
 
 import json
 import signal
@@ -58,7 +58,7 @@ def two(tmp_path: Path, build: Build, monkeypatch: pytest.MonkeyPatch) -> tuple[
 
 
 def used(*, with_withdrawn: bool = False) -> str | None:
-    """Return the measurement that fits and populations take."""
+    """Return the measurement that fits and populations use."""
     journal = JournalReader(journal_folder(home()))
     try:
         (sample,) = journal_samples(journal, with_withdrawn=with_withdrawn)
@@ -79,7 +79,7 @@ def test_it_counts_no_more_unless_asked_and_nothing_of_it_is_removed(two: tuple[
     journal.close()
 
 
-def test_all_who_look_see_that_it_was_withdrawn_by_whom_and_why(two: tuple[str, str]) -> None:
+def test_everybody_sees_who_withdrew_it_and_why(two: tuple[str, str]) -> None:
     first, second = two
     pzctl("journal", "withdraw", second, *WITHDRAW)
     (sample,) = json.loads(pzctl("samples", "--json")[1])["samples"]

@@ -1,4 +1,4 @@
-"""A plain socket to the simulated instrument: what anybody's script has."""
+"""A plain socket to the simulated instrument, as in any script."""
 
 import socket
 from collections.abc import Iterator
@@ -72,7 +72,7 @@ class Lab:
 
 @pytest.fixture
 def lab_with():
-    """Start simulators with given options; free ports and no waiting unless said otherwise."""
+    """Start simulators with given options; by default with free ports and without waiting."""
     labs: list[tuple[object, Lab]] = []
 
     def start(**options: object) -> Lab:

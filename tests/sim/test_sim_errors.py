@@ -1,4 +1,4 @@
-"""Sentences of the simulated bench about commands and ports that cannot be."""
+"""Error sentences of the simulated bench for impossible commands and ports."""
 
 import socket
 import sys
@@ -69,7 +69,7 @@ def test_an_ftp_port_that_is_taken() -> None:
 
 
 def test_ftp_without_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "aioftp", None)  # as where it is not installed
+    monkeypatch.setitem(sys.modules, "aioftp", None)  # as if it were not installed
     with (
         pytest.raises(SimError, match=r"the FTP server needs aioftp: pip install aioftp"),
         running(SimOptions(port=0, bench_port=0, ftp_port=0)),

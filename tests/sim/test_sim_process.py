@@ -1,4 +1,4 @@
-"""The simulator as a process: says where it is, dies when told, refuses to start in one sentence."""
+"""The simulator as a process: it prints its addresses, ends on a signal, and refuses to start in one sentence."""
 
 import gc
 import json
@@ -16,7 +16,7 @@ SCRIPT = "from pzctl.sim.server import SimOptions, run; run(SimOptions(port=0, b
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_says_its_addresses_and_dies_cleanly(number, tmp_path, start_program):
+def test_prints_its_addresses_and_ends_cleanly(number, tmp_path, start_program):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = start_program([sys.executable, "-c", SCRIPT], cwd=tmp_path, **pipes)
     addresses = json.loads(process.stdout.readline())
@@ -33,13 +33,13 @@ def test_says_its_addresses_and_dies_cleanly(number, tmp_path, start_program):
     assert addresses["bench"] in line
 
 
-def test_stopping_closes_even_the_connections_that_just_came():
+def test_stopping_closes_even_new_connections():
     for _ in range(20):
         with running() as sim:
             clients = [socket.create_connection(("127.0.0.1", sim.port)) for _ in range(3)]
         for client in clients:
             client.close()
-    gc.collect()  # a socket that was left open warns here, and warnings are errors
+    gc.collect()  # a socket left open raises a warning here, and warnings are errors
 
 
 def test_a_port_that_is_taken_is_one_sentence():

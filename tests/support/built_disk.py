@@ -115,7 +115,7 @@ class BuiltDisk:
     finer: int = 0
     """Additional orders and elements per half thickness."""
     clamped: bool = False
-    """Without it the disk does not move in the plane: the one-dimensional plate."""
+    """Whether the disk moves in the plane; if not, it is the one-dimensional plate."""
 
     def __post_init__(self) -> None:
         require_positive("disk", radius=self.radius, thickness=self.thickness, density=self.density)

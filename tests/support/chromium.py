@@ -1,4 +1,4 @@
-"""A headless Chromium, and a live page to look at: for tests and benchmarks.
+"""A headless Chromium and a live page for tests and benchmarks.
 
 The browser is driven by its own protocol over a pipe (file descriptors 3 and 4), so no driver is needed.
 """
@@ -124,7 +124,7 @@ class Browser:
 
 
 def free_port() -> int:
-    """Return a port that is free, of those that the system gives to nobody unasked: it is free a second later, too."""
+    """Return a free port outside the system's ephemeral range, so that it stays free."""
     while True:
         with socket.socket() as one, suppress(OSError):
             one.bind(("127.0.0.1", random.randrange(10_000, 32_768)))  # noqa: S311
@@ -133,9 +133,9 @@ def free_port() -> int:
 
 @contextmanager
 def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
-    """Give the address of a page beside a daemon with a simulated 4294A, on a data folder of its own.
+    """Give the address of a page of a daemon with a simulated 4294A, on its own data folder.
 
-    It diagnoses nothing by itself: what no test waits for would hold up what one does.
+    Automatic diagnoses are off: they would delay the work that a test waits for.
     """
     port = free_port()
     with pytest.MonkeyPatch.context() as patch:
@@ -146,7 +146,7 @@ def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
         assert server.stdout is not None
         try:
             assert f"page: http://127.0.0.1:{port}/" in server.stdout.readline()
-            while not _listens(port):  # just after it said where
+            while not _listens(port):  # just after it printed its address
                 time.sleep(0.1)
             yield f"http://127.0.0.1:{port}/"
         finally:

@@ -1,4 +1,4 @@
-"""A soft ceramic with ten complex constants, each with losses of its own: the truth of tests."""
+"""A soft ceramic with ten complex constants, each with its own loss: the truth of tests."""
 
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.matrices import CONSTANTS

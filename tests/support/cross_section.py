@@ -1,8 +1,8 @@
 """The matrices of a disk with additions: bonded layers, electrodes that end before the rim, rings of mass.
 
-The whole section instead of half of it, in y: -1 to 1 the ceramic, one unit for each layer before and behind it. All
-stays affine: a layer's Lame constants times powers of the radius and of its own thickness; only ratios of radii (the
-electrodes' and the rings' edges) are part of the mesh. Everything is halved, so that it is what half a disk would be.
+The full section instead of half of it: in y, -1 to 1 is the ceramic, with one unit for each layer in front and behind.
+The matrices stay affine: a layer's Lame constants times powers of the radius and of its own thickness; only ratios of
+radii (the electrodes' and the rings' edges) are part of the mesh. Everything is halved, to match half a disk.
 """
 
 from collections.abc import Callable, Mapping
@@ -38,14 +38,14 @@ class Ring:
 
     face: Literal["back", "front"]
     inner: float
-    """Over the radius of the disk."""
+    """Inner radius over that of the disk."""
     outer: float
-    """Over the radius of the disk."""
+    """Outer radius over that of the disk."""
 
 
 @dataclass(frozen=True)
 class CrossSection:
-    """Everything beside the ceramic."""
+    """All additions to the ceramic."""
 
     back: int = 0
     """Layers behind the ceramic."""
@@ -68,7 +68,7 @@ class CrossSection:
         return np.sort(np.concatenate([ends, near]))
 
     def breaks(self, elements: int) -> Reals:
-        """Return the ends of elements along r, `elements` of them but for what edges need."""
+        """Return the ends of elements along r: `elements` of them, and further ones at edges."""
         sharp = [1.0] if self.back or self.front else list[float]()
         sharp += [self.electrode] if self.electrode < 1 else []
         wanted = [edge for ring in self.rings for edge in (ring.inner, ring.outer)] + sharp
@@ -91,7 +91,7 @@ class SectionMatrices:
     moving: int
 
     def loaded(self, over_ceramic: Reals) -> Matrices:
-        """Return the matrices with one mass: each weighed by its mass over that of as large a part of the ceramic."""
+        """Return the matrices with one mass: each weighted by its mass over that of an equal part of the ceramic."""
         weighed = (share * mass for share, mass in zip((1.0, *over_ceramic.tolist()), self.masses, strict=True))
         return Matrices(self.terms, reduce(add, weighed), self.moving)
 

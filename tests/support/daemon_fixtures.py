@@ -1,4 +1,4 @@
-"""A daemon in a process of its own, on a data folder of its own, with a simulated 4294A that answers at once."""
+"""A daemon in its own process and on its own data folder, with a simulated 4294A that answers at once."""
 
 import os
 import signal
@@ -31,7 +31,7 @@ def build() -> Build:
 
 @pytest.fixture
 def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Location]]:
-    """Return a function that starts a daemon on this test's data folder; what it started is ended after the test."""
+    """Return a function that starts a daemon on this test's data folder; it is ended after the test."""
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
     pids: list[int] = []
@@ -56,7 +56,7 @@ def start_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
 
 @pytest.fixture
 def end() -> Callable[[int, signal.Signals], None]:
-    """Return a function that sends a signal to a daemon this test started and waits until it has gone."""
+    """Return a function that sends a signal to a daemon this test started and waits until it has ended."""
     return _end
 
 

@@ -1,6 +1,6 @@
-"""A free disk by a general finite-element package, scikit-fem: the rival and the judge of `models/disk2d`.
+"""A free disk by a general finite-element package, scikit-fem: the reference for `models/disk2d`.
 
-Nothing of the project's own discretisation is in it: triangles of order four, integrals over the
+It uses nothing of the project's own discretisation: triangles of order four, integrals over the
 section by quadrature in r and z, metres and volts scaled once, one sparse factorisation for each frequency.
 """
 
@@ -13,7 +13,7 @@ from skfem import Basis, BilinearForm, ElementTriP4, MeshTri
 
 INTEGRANDS = (
     lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0] + u * v / w.x[0],  # radial and hoop strain of u_r
-    lambda u, v, w: u.grad[0] * v + u * v.grad[0],  # one with the other
+    lambda u, v, w: u.grad[0] * v + u * v.grad[0],  # product of both
     lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0],  # slopes along r
     lambda u, v, w: u.grad[1] * v.grad[1] * w.x[0],  # slopes along z
     lambda u, v, w: u.grad[1] * (v.grad[0] * w.x[0] + v),  # slope along z of a field, divergence in the plane of u_r

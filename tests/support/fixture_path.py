@@ -29,7 +29,7 @@ class Fixture:
     `lead.resistance` (ohm), `lead.skin` (ohm at 1 MHz), `stray.capacitance` (F), `stray.conductance` (S),
     `cable.length` (m), `cable.impedance` (ohm), `cable.velocity` (m/s), `cable.loss` (Np/m at 1 MHz),
     `open.capacitance`, `open.conductance`, `short.inductance`, `short.resistance`, `short.skin`, `load.gain`,
-    `load.delay` (s). As constructed the path is null and the device is seen as it is.
+    `load.delay` (s). By default the path is null and the device is measured directly.
     """
 
     device: Model
@@ -58,7 +58,7 @@ class Fixture:
         return replace(self, **changes)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
-        """Return the impedance seen by the analyzer in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
+        """Return the impedance at the analyzer in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         seen = self.device.impedance(frequency)
         for noun in PATH:
             seen, _, _ = self._see(noun, seen, frequency)
@@ -71,7 +71,7 @@ class Fixture:
         inner = [name for name in names if name not in path]
         seen, rows = self.device.jacobian(frequency, inner)
         slopes = dict(zip(inner, rows * seen, strict=True))
-        for noun in PATH:  # towards the analyzer: all that was there is seen through the next element
+        for noun in PATH:  # towards the analyzer: the impedance so far is transformed by the next element
             seen, through, own = self._see(noun, seen, frequency)
             slopes = {name: slope * through for name, slope in slopes.items()}
             slopes |= {f"{noun}.{key}": slope for key, slope in own.items()}

@@ -1,4 +1,4 @@
-"""Fitters for the tests: one that answers, one that refuses, one that dies, one that answers nonsense."""
+"""Fitters for the tests: one that answers, one that refuses, one that crashes, one that answers nonsense."""
 
 import os
 import signal
@@ -29,7 +29,7 @@ def _result(task: FitTask, name: str, chi2: float = 1.0) -> FitResult:
 
 
 class Echo:
-    """Gives back what it was given."""
+    """Returns its input."""
 
     name = "echo"
     version = "1"

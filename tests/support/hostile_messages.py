@@ -1,4 +1,4 @@
-"""Messages made to harm, and bytes without end: for the tests and for the floods that are measured."""
+"""Malicious messages and endless bytes for the tests and for the flood benchmarks."""
 
 import json
 import random
@@ -30,7 +30,7 @@ DTYPES = ("<f8", "<c16", ">f8", "O", "<U9", "|V8", "object")
 
 
 def mutated(seed: int) -> list[bytes]:
-    """A message of wire 1, harmed in one of the ways that harm programs."""
+    """A message of wire 1, damaged in one of several ways."""
     chance = random.Random(seed)  # noqa: S311
     frames = list(chance.choice(list(GOLDEN.values())))
     way = chance.randrange(7)

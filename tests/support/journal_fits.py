@@ -1,4 +1,4 @@
-"""Samples with ready fits in a journal, for tests of what is done with them."""
+"""Samples with finished fits in a journal."""
 
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.journal.journal_writer import JournalWriter

@@ -1,4 +1,4 @@
-"""Plain ZeroMQ sockets with a key, as a program that is no client of ours would set it."""
+"""Plain ZeroMQ sockets with a key, as in a program that does not use our client."""
 
 import json
 from typing import Any
@@ -12,7 +12,7 @@ from pzctl.daemon.wire.socket_options import unlock
 
 
 def unlocked(link: "zmq.Socket[bytes]", where: Location | None = None) -> "zmq.Socket[bytes]":
-    """Return the socket with the key of the daemon at `where`; without, of the one on this test's data folder."""
+    """Return the socket with the key of the daemon at `where`; by default, of the one on this test's data folder."""
     there = where or find(home())
     assert there is not None
     unlock(link, there.key)
@@ -20,7 +20,7 @@ def unlocked(link: "zmq.Socket[bytes]", where: Location | None = None) -> "zmq.S
 
 
 def served(link: "zmq.Socket[bytes]") -> "zmq.Socket[bytes]":
-    """Return a socket that takes the place of the daemon's: it has its pair."""
+    """Return a socket that impersonates the daemon's: it has its key pair."""
     pair = local_keys(keys_folder(home())).server
     link.set(zmq.CURVE_SERVER, 1)
     link.set(zmq.CURVE_SECRETKEY, pair.secret.encode())

@@ -1,4 +1,4 @@
-"""Asks the live page's application itself, as a server would; without a socket."""
+"""Calls the live page's application directly, as a server would; without a socket."""
 
 import asyncio
 from typing import Any
@@ -37,7 +37,7 @@ def ask(
 ) -> tuple[int, dict[str, str], bytes]:
     """Return status, headers and body of the answer.
 
-    Without a body, the one who asks never sends it; `trusts_proxy` reads what a proxy on this machine adds.
+    Without a body, the client never sends one; `trusts_proxy` accepts headers added by a proxy on this machine.
     """
     where, _, query = path.partition("?")
     given = {"host": "127.0.0.1:8294", **headers}
@@ -58,7 +58,7 @@ def ask(
 
     async def receive() -> dict[str, Any]:
         if not parts:
-            await asyncio.Event().wait()  # the browser stays
+            await asyncio.Event().wait()  # the browser stays connected
         part = parts.pop(0)
         return {"type": "http.request", "body": part, "more_body": bool(parts)}
 

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the tests' own, in a temporary folder, reached by a socket in it."""
+"""A PostgreSQL server for the tests, in a temporary folder, reached by a socket in it."""
 
 import os
 import pwd
@@ -12,7 +12,7 @@ from typing import Any
 
 
 def programs() -> Path | None:
-    """Return the folder of initdb and pg_ctl: Debian keeps them out of the path."""
+    """Return the folder of initdb and pg_ctl, which Debian does not put on the path."""
     found = shutil.which("initdb")
     folders = [Path(found).resolve().parent] if found else []
     folders += sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
@@ -20,7 +20,7 @@ def programs() -> Path | None:
 
 
 def reason_why_not() -> str:
-    """Return why no server can be started here; nothing where one can."""
+    """Return why no server can be started here; an empty text if one can."""
     if programs() is None:
         return "no PostgreSQL server is installed (Debian: postgresql)"
     if os.geteuid() == 0:
@@ -45,7 +45,7 @@ class Server:
         (folder / "said").touch()
 
     def make(self) -> None:
-        """Make its files, and the database; it runs then."""
+        """Create its files and the database, and start it."""
         self._run("initdb", *self._data, "-U", "pzctl", "-A", "trust", "--no-sync", "--no-locale", "-E", "UTF8")
         self.start()
         self._run("createdb", "-h", str(self._folder), "-U", "pzctl", "record")
@@ -75,7 +75,7 @@ class Server:
 
 @contextmanager
 def running() -> Generator[Server]:
-    """Give a server that ends with this."""
+    """Give a server that is ended with this context."""
     folder = Path(tempfile.mkdtemp(prefix="pzctl-pg-", dir="/tmp"))
     try:
         server = Server(folder)

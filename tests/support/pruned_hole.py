@@ -1,4 +1,4 @@
-"""A hole that nobody can fill: a daemon is killed, and its successor's journal lacks what came in between."""
+"""A gap that cannot be filled: a daemon is killed, and its successor's journal lacks the events in between."""
 
 import os
 import signal
@@ -15,11 +15,11 @@ from pzctl.daemon.wire.events import SampleStep, StateEvent
 from pzctl.models.build import Build
 
 PRUNED = 3
-"""Events that come in between."""
+"""Number of events in between."""
 
 
 def endpoints() -> dict[str, str]:
-    """Return endpoints that a daemon can have, and another one after it."""
+    """Return endpoints that a daemon and its successor can use."""
     with socket.socket() as one, socket.socket() as other:
         for each in (one, other):
             each.bind(("127.0.0.1", 0))
@@ -29,9 +29,9 @@ def endpoints() -> dict[str, str]:
 
 
 def prune_unheard(start_daemon: Callable[..., Location], where: Location, home: Path, build: Build) -> int:
-    """Kill the daemon, write and prune events that nobody hears, start another one there; return the last of them."""
+    """Kill the daemon, write and prune events that nobody receives, start another daemon; return the last event."""
     os.kill(where.pid, signal.SIGKILL)
-    with suppress(ChildProcessError):  # who started it waits for it as well
+    with suppress(ChildProcessError):  # the process that started it waits for it as well
         os.waitpid(where.pid, 0)
     journal = JournalMaintenance(journal_folder(home))
     measurement, _ = journal.begin_measurement("in between", build, "disk")

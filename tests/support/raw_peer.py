@@ -1,4 +1,4 @@
-"""A peer that speaks ZMTP 3.0 by hand, byte for byte: libzmq would not send what a hostile program can."""
+"""A peer that speaks ZMTP 3.0 by hand, byte for byte: libzmq cannot send a hostile program's messages."""
 
 import socket
 
@@ -9,7 +9,7 @@ MORE, LARGE = b"\x01", b"\x03"
 
 
 def greeted(endpoint: str, kind: bytes) -> socket.socket:
-    """Return a connection to a socket of the daemon, the handshake done, as a socket of this kind would."""
+    """Return a connection to a socket of the daemon after the handshake, as a socket of this kind."""
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     link = socket.create_connection((host, int(port)), timeout=60)
     body = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
@@ -28,7 +28,7 @@ def greeted(endpoint: str, kind: bytes) -> socket.socket:
 
 
 def send_until_cut(link: socket.socket, block: bytes, most: int) -> bool:
-    """Send the same bytes again and again, `most` at most; return whether the other side ended the connection."""
+    """Send the same bytes repeatedly, at most `most` in total; return whether the other side closed the connection."""
     try:
         for _ in range(most // len(block)):
             link.sendall(block)
@@ -38,7 +38,7 @@ def send_until_cut(link: socket.socket, block: bytes, most: int) -> bool:
 
 
 def frames_in(block: bytes) -> list[tuple[bool, bytes]]:
-    """Return the frames of plain ZMTP bytes: whether more of the message follows, and what is in it."""
+    """Return the frames in plain ZMTP bytes: a flag whether more of the message follows, and the content."""
     found: list[tuple[bool, bytes]] = []
     while block:
         wide = 8 if block[0] & 2 else 1

@@ -1,8 +1,8 @@
-"""Fixture compensation: open, short and load measured one after the other, kept as arrays, given back later.
+"""Fixture compensation: open, short and load are measured in turn, stored as arrays and written back later.
 
-At 3 MHz the 200 nH of a pair of clips are 3.8 ohm, as much as a disk at its thickness resonance: without a short
-compensation such a jig measures itself. Programming Manual p.63 and p.83. `CALP FIXED` is used: the instrument
-measures at its own points from 40 Hz to 110 MHz and interpolates, so that one compensation serves every sweep.
+At 3 MHz the 200 nH of a pair of clips are 3.8 ohm, as much as a disk at its thickness resonance: without short
+compensation the jig dominates the measurement. Programming Manual p.63, p.83. The driver uses `CALP FIXED`: the
+instrument measures at its own points from 40 Hz to 110 MHz and interpolates; one compensation serves every sweep.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +21,10 @@ from ..protocol import settings
 from ..protocol import sweep_wait as wait
 
 STANDARD_SECONDS = 110.0
-"""How long a standard takes: tens of seconds to minutes are reported; others wait for 120 to 180 s."""
+"""Expected time of a standard: users report tens of seconds to minutes; other programs wait for 120 to 180 s."""
 
 MOST_BYTES = 2 * 8 * 801
-"""No array is longer than that of a sweep."""
+"""Longest array: the complex doubles of one sweep."""
 
 LOAD_OHM = 50.0
 
@@ -84,9 +84,9 @@ def measure(
 
 
 def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
-    """Write the arrays of `stored` back and switch them on; standards it does not hold are switched off.
+    """Write the arrays of `stored` back and switch them on; standards that it lacks are switched off.
 
-    Raises InstrumentError: another instrument, or arrays that do not read back as they were written.
+    Raises InstrumentError for another instrument, or for arrays that do not read back as they were written.
     """
     if stored.instrument != identity.idn:
         raise InstrumentError(
@@ -115,9 +115,9 @@ def _array(link: Connection, name: Standard) -> Complexes:
 
 
 def _check_plausible(link: Connection, name: Standard, values: Complexes) -> None:
-    """Raise InstrumentError, compensation switched off, where a standard was not what was asked for.
+    """Switch compensation off and raise InstrumentError where a wrong standard was connected.
 
-    Looked at is the lowest frequency, where no fixture's own capacitance (100 pF) or inductance (1 uH) matters.
+    The test uses the lowest frequency, where a fixture's own capacitance (100 pF) or inductance (1 uH) does not matter.
     """
     size = abs(values[0])
     limit, unit = {"open": (1e-3, "S"), "short": (10.0, "ohm"), "load": (2 * LOAD_OHM, "ohm")}[name]

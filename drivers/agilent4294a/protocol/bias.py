@@ -1,4 +1,4 @@
-"""The DC bias source: on with the smallest current range that will do, and known to be on."""
+"""The DC bias source: switched on with the smallest sufficient current range, and verified."""
 
 from ...base.analyzer import InstrumentError
 from ...visa import replies
@@ -7,16 +7,16 @@ from . import error_queue as errorqueue
 from . import settings
 
 RANGES = ("M1", "M10", "M100")
-"""1, 10 and 100 mA. A smaller range sets the voltage more exactly; a larger one feeds a leakier device."""
+"""1, 10 and 100 mA. A smaller range sets the voltage more exactly; a larger one can supply a leakier device."""
 
 RANGE_TOO_SMALL = 137
-"""The error of `DCO ON` where the bias needs more current than the range gives."""
+"""The error of `DCO ON` where the bias needs more current than the range supplies."""
 
 
 def switch_on(link: Connection, volts: float) -> str:
     """Put `volts` (-40 to 40 V) across the device in constant-voltage mode; return the range that was needed.
 
-    Ranges are tried from the smallest. Raises InstrumentError where none is enough; the bias is then off.
+    Ranges are tried from the smallest. Raises InstrumentError where none is sufficient; the bias is then off.
     """
     settings.put(link, "DCMOD", "CVOLT")
     for current_range in RANGES:

@@ -1,4 +1,4 @@
-"""The instrument's error queue: ten entries, oldest first, each gone once it is read."""
+"""The instrument's error queue: ten entries, oldest first; reading an entry removes it."""
 
 import re
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def queued_error(text: str, what: str) -> QueuedError:
 
 
 def drain(link: Connection) -> tuple[QueuedError, ...]:
-    """Return what stands in the error queue, oldest first, and leave it empty. Raises InstrumentError."""
+    """Return the entries of the error queue, oldest first, and leave it empty. Raises InstrumentError."""
     found: list[QueuedError] = []
     for _ in range(DEPTH + 1):
         error = queued_error(link.ask("OUTPERRO?"), f"{link.name}: OUTPERRO?")
@@ -41,11 +41,11 @@ def drain(link: Connection) -> tuple[QueuedError, ...]:
 
 
 def check(link: Connection, doing: str) -> None:
-    """Raise InstrumentError where the queue holds an error; `doing`: after what it was read."""
+    """Raise InstrumentError where the queue holds an error; `doing` names the preceding action."""
     if errors := drain(link):
         raise InstrumentError(f"{link.name}: {doing}, the instrument reports {'; '.join(map(described, errors))}")
 
 
 def described(error: QueuedError) -> str:
-    """Return the error as a person reads it."""
+    """Return the error as readable text."""
     return f"error {error.number} ({error.text})"

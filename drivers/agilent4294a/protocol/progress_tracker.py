@@ -1,4 +1,4 @@
-"""How far a measurement is, and its end where somebody wishes it."""
+"""Progress of a measurement, and its cancellation on request."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,7 +6,7 @@ from ...base.analyzer import Cancelled, Progress
 
 
 class ProgressTracker:
-    """How far the sweeps are that together take `seconds`, one number each."""
+    """Progress of several sweeps; `seconds` has the duration of each."""
 
     def __init__(
         self, seconds: Sequence[float], progress: Callable[[Progress], None], cancelled: Callable[[], bool]
@@ -17,7 +17,7 @@ class ProgressTracker:
         self._number = 0
 
     def next(self) -> Callable[[float], None]:
-        """Return the tick of the next sweep: it reports progress, and raises Cancelled where that is wished."""
+        """Return the callback of the next sweep: it reports progress, and raises Cancelled on request."""
         total, before, expected = sum(self._seconds), sum(self._seconds[: self._number]), self._seconds[self._number]
         self._number += 1
         what = f"sweep {self._number} of {len(self._seconds)}"

@@ -1,8 +1,8 @@
-"""The instrument left as found: what it was set to before, and the way back there.
+"""Saves the instrument's settings before a measurement and restores them afterwards.
 
-Not everything goes back. The bias stays off, whatever was found: it may have been on for a device that is no longer
-in the jig. The output format has no query; FORM4, which is the power-on default, is left. The event enable register
-goes back to 0, its power-on value too.
+Not everything is restored. The bias stays off, even if it was on: it may have been meant for a device that is no longer
+in the jig. The output format has no query; it is set to FORM4, the power-on default. The event enable register is set
+to 0, also the power-on value.
 """
 
 from collections.abc import Mapping
@@ -19,24 +19,24 @@ STILL_BIASED = "{}: the DC bias is still ON after DCO OFF; switch it off at the 
 
 @dataclass(frozen=True)
 class SavedState:
-    """How the instrument was found."""
+    """The state in which the instrument was found."""
 
     continuous: bool
-    """It was sweeping by itself."""
+    """Whether it was sweeping continuously."""
     values: Mapping[str, settings.Value]
     of_frequency: Mapping[str, settings.Value]
-    """Sweep type and range of frequency sweeps, where something else was swept: each sweep parameter keeps its own."""
+    """Sweep type and range of frequency sweeps where something else was swept: each sweep parameter has its own."""
     level_V: settings.Value | None
-    """The oscillator's voltage, where it was set to a current: each mode keeps its own level."""
+    """The oscillator's voltage where it was set to a current: each mode has its own level."""
 
 
 def take(link: Connection) -> SavedState:
-    """Stop the sweep (HOLD) and return how the instrument was found. Raises InstrumentError."""
+    """Stop the sweep (HOLD) and return the state of the instrument. Raises InstrumentError."""
     continuous = replies.flag(link.ask("CONT?"), f"{link.name}: CONT?")
     if replies.flag(link.ask("HOLD;CONT?"), f"{link.name}: CONT?"):
         raise InstrumentError(f"{link.name}: it goes on sweeping after HOLD")
     sweep_type = settings.query(link, "SWPT")
-    if sweep_type == "LIST":  # in list mode STAR, POIN ... speak of a segment, not of the sweep
+    if sweep_type == "LIST":  # in list mode STAR, POIN ... refer to a segment, not to the sweep
         settings.put(link, "SWPT", "LIN")
     values = settings.snapshot(link, settings.SETTINGS) | {"SWPT": sweep_type}
     of_frequency: dict[str, settings.Value] = {}
@@ -51,16 +51,16 @@ def take(link: Connection) -> SavedState:
 
 
 def bias_off(link: Connection) -> None:
-    """Stop the sweep, switch the bias off, and see that it is. Raises InstrumentError."""
+    """Stop the sweep, switch the bias off, and verify it. Raises InstrumentError."""
     if replies.flag(link.ask("HOLD;DCO OFF;DCO?"), f"{link.name}: bias (DCO?)"):
         raise InstrumentError(STILL_BIASED.format(link.name))
 
 
 def give_back(link: Connection, found: SavedState, resume: bool) -> None:
-    """Set everything that differs from `found` back; with `resume`, let it sweep again where it did.
+    """Restore everything that differs from `found`; with `resume`, continue sweeping if it was.
 
-    What another setting depends on comes before it, and both ends of a range are sent once without looking, so that
-    neither pushes the other afterwards. Raises InstrumentError where a setting does not go back.
+    A setting that another depends on comes first, and both ends of a range are sent once without verification, so that
+    neither moves the other afterwards. Raises InstrumentError where a setting cannot be restored.
     """
     link.ask("FORM4;ESNB 0;*SRE 0;*ESE 0;*STB?")
     if found.level_V is not None:
@@ -79,7 +79,7 @@ def give_back(link: Connection, found: SavedState, resume: bool) -> None:
 
 
 def _set_back(link: Connection, wanted: Mapping[str, settings.Value]) -> None:
-    """Set what differs. Raises InstrumentError where a setting does not go back."""
+    """Set what differs. Raises InstrumentError where a setting cannot be restored."""
     for name, value in wanted.items():
         if settings.query(link, name) == value:
             continue

@@ -1,9 +1,9 @@
 """The settings of a 4294A: how each is written, read back, and compared.
 
-The instrument takes the nearest possible value without a word (Programming Manual, out-of-range rule), and scripts
-have measured for years with settings that were never taken. So every setting is sent with its own query in one
-message (`POIN 801;POIN?`), and what comes back must be what was asked, to half the setting's resolution: the
-instrument answers with fifteen digits (`+1.00000000000000E+007`, p.175).
+The instrument silently takes the nearest possible value (Programming Manual, out-of-range rule), and scripts have
+measured for years with settings that never took effect. So every setting is sent with its own query in one message
+(`POIN 801;POIN?`), and the reply must equal the requested value to half the setting's resolution: the instrument
+answers with fifteen digits (`+1.00000000000000E+007`, p.175).
 """
 
 import math
@@ -18,12 +18,12 @@ from ..capabilities import CAPABILITIES
 Value = float | bool | str
 
 LENGTH_DIGITS = 6
-"""In the head of a binary block: `#6000048` (Programming Manual p.80)."""
+"""Digits in the header of a binary block: `#6000048` (Programming Manual p.80)."""
 
 
 @dataclass(frozen=True)
 class NumberSetting:
-    """A setting that is a number: what people call it, its unit, and how exactly it must come back."""
+    """A numeric setting: its common name, its unit, and how exactly it must read back."""
 
     words: str
     unit: str = ""
@@ -31,11 +31,11 @@ class NumberSetting:
     absolute: float = 0.0
 
     def read(self, text: str, what: str) -> float:
-        """Return the value that `text` says. Raises InstrumentError."""
+        """Return the value of `text`. Raises InstrumentError."""
         return replies.number(text, what)
 
     def agrees(self, asked: Value, got: Value) -> bool:
-        """Tell whether `got` is what was asked, to the digits an answer may have (never further off than a tenth)."""
+        """Tell whether `got` equals the requested value to the digits of the reply (deviating by a tenth at most)."""
         absolute = min(self.absolute, abs(float(asked)) / 10)
         return math.isclose(float(asked), float(got), rel_tol=self.relative, abs_tol=absolute)
 
@@ -58,14 +58,14 @@ class FlagSetting:
 
 @dataclass(frozen=True)
 class ChoiceSetting:
-    """A setting that is one of some words."""
+    """A setting that takes one of several words."""
 
     words: str
     allowed: tuple[str, ...]
     unit: str = ""
 
     def read(self, text: str, what: str) -> str:
-        """Return the word that `text` is. Raises InstrumentError."""
+        """Return the word in `text`. Raises InstrumentError."""
         return replies.word(text, what, self.allowed)
 
     def agrees(self, asked: Value, got: Value) -> bool:
@@ -75,10 +75,10 @@ class ChoiceSetting:
 
 Kind = NumberSetting | FlagSetting | ChoiceSetting
 
-# The order is that of restoring: what a later value depends on stands before it.
+# In the order of restoring: a setting that another depends on comes first.
 SETTINGS: dict[str, Kind] = {
     "SWPP": ChoiceSetting("sweep parameter", ("FREQ", "OLEV", "DCB")),
-    # Both say in which unit a sweep of level or bias starts and stops.
+    # Both determine the unit of START and STOP in a sweep of level or bias.
     "POWMOD": ChoiceSetting("oscillator mode", ("VOLT", "CURR")),
     "DCMOD": ChoiceSetting("bias mode", ("VOLT", "CURR", "CVOLT", "CCURR")),
     "SWPT": ChoiceSetting("sweep type", ("LIN", "LOG", "LIST")),
@@ -110,20 +110,20 @@ CONDITIONS: dict[str, Kind] = {
     "COMSTB": FlagSetting("short compensation"),
     "COMSTC": FlagSetting("load compensation"),
 }
-"""What belongs to the bench: recorded with every sweep, never changed by one."""
+"""Settings of the bench: recorded with every sweep, never changed by one."""
 
 _KINDS = SETTINGS | CONDITIONS
 
 
 def text_of(value: Value) -> str:
-    """Return `value` as the instrument wants it: a decimal point whatever the locale, 1 mHz kept at 110 MHz."""
+    """Return `value` in the instrument's notation: a decimal point whatever the locale, 1 mHz resolved at 110 MHz."""
     if isinstance(value, bool):
         return "ON" if value else "OFF"
     return value if isinstance(value, str) else f"{value:.12g}"
 
 
 def query(link: Connection, mnemonic: str) -> Value:
-    """Return the setting or condition `mnemonic` as the instrument has it. Raises InstrumentError."""
+    """Return the present value of the setting or condition `mnemonic`. Raises InstrumentError."""
     kind = _KINDS[mnemonic]
     return kind.read(link.ask(f"{mnemonic}?"), f"{link.name}: {kind.words} ({mnemonic}?)")
 
@@ -142,7 +142,7 @@ def put(link: Connection, mnemonic: str, value: Value) -> Value:
 
 
 def check_corrections(link: Connection) -> None:
-    """Raise InstrumentError where a sweep of another range would cost the instrument its correction.
+    """Raise InstrumentError where a sweep of another range would discard the instrument's correction.
 
     Standards measured at the points of one sweep (`CALP USER`) are dropped, with error 13, as soon as its range, points
     or type is changed (Programming Manual p.275).

@@ -1,10 +1,10 @@
-"""The wait for the end of a sweep, with progress, and open to being cancelled.
+"""Waits for the end of a sweep, with progress and cancellation.
 
-`*OPC?` alone blocks the instrument's parser until the sweep is over: nothing could be cancelled. So the status byte
-is looked at until the sweep's own event shows in it, by serial poll on GPIB and by `*STB?` elsewhere; then `*OPC?`
-confirms. On GPIB the same bit raises SRQ, which is waited for between two looks where the path tells of it.
-Programming Manual p.474-480: bit 0 of the instrument event register, enabled by `ESNB 1`, is summed up in bit 2 of
-the status byte; `*CLS` clears it, so it must come before the sweep.
+`*OPC?` alone blocks the instrument's parser until the sweep is over, so that nothing could be cancelled. Therefore the
+status byte is polled until it shows the sweep's own event, by serial poll on GPIB and by `*STB?` elsewhere; then
+`*OPC?` confirms. On GPIB the same bit raises SRQ; where the connection supports it, the wait between two polls ends
+with SRQ. Programming Manual p.474-480: bit 0 of the instrument event register, enabled by `ESNB 1`, is summarised in
+bit 2 of the status byte; `*CLS` clears it, so it must come before the sweep.
 """
 
 import time
@@ -20,7 +20,7 @@ EVENT = 0b100
 """Bit 2 of the status byte: the enabled instrument event."""
 
 REFUSAL = 0b100000
-"""Bit 5: an enabled standard event, of which errors alone are enabled (`*ESE 60`)."""
+"""Bit 5: an enabled standard event; only errors are enabled (`*ESE 60`)."""
 
 SWEEP_END = 1
 """Bit 0 of the instrument event register: a single sweep, or a number of them, is complete."""
@@ -36,7 +36,7 @@ FASTEST_POLL_SECONDS = 0.005
 
 
 def start(link: Connection, command: str) -> None:
-    """Start the sweep that `command` says (`SING`, `NUMG 4` ...).
+    """Start a sweep by `command` (`SING`, `NUMG 4` ...).
 
     Raises InstrumentError where it is refused.
     """
@@ -47,10 +47,10 @@ def start(link: Connection, command: str) -> None:
 
 
 def measure_standard(link: Connection, command: str, seconds: float, tick: Callable[[float], None], what: str) -> None:
-    """Send what measures a standard (`COMA` ...), by itself, and return when it is measured; it should take `seconds`.
+    """Send the command that measures a standard (`COMA` ...), and return when it is measured; it should take `seconds`.
 
-    It is no overlapped command (Programming Manual p.262): the instrument may answer nothing until it is done. So the
-    status byte is waited for as long as the standard may take; its bit 5 shows a refusal. `tick`: see `finish`.
+    It is not an overlapped command (Programming Manual p.262): the instrument may not answer until it is done. So the
+    wait for the status byte lasts as long as the standard may take; its bit 5 shows a refusal. `tick`: see `finish`.
     """
     link.ask(f"*ESE {ERRORS};ESNB {STANDARD_END};*SRE {EVENT | REFUSAL};*CLS;*ESR?")
     link.tell(command)
@@ -69,10 +69,10 @@ def measure_standard(link: Connection, command: str, seconds: float, tick: Calla
 
 
 def finish(link: Connection, seconds: float, tick: Callable[[float], None], what: str) -> None:
-    """Return when what was started is over; it should take `seconds`.
+    """Return when the sweep is over; it should take `seconds`.
 
-    `tick` is told the seconds that have passed, several times a second, and may raise to give up.
-    Raises InstrumentError where the end does not come in time, or errors were met on the way.
+    `tick` is called several times a second with the elapsed seconds, and may raise to cancel.
+    Raises InstrumentError where the sweep does not end in time, or where errors occurred.
     """
     begun = time.monotonic()
     limit = sweep_time.timeout(seconds)
@@ -87,13 +87,13 @@ def finish(link: Connection, seconds: float, tick: Callable[[float], None], what
 
 
 def _pause(link: Connection, passed: float) -> float:
-    """Return the seconds until the next look: rarely where the path tells of the end by itself."""
+    """Return the seconds until the next poll: longer where the connection signals the end by itself."""
     blind = min(SLOWEST_POLL_SECONDS, max(FASTEST_POLL_SECONDS, passed / 10))
     return SLOWEST_POLL_SECONDS if link.hears_requests else blind
 
 
 def _check_end(link: Connection, what: str) -> None:
-    """Raise InstrumentError where the end was no good one: out of step, switched off meanwhile, errors."""
+    """Raise InstrumentError where the sweep did not end well: answers out of step, switched off meanwhile, errors."""
     if (answer := link.ask("*OPC?")) not in ("1", "+1"):
         raise InstrumentError(f"{link.name}: *OPC? is answered by {replies.quote(answer)}; 1 is expected")
     events = replies.integer(link.ask("*ESR?"), f"{link.name}: *ESR?")

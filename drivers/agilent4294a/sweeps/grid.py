@@ -1,4 +1,4 @@
-"""Where a 4294A puts its points, and how a segment of more than 801 becomes several sweeps of the same grid."""
+"""Frequencies of a 4294A's points, and the division of a segment of more than 801 points into several sweeps."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,10 +25,10 @@ class GridPart:
 def points(segment: Segment) -> Frequencies:
     """Return the frequencies of `segment` in Hz, shape (points,), rising, on the instrument's grid of 1 mHz.
 
-    Linear or geometric steps, rounded to 1 mHz, ends exact: found so in three instruments' own export files.
+    Linear or geometric steps, rounded to 1 mHz, ends exact, as in the export files of three instruments.
     """
     i = np.arange(segment.points) / (segment.points - 1)
-    start, stop = round(segment.start_Hz, 3), round(segment.stop_Hz, 3)  # the ends it is set to
+    start, stop = round(segment.start_Hz, 3), round(segment.stop_Hz, 3)  # the ends as they are set
     exact = start * (stop / start) ** i if segment.spacing == "log" else start + (stop - start) * i
     return np.round(exact, 3)
 
@@ -36,7 +36,7 @@ def points(segment: Segment) -> Frequencies:
 def parts(segment: Segment) -> tuple[GridPart, ...]:
     """Return the sweeps, each of at most 801 points, that together cover `segment`; neighbours overlap.
 
-    Their lengths are as equal as can be, so that none is a stub.
+    Their lengths are as equal as possible.
     """
     if segment.points <= MOST_POINTS:
         return (GridPart(segment, 0, segment.points - 1),)
@@ -49,7 +49,7 @@ def parts(segment: Segment) -> tuple[GridPart, ...]:
 def of_part(part: GridPart) -> Segment:
     """Return the segment that the instrument is to sweep for `part`.
 
-    Its grid is that of the whole but for the rounding of its own ends: 1 mHz, or, in a log sweep, that much relative
+    Its grid equals that of the whole except for the rounding of its own ends: 1 mHz or, in a log sweep, 1 mHz relative
     to its start.
     """
     grid = points(part.segment)

@@ -1,4 +1,4 @@
-"""Several segments as one recording: points where they are needed, in one column."""
+"""Joins several segments into one recording, so that points can be dense where they are needed."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from .sweep_record import INDUCTIVE
 PER_POINT = ("noise_relative", "accuracy_relative")
 TIMES = ("sweep_seconds", "estimated_seconds")
 _OF_ONE = ("spacing", "sweeps", "overlap_noise_relative", "overlap_drift")
-"""Settings that hold for one segment and not for the whole."""
+"""Settings that hold for one segment only."""
 
 
 def joined(sweeps: Sequence[Sweep], list_sweeps: int, no_list: str = "") -> Sweep:
@@ -36,7 +36,9 @@ def joined(sweeps: Sequence[Sweep], list_sweeps: int, no_list: str = "") -> Swee
         ],
     }
     notes = dict.fromkeys(note for sweep in sweeps for note in sweep.notes)
-    if not all(INDUCTIVE in sweep.notes for sweep in sweeps):  # some lie between a resonance and its antiresonance
+    if not all(
+        INDUCTIVE in sweep.notes for sweep in sweeps
+    ):  # segments between a resonance and its antiresonance are inductive
         notes.pop(INDUCTIVE, None)
     impedance = np.concatenate([sweep.impedance for sweep in sweeps])
     how = f"in {list_sweeps} list sweep(s), for which its list-sweep table was overwritten"

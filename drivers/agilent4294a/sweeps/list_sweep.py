@@ -1,10 +1,10 @@
-"""Segments swept in one go by the instrument's list sweep, where it proves that it took every line of the table.
+"""Several segments in one list sweep of the instrument, if it is verified to have accepted every line of the table.
 
-Programming Manual p.44-45 and 415-436: EDITLIST, CLEL, SADD ... SDON for each line, EDITDONE, SWPT LIST. What is no
-command of the table scratches a line that is open, so a line is one message. It is verified when the table is done:
-each line is opened again and read back, and the axis of the finished sweep must be the plan's, to 1 mHz. The sweep's
-own settings are set to other values before: where they have changed afterwards, the table was not what was written to.
-Wherever this fails `ListRefused` says why, and the segments are swept one by one.
+Programming Manual p.44-45 and 415-436: EDITLIST, CLEL, SADD ... SDON for each line, EDITDONE, SWPT LIST. A command
+that does not belong to the table discards an open line, so each line is one message. The finished table is verified:
+each line is opened again and read back, and the axis of the finished sweep must be the plan's, to 1 mHz. Beforehand the
+sweep's own settings are set to other values: if they have changed afterwards, the commands did not reach the table.
+If any of this fails, `ListRefused` says why, and the segments are swept one by one.
 """
 
 import contextlib
@@ -28,20 +28,20 @@ from . import single_sweep as sweeping
 LINE_POINTS = 201
 """A line of the table has at most."""
 _OF_A_LINE = ("STAR", "STOP", "POIN", "POWMOD", "POWE", "DCMOD", "DCV", "BWFACT", "PAVERFACT")
-"""Settings of a line, in the order of setting; in a list sweep the sweep's own have no meaning."""
+"""Settings of a line, in the order of setting; in a list sweep they replace the sweep's own."""
 
 
 class ListRefused(InstrumentError):
-    """The instrument did not take a list sweep as it was meant; the segments can be swept one by one."""
+    """The instrument did not accept a list sweep as intended; the segments can be swept one by one."""
 
     def __init__(self, says: str, swept: bool = False) -> None:
         super().__init__(says)
         self.swept = swept
-        """Whether that came out only after the sweep: not to be tried again, as it costs as much each time."""
+        """Whether this was detected only after the sweep: then do not try again, as each attempt costs a sweep."""
 
 
 def why_not(plan: SweepPlan) -> str:
-    """Return why `plan` is no list sweep, as a clause; "" where it is one."""
+    """Return why `plan` cannot be a list sweep, as a clause; "" where it can."""
     if not plan.joined or len(plan.segments) < 2:
         return "its segments are not one recording"
     if any(segment.spacing == "log" for segment in plan.segments):
@@ -52,7 +52,7 @@ def why_not(plan: SweepPlan) -> str:
 
 
 def batches(plan: SweepPlan) -> tuple[tuple[Segment, ...], ...]:
-    """Return the segments of `plan` by list sweeps: each of at most 801 points and 18 lines."""
+    """Return the segments of `plan` grouped into list sweeps of at most 801 points and 18 lines."""
     made: list[list[Segment]] = [[]]
     for segment in plan.segments:
         both = [*made[-1], segment]
@@ -64,7 +64,7 @@ def batches(plan: SweepPlan) -> tuple[tuple[Segment, ...], ...]:
 
 
 def lines(segments: Sequence[Segment]) -> tuple[Segment, ...]:
-    """Return the lines of the table for `segments`: each segment in stretches of at most 201 points, no point twice."""
+    """Return the lines of the table for `segments`: each segment in parts of at most 201 points, no point twice."""
     made: list[Segment] = []
     for segment in segments:
         frequency = grid.points(segment)
@@ -76,7 +76,7 @@ def lines(segments: Sequence[Segment]) -> tuple[Segment, ...]:
 def sweep(
     link: Connection, segments: Sequence[Segment], plan: SweepPlan, tick: Callable[[float], None]
 ) -> tuple[sweeping.RawSweep, ...]:
-    """Sweep one of `batches(plan)`; return what each of its segments gave. `tick`: see `wait.finish`.
+    """Sweep one of `batches(plan)`; return the data of each of its segments. `tick`: see `sweep_wait.finish`.
 
     Raises ListRefused, InstrumentError, and what `tick` raises.
     """
@@ -119,7 +119,7 @@ def _level(plan: SweepPlan) -> float:
 
 
 def _others(plan: SweepPlan) -> dict[str, settings.Value]:
-    """Return settings of the sweep itself that none of its lines has: what shows which of both is read and written."""
+    """Return settings for the sweep itself that differ from every line's, to tell which of both is read and written."""
     least = capabilities.LOWEST_OSCILLATOR_V if plan.oscillator_A is None else capabilities.LOWEST_OSCILLATOR_A
     level = _level(plan)
     return {
@@ -146,7 +146,7 @@ def _set_up(link: Connection, table: Sequence[Segment], plan: SweepPlan) -> dict
         _command(link, "EDITDONE")
     except BaseException:
         link.doubt()
-        with contextlib.suppress(InstrumentError):  # so that what comes next is not written to a line of the table
+        with contextlib.suppress(InstrumentError):  # so that the next commands are not written to a line of the table
             link.ask("SDON;EDITDONE;*CLS;*ESR?")
         raise
     errorqueue.check(link, "after the list-sweep table")
@@ -181,7 +181,7 @@ def _read_line(link: Connection, number: int, wanted: Mapping[str, settings.Valu
 
 
 def _command(link: Connection, command: str) -> None:
-    """Send what has no query. Raises InstrumentError where the instrument does not know it, or cannot do it now."""
+    """Send a command that has no query. Raises InstrumentError where it is unknown or not possible now."""
     events = replies.integer(link.ask(f"*CLS;{command};*ESR?"), f"{link.name}: *ESR?")
     if events & wait.ERRORS:
         errorqueue.check(link, f"after {command}")

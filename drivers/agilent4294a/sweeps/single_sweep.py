@@ -1,4 +1,4 @@
-"""One sweep of a 4294A: set up, started, awaited, read; all numbers from the same sweep."""
+"""One sweep of a 4294A: set up, start, wait, read; all numbers come from the same sweep."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ from . import grid
 
 @dataclass(frozen=True, eq=False)
 class RawSweep:
-    """What one sweep gave."""
+    """The data of one sweep."""
 
     frequency: Frequencies
     """Hz, shape (N,), rising."""
@@ -32,7 +32,7 @@ class RawSweep:
     ended: str
     seconds: float
     settings: Mapping[str, settings.Value]
-    """As read back, by mnemonic."""
+    """Settings as read back, by mnemonic."""
 
 
 def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
@@ -49,7 +49,7 @@ def expected_seconds(segment: Segment, plan: SweepPlan) -> float:
 
 @dataclass(frozen=True)
 class Run:
-    """When a sweep ran."""
+    """Start and end of a sweep."""
 
     started: str
     """RFC 3339, UTC."""
@@ -58,7 +58,7 @@ class Run:
 
 
 def sweep(link: Connection, segment: Segment, plan: SweepPlan, tick: Callable[[float], None]) -> RawSweep:
-    """Sweep `segment` as `plan` says. `tick`: see `wait.finish`. Raises InstrumentError, and what `tick` raises."""
+    """Sweep `segment` as `plan` says; `tick`: see `sweep_wait.finish`. Raises InstrumentError or what `tick` raises."""
     asked = wanted(segment, plan)
     set_up(link, asked)
     if plan.bias_V:
@@ -75,7 +75,7 @@ def sweep(link: Connection, segment: Segment, plan: SweepPlan, tick: Callable[[f
 
 
 def run(link: Connection, plan: SweepPlan, expected: float, tick: Callable[[float], None]) -> Run:
-    """Sweep as the instrument is set up, as often as `plan` averages; it should take `expected` seconds.
+    """Sweep with the present settings, as often as `plan` averages; it should take `expected` seconds.
 
     Raises InstrumentError, and what `tick` raises.
     """
@@ -86,7 +86,7 @@ def run(link: Connection, plan: SweepPlan, expected: float, tick: Callable[[floa
 
 
 def wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
-    """Return what is to be set for `segment`, by mnemonic, in the order of setting."""
+    """Return the settings for `segment`, by mnemonic, in the order of setting."""
     return {
         "DCO": False,
         "TRGS": "INT",
@@ -109,16 +109,16 @@ def wanted(segment: Segment, plan: SweepPlan) -> dict[str, settings.Value]:
 
 
 def set_up(link: Connection, asked: Mapping[str, settings.Value]) -> None:
-    """Set everything `asked` and read it back. Raises InstrumentError where a setting is not taken."""
+    """Set everything `asked` and read it back. Raises InstrumentError where a setting is not accepted."""
     for mnemonic, value in asked.items():
-        if mnemonic == "STAR":  # first once without looking, so that neither end can push the other afterwards
+        if mnemonic == "STAR":  # first once without verification, so that neither end can move the other afterwards
             start, stop = settings.text_of(value), settings.text_of(asked["STOP"])
             link.ask(f"STAR {start};STOP {stop};STAR?")
         settings.put(link, mnemonic, value)
 
 
 def check_untouched(link: Connection, before: Mapping[str, settings.Value]) -> None:
-    """Raise InstrumentError where the instrument is not as it was `before` the sweep, or not in HOLD."""
+    """Raise InstrumentError where a setting differs from `before` the sweep, or where it is not in HOLD."""
     after = settings.snapshot(link, before)
     settings.compare(link, before, after, "changed while the sweep ran; was a key pressed at the front panel?")
     if replies.flag(link.ask("CONT?"), f"{link.name}: CONT?"):
@@ -130,8 +130,8 @@ def read(link: Connection, expected: Frequencies) -> tuple[Frequencies, Impedanc
 
     Raises InstrumentError where the axis is not `expected` (Hz, shape (N,)).
 
-    `OUTPDATA?` does not depend on the displayed parameter or trace (Programming Manual p.81). FORM3, as a 32-bit
-    frequency has steps of 8 Hz at 110 MHz.
+    `OUTPDATA?` does not depend on the displayed parameter or trace (Programming Manual p.81). FORM3 is used, because a
+    32-bit frequency has steps of 8 Hz at 110 MHz.
     """
     n = expected.size
     blocks = {

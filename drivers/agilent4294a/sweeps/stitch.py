@@ -1,4 +1,4 @@
-"""Several sweeps of one segment put together, and what their overlaps say about noise and drift."""
+"""Joins several sweeps of one segment, and estimates noise and drift from their overlaps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from .grid import OVERLAP_POINTS
 
 @dataclass(frozen=True, eq=False)
 class Stitched:
-    """One segment out of its sweeps."""
+    """One segment joined from its sweeps."""
 
     frequency: Frequencies
     """Hz, shape (N,)."""
@@ -24,9 +24,9 @@ class Stitched:
 
 
 def stitch(sweeps: Sequence[tuple[Frequencies, Impedances]]) -> Stitched:
-    """Put `sweeps`, in rising order and each overlapping the next by `OVERLAP_POINTS`, together.
+    """Join `sweeps`, which are in rising order and overlap by `OVERLAP_POINTS`.
 
-    The difference of two sweeps over their overlap is twice a point's variance; its mean is taken as drift, the
+    The difference of two sweeps over their overlap has twice a point's variance; its mean is taken as drift, the
     scatter around the mean as noise.
     """
     frequency, impedance = sweeps[0]

@@ -1,4 +1,4 @@
-"""A recording out of what the instrument gave: numbers, and everything that was true while they were taken."""
+"""Makes a recording from the instrument's data: the numbers, and all conditions under which they were taken."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ INDUCTIVE = (
 
 
 def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity: Identity) -> Sweep:
-    """Return the recording of `segment`, swept in one or several `raws`. Settings are those read back."""
+    """Return the recording of `segment`, swept in one or several `raws`. Its settings are those read back."""
     whole = stitch([(raw.frequency, raw.impedance) for raw in raws])
     got = raws[0].settings
     bandwidth, averages = int(got["BWFACT"]), plan.point_average * plan.sweep_average
@@ -53,13 +53,13 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
 
 
 def _estimated(frequency: Reals, bandwidth: int, got: Mapping[str, Value], plan: SweepPlan) -> float:
-    """Return what the instrument needs for a sweep; a simulated one may have taken less."""
+    """Return the time that the instrument needs for a sweep; a simulated one may take less."""
     delays = float(got["PDELT"]), float(got["SDELT"])
     return estimated(frequency, bandwidth, plan.point_average, plan.sweep_average, *delays)
 
 
 def _level_V(got: Mapping[str, Value], impedance: Impedances) -> float:
-    """Return the oscillator's voltage; with a set current the middle one over the sweep, within what there is."""
+    """Return the oscillator's voltage; with a set current the median over the sweep, within the allowed range."""
     level = float(got["POWE"])
     if got["POWMOD"] == "CURR":
         level *= float(np.median(np.abs(impedance)))
@@ -121,5 +121,5 @@ def _notes(parts: int, impedance: Impedances) -> tuple[str, ...]:
 
 
 def _short(values: Reals) -> list[float]:
-    """Return the values to three digits: an estimate does not fill a message with sixteen."""
+    """Return the values to three digits, as suits an estimate in a message."""
     return [float(f"{value:.3g}") for value in values]

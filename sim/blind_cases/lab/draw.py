@@ -1,4 +1,4 @@
-"""What a case of the lab world is drawn to be, and which of its plants have to be found."""
+"""Draws the cases of the lab world, and decides which planted effects a diagnosis has to find."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ KINDS = {
     "four": 0.03,
     "outside": 0.12,
 }
-"""`instrument`: a perfect device and an analyzer that errs; `imperfect`: nothing but what every device has besides."""
+"""`instrument`: a perfect device and an analyzer that errs; `imperfect`: only imperfections of real devices."""
 
 FAMILIES = (
     *((1.5, families.lead), (1.2, families.resistance), (1.0, families.stray), (0.7, families.leakage)),
@@ -35,19 +35,19 @@ FAMILIES = (
     *((1.0, layered.lateral), (1.0, layered.loss), (1.2, layered.dielectric), (1.2, layered.face)),
     *((0.5, layered.viscous), (0.7, layered.backing), (1.0, layered.resonance), (0.6, layered.ageing)),
 )
-"""Weight and family of everything a catalogue may name."""
+"""Weight and family of every effect that a catalogue may have."""
 
 _DRAWS = 3
-"""How often a case with effects is drawn at most until one of them dominates; some do not: constants absorb them."""
+"""How often a case is drawn at most until one effect dominates; some never do, because the constants absorb them."""
 FINDABLE_GAIN = 30.0
-"""chi2 that a plant must bring: noise brings it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
+"""chi2 gain that a plant needs: noise reaches it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
 DOMINATING_GAIN = 100.0
-"""The same of one that dominates: ten standard deviations."""
+"""chi2 gain that a dominating plant needs: ten standard deviations."""
 NO_LONGER_MINOR = 3e-3
-"""Root mean square of ln Z from which an imperfection is an effect like any other, as causal loss in a composite."""
+"""Root mean square of ln Z above which an imperfection counts as an effect, such as causal loss in a composite."""
 FINDABLE_OVER = 1.0
 DOMINATING_OVER = 3.0
-"""What a plant must move ln Z, over the largest move of an imperfection: to be findable at all, and to dominate."""
+"""Change of ln Z, relative to the largest imperfection's, that a plant needs to be findable, and to dominate."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,18 @@ class LabSession:
     takes: tuple[Take, ...]
     analyzer: ErringAnalyzer
     seen: tuple[Seen, ...]
-    """Of each plant of the hideout."""
+    """Visibility of each plant of the hideout."""
     seed: int
 
     @property
     def floor(self) -> float:
-        """What imperfections move ln Z by at most."""
+        """Largest change of ln Z by an imperfection."""
         return _floor(self.hideout, self.seen)
 
     def role(self, index: int) -> str:
         """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`.
 
-        An imperfection that moves more than `NO_LONGER_MINOR` is none any more.
+        An imperfection that changes ln Z by more than `NO_LONGER_MINOR` counts as an effect.
         """
         plant, one = self.hideout.plants[index], self.seen[index]
         if _is_minor(plant, one):
@@ -98,7 +98,7 @@ def _floor(hideout: Hideout, seen: Sequence[Seen]) -> float:
 
 
 def draw_case(seed: int, index: int) -> LabSession:
-    """Return case number `index` of a seed; the same for ever."""
+    """Return case number `index` of a seed, the same one every time."""
     rng = np.random.default_rng([seed, index, 20])
     kind = str(rng.choice(list(KINDS), p=np.array(list(KINDS.values())) / sum(KINDS.values())))
     case = _draw(rng, kind, f"lab-{index:03d}")
@@ -127,7 +127,7 @@ def _draw(rng: Random, kind: str, name: str) -> LabSession:
 
 
 def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: ErringAnalyzer, floor: float) -> View:
-    """Return the view of a world with plant k so large that it can be found, where physics allows it."""
+    """Return the view of a world in which plant k is large enough to be found, where physics allows it."""
     wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):
         plant = view.hideout.plants[k]
@@ -153,11 +153,11 @@ def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specim
         found = _placed(rng, chosen, specimen)
         if found is not None:
             return found, specimen
-    return _drawn(rng, kind, name)  # two that exclude one another: others
+    return _drawn(rng, kind, name)  # two of them exclude each other: draw others
 
 
 def _placed(rng: Random, chosen: Sequence[object], specimen: Specimen) -> tuple[Plant, ...] | None:
-    """Return the plants, or None where the specimen has no place for one of them, or they exclude one another."""
+    """Return the plants, or None if the specimen has no place for one of them or two exclude each other."""
     plants: list[Plant] = []
     for _, family in FAMILIES:
         if family not in chosen:
@@ -196,4 +196,4 @@ _OF_COLUMNS = frozenset(
         "sweep-lag",
     ]
 )
-"""What a disk that vibrates in both dimensions cannot have here."""
+"""Families that the two-dimensional disk of this world cannot have."""

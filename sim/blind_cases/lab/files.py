@@ -1,4 +1,4 @@
-"""Cases of the lab world as files: a build file and recordings for who diagnoses, a truth that only the judge opens."""
+"""Cases of the lab world as files: build file and recordings for the diagnosis, truth for the judge only."""
 
 import json
 from pathlib import Path
@@ -29,14 +29,14 @@ def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:
 
 
 def measured(case: LabSession, take: Take, rng: np.random.Generator) -> Complexes:
-    """Return one recording as the analyzer shows it: ohm, shape (N,), by rising frequency."""
+    """Return one recording of the analyzer: ohm, shape (N,), by rising frequency."""
     world = case.hideout.world(take.step)
     z = shown(world.specimen, world.flaws, take, world.fixture)
     return case.analyzer.noisy(z * case.analyzer.error(take.frequency, z), rng)
 
 
 def _csv_text(take: Take, z: Complexes, bandwidth: int) -> str:
-    """Return a recording in the order in which it was swept, seven digits."""
+    """Return a recording in the order of the sweep, with seven digits."""
     lines = [f"# bandwidth: {bandwidth}", f"# oscillator_V: {take.level_V}"]
     if take.seconds:
         lines.append(f"# sweep_seconds: {take.seconds:g}")
@@ -48,7 +48,7 @@ def _csv_text(take: Take, z: Complexes, bandwidth: int) -> str:
 
 
 def build_text(case: LabSession) -> str:
-    """Return the build file: what is told, no more."""
+    """Return the build file, which omits every hidden effect."""
     specimen, untold = case.hideout.bare.specimen, case.hideout.untold
     coats = [coat for coat in specimen.coats if coat.name not in untold]
     back = '"air"' if specimen.back == AIR else f"{{ z_MRayl = {specimen.back / 1e6!r} }}"
@@ -98,7 +98,7 @@ def _coat_text(coat: Coat) -> str:
 
 
 def truth(case: LabSession) -> dict[str, Any]:
-    """Return what the judge knows: findings in the order of what they move, and what may be named besides."""
+    """Return the truth for the judge: findings in the order of their effect on ln Z, and further accepted findings."""
     plants = case.hideout.plants
     entries = [(case.role(k), _entry(case, k)) for k in range(len(plants))]
     entries.sort(key=lambda one: -one[1]["moves"])
@@ -136,7 +136,7 @@ def _entry(case: LabSession, index: int) -> dict[str, Any]:
 
 
 def _instrument(case: LabSession) -> list[dict[str, Any]]:
-    """Return what instrument and fixture add, which may be named as that."""
+    """Return the contributions of instrument and fixture, which are accepted as findings."""
     step = case.hideout.bare.specimen.steps[0]
     return [
         {"effect": "analyzer-error", "where": ["sweep", "terminals"], "step": step},
@@ -145,10 +145,10 @@ def _instrument(case: LabSession) -> list[dict[str, Any]]:
 
 
 def constants(specimen: Specimen) -> dict[str, list[float]]:
-    """Return true constants, real and imaginary part: those at the ceramic's own resonance.
+    """Return the true constants, real and imaginary part, at the ceramic's own resonance.
 
-    A glue acts by its compliance. Where the build file has its stiffness wrong, and takes it as exact, the thickness to
-    be found is the one that gives the true compliance with the stiffness told.
+    A glue acts by its compliance. If the build file states a wrong stiffness as exact, the thickness to be found is the
+    one that gives the true compliance with the stated stiffness.
     """
     ceramic = specimen.ceramic
     found = {f"disk.{name}": getattr(ceramic, name) for name in ("c33D", "h33", "eps33S")}

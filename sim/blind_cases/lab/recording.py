@@ -1,4 +1,4 @@
-"""How a recording of the lab world comes about: a sweep in time, a detector with two poles, an analyzer that errs."""
+"""Makes the recordings of the lab world: a sweep in time, a detector with two poles, an analyzer with errors."""
 
 from dataclasses import dataclass, field
 
@@ -12,15 +12,15 @@ from .devices.specimen import Specimen
 from .devices.terminals import at_analyzer
 
 _BETWEEN = 8
-"""Steps of time from one point to the next where the detector lags."""
+"""Time steps from one point to the next for a detector that lags."""
 _ROUNDS = 12
 _STRAIN = 1e-5
-"""Strain at which softening is given."""
+"""Reference strain of softening."""
 
 
 @dataclass(frozen=True, eq=False)
 class Take:
-    """One sweep: which step, where, how."""
+    """One sweep: the step, the frequencies and the settings."""
 
     step: str
     frequency: Reals
@@ -29,7 +29,7 @@ class Take:
     seconds: float = 0.0
     level_V: float = 0.5
     order: int = 0
-    """How many sweeps of this step came before it."""
+    """Number of earlier sweeps of this step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +45,16 @@ class ErringAnalyzer:
     phase: tuple[float, ...] = ()
     """rad."""
     steps: tuple[tuple[float, float], ...] = ()
-    """Range switches: |Z| in ohm above which the gain is by so much larger."""
+    """Range switches: |Z| in ohm, and the increase in gain above it."""
     noise: float = 2e-4
-    """Relative standard deviation of real and imaginary part each."""
+    """Relative standard deviation of real and imaginary part."""
     colour: float = 0.0
-    """Coefficient of the AR(1) process that the noise is; its variance stays."""
+    """Coefficient of the noise's AR(1) process; it does not change the variance."""
     fixture: FixtureResidue = field(default_factory=FixtureResidue)
     bandwidth: int = 5
 
     def error(self, f: Reals, z: Complexes) -> Complexes:
-        """Return the factor by which it shows an impedance; shape (N,)."""
+        """Return the factor of the displayed over the true impedance; shape (N,)."""
         u = np.log(f / self.band[0]) / np.log(self.band[1] / self.band[0])
         gain = sum((a * np.cos(n * np.pi * u) for n, a in enumerate(self.gain)), np.zeros_like(f))
         phase = sum((a * np.cos(n * np.pi * u) for n, a in enumerate(self.phase)), np.zeros_like(f))
@@ -72,7 +72,7 @@ class ErringAnalyzer:
 
 
 def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
-    """Return what a faultless analyzer would show without noise; ohm, shape (N,), by rising frequency."""
+    """Return the reading of an ideal analyzer without noise; ohm, shape (N,), by rising frequency."""
     if flaws.settling > 0:
         z = _lagging(specimen, flaws, take, fixture)
     elif flaws.softening is not None:
@@ -91,7 +91,7 @@ def _steady(
 
 
 def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
-    """Return how the device differs when each point is taken: points are evenly spaced in time."""
+    """Return the device's drift at each point; points are evenly spaced in time."""
     if flaws.drift is None:
         return STILL
     part = np.interp(f, take.frequency, np.linspace(0, 1, take.frequency.size))
@@ -102,7 +102,7 @@ def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
 
 
 def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
-    """Let the admittance run through two equal poles while the frequency moves on."""
+    """Filter the swept admittance with two equal poles."""
     f = take.frequency
     fine = np.interp(np.arange((f.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(f.size), f)
     y = 1 / _steady(fine, specimen, flaws, take.step, _moment(flaws, take, fine), fixture)
@@ -119,7 +119,7 @@ def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResid
 def _driven(
     specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: FixtureResidue
 ) -> Complexes:
-    """Let strain and stiffness follow one another until they agree; the analyzer holds its voltage."""
+    """Iterate strain and stiffness until they agree, at a constant voltage of the analyzer."""
     size, lost, power = law
     f = take.frequency
     soft = np.zeros_like(f)
@@ -135,10 +135,10 @@ def _driven(
 def _faulty(z: Complexes, take: Take, kind: str, size: float, where: float) -> Complexes:
     f = take.frequency
     x = (f - f[0]) / (f[-1] - f[0])
-    if kind == "interference":  # a transmitter nearby: a narrow band of wrong voltage, turning
+    if kind == "interference":  # a transmitter nearby: in a narrow band a voltage is added whose phase rotates
         bell = np.exp(-0.5 * ((x - where) / 0.012) ** 2)
         return z * (1 + size * bell * np.exp(40j * (x - where)))
-    if kind == "loose contact":  # some ohms more for some stretches of the sweep
+    if kind == "loose contact":  # some ohms more in some parts of the sweep
         ohms = size * float(np.median(np.abs(z)))
         return z + ohms * ((x > where) & (x < where + 0.02) | (x > 0.3 * where) & (x < 0.4 * where) | (x > 0.93))
-    return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))  # mixing: a dip in size without its phase
+    return z * (1 - size / (1 + ((x - where) / 0.01) ** 2))  # mixing: a dip in magnitude without its phase

@@ -1,4 +1,4 @@
-"""How a session is planned: sweeps of many kinds, and an analyzer that errs within its specification."""
+"""Draws a session: sweeps of many kinds, and an analyzer with errors within its specification."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from .recording import ErringAnalyzer, Take
 
 
 def plan(rng: Random, specimen: Specimen, plants: Sequence[Plant]) -> tuple[Take, ...]:
-    """Return the sweeps of a session: every step, with a repeat downwards or at another level where that decides."""
+    """Return the sweeps of a session: every step, with a repeat downwards or at another level where it is needed."""
     f0, needs = specimen.ceramic.f0, {plant.needs for plant in plants}
     f = _grid(rng, f0, "a plain disk" in needs)
     seconds = float(rng.uniform(20, 130)) * f.size / 801
@@ -52,7 +52,7 @@ def _grid(rng: Random, f0: float, plain: bool) -> Reals:
 
 
 def analyzer_of(rng: Random, takes: Sequence[Take], specimen: Specimen) -> ErringAnalyzer:
-    """Return an analyzer within its specification, of some noise and colour."""
+    """Return an analyzer within its specification, with random noise and correlation."""
     band = (min(float(t.frequency[0]) for t in takes), max(float(t.frequency[-1]) for t in takes))
     reach = float(rng.uniform(0.8, 4.0))
     rms = rng.uniform(2e-4, 1e-3, size=2)

@@ -1,6 +1,6 @@
-"""On the PYTHONPATH of a daemon that is measured: leaves out what PZCTL_PLAIN names, `curve` or `chain` or both.
+"""On the PYTHONPATH of a benchmarked daemon: switches off what PZCTL_PLAIN names, `curve` or `chain` or both.
 
-Nothing in the daemon can do this; what encryption and the hash chain cost is measured against it.
+The daemon itself has no such option; the benchmark measures the cost of encryption and of the hash chain with it.
 """
 
 import os
@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 
 def without_curve() -> None:
-    """Let sockets of this process speak without keys, and everybody in."""
+    """Let sockets of this process work without keys, and accept everybody."""
     from pzctl.daemon.client import location
     from pzctl.daemon.server.access.access_control import AccessControl
 

@@ -15,7 +15,7 @@ def test_the_list_names_every_effect() -> None:
         assert effect.name in shown.stdout
 
 
-def test_json_says_what_and_where_and_how_to_tell() -> None:
+def test_json_describes_each_effect_its_places_and_its_signature() -> None:
     told = json.loads(CliRunner().invoke(app, ["effects", "--json"]).stdout)["effects"]
     assert [effect["name"] for effect in told] == [effect.name for effect in catalogue()]
     mass = next(effect for effect in told if effect["name"] == "electrode-mass")
@@ -26,7 +26,7 @@ def test_json_says_what_and_where_and_how_to_tell() -> None:
     assert "weigh" in mass["separates"]
 
 
-def test_one_effect_is_shown_with_its_sentence_and_unknown_ones_are_refused() -> None:
+def test_one_effect_is_described_and_an_unknown_one_is_refused() -> None:
     shown = " ".join(CliRunner().invoke(app, ["effects", "sweep-lag"]).stdout.split())
     assert "before the device had settled" in shown.replace("│ │ ", "")
     refused = CliRunner().invoke(app, ["effects", "gremlins"]).exception

@@ -1,4 +1,4 @@
-"""`pzctl fit` as a user calls it: real recordings, JSON, and one clear sentence for everything that is wrong."""
+"""`pzctl fit` as a user calls it: real recordings, JSON, and one clear sentence for every mistake."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_disk_that_no_one_dimensional_model_describes(here: Path, recordings: Path) -> None:
+def test_a_disk_that_one_dimensional_models_do_not_describe(here: Path, recordings: Path) -> None:
     done = run("--json", "--build", "disk-20x2.toml", f"disk={recordings / 'disk-20x2' / 'thickness-mode.csv'}")
     answer = json.loads(done.stdout)
     assert done.exit_code == 0
@@ -69,8 +69,8 @@ def test_the_analyzers_own_equivalent_circuit_is_recovered(here: Path, recording
     assert np.max(np.abs(np.log(model.impedance(memory.frequency) / memory.impedance))) < 0.01
 
 
-def test_the_circuit_of_the_data_is_near_the_analyzers(here: Path, recordings: Path) -> None:
-    """The analyzer's: C0 1.554 nF, C1 0.6368 nF, L1 1.668 mH; its R1 of 21.7 ohm comes from the peak of G alone."""
+def test_the_fitted_circuit_is_near_the_analyzers(here: Path, recordings: Path) -> None:
+    """The analyzer's values: C0 1.554 nF, C1 0.6368 nF, L1 1.668 mH; its R1 of 21.7 ohm comes from the peak of G."""
     done = run("--json", "--fitter", "bvd", f"device={recordings / 'hp4294a-exports' / 'RB5100.txt'}")
     constants = {name: value["re"] for name, value in json.loads(done.stdout)["constants"].items()}
     assert constants["C0"] == pytest.approx(1.554e-9, rel=0.01)

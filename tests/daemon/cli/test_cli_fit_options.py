@@ -1,4 +1,4 @@
-"""The options of `pzctl fit` about what is free and how it is fitted: they arrive, and each mistake is one sentence."""
+"""The options of `pzctl fit` for free constants and fit methods: they take effect, and each mistake is one sentence."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,9 @@ def test_the_budget_is_a_table(disk: list[str]) -> None:
 
 
 @pytest.mark.parametrize("way", ["--sequential", "--freeze"])
-def test_the_ways_through_the_steps(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+def test_joint_sequential_and_frozen_fits_of_the_steps(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
     monkeypatch.chdir(tmp_path)
     folder = cases / "glue-null"
     words = ["--build", folder / "build.toml", f"disk={folder / 'disk.csv'}", f"ml1={folder / 'ml1.csv'}"]
@@ -50,7 +52,7 @@ def test_the_ways_through_the_steps(cases: Path, tmp_path: Path, monkeypatch: py
     assert any("frozen" in sentence for sentence in answer["says"]) == (way == "--freeze")
 
 
-def test_amendments_hold_for_all_samples(cases: Path, tmp_path: Path) -> None:
+def test_overrides_apply_to_all_samples(cases: Path, tmp_path: Path) -> None:
     for name in ("S1", "S2"):
         (tmp_path / name).mkdir()
         for file in ("build.toml", "disk.csv"):

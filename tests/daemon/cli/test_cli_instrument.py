@@ -1,4 +1,4 @@
-"""`pzctl compensate` and `pzctl screenshot` against a simulated 4294A in a jig that adds something."""
+"""`pzctl compensate` and `pzctl screenshot` against a simulated 4294A whose jig adds an impedance."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def bench(sim: Simulator, **command: Any) -> None:
 
 @pytest.fixture
 def start(start_program: Start) -> Start:
-    """Return a function that starts a command in a folder, which is its data folder too."""
+    """Return a function that starts a command in a folder, which is also its data folder."""
 
     def begin(home: Path, *words: object) -> "subprocess.Popen[bytes]":
         return start_program(
@@ -61,14 +61,14 @@ def end(process: "subprocess.Popen[bytes]", status: int = 0) -> str:
 
 
 def told(process: "subprocess.Popen[bytes]") -> dict[str, Any]:
-    """What a command with --json says, where nothing else is said."""
+    """The JSON that a command with --json prints; it prints nothing else."""
     out, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, b"")
     return json.loads(out)
 
 
 def read_until(process: "subprocess.Popen[bytes]", words: bytes) -> None:
-    """Read what the command says until it says `words`."""
+    """Read the command's output until it contains `words`."""
     heard = b""
     while words not in heard:
         assert process.stderr is not None
@@ -84,7 +84,7 @@ def enter(process: "subprocess.Popen[bytes]") -> None:
 
 
 def error_of(sim: Simulator) -> float:
-    """How far a sweep of the device is from the truth, relative: the jig's inductance shows at 8 MHz."""
+    """Relative error of a sweep of the device: the jig's inductance shows at 8 MHz."""
     analyzer = open_analyzer(sim.resource)
     (sweep,) = analyzer.measure(PLAN)
     analyzer.close()
@@ -92,7 +92,7 @@ def error_of(sim: Simulator) -> float:
     return float(np.max(np.abs(sweep.impedance / true - 1)))
 
 
-def test_a_guided_compensation_takes_the_jig_away_and_is_given_back_later(
+def test_a_guided_compensation_removes_the_jig_and_can_be_applied_later(
     sim: Simulator, tmp_path: Path, start: Start
 ) -> None:
     assert error_of(sim) > 0.1

@@ -1,4 +1,4 @@
-"""Sentences of the command line and of what lies under it, each without a daemon: what, where, found, allowed."""
+"""Error sentences of the command line and the layers under it, each without a daemon: what, where, found, allowed."""
 
 import os
 import socket
@@ -44,7 +44,7 @@ ROWS = "".join(f"{1e6 + 1e4 * k},1,{-100 + k}\n" for k in range(30))
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with a recording, and a data folder in which nothing was measured."""
+    """A working folder with a recording, and a data folder without measurements."""
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "disk.csv").write_text(f"frequency_Hz,R_ohm,X_ohm\n{ROWS}")
@@ -122,7 +122,7 @@ def test_a_misspelt_name_is_wrong_usage_not_an_answer(here: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [["page", "--port"], ["daemon", "--page-port"], ["sim", "--port"]], ids=" ".join)
-def test_a_port_that_there_cannot_be_is_refused_before_anything_starts(here: Path, words: list[str]) -> None:
+def test_an_impossible_port_is_refused_before_anything_starts(here: Path, words: list[str]) -> None:
     done = CliRunner().invoke(app, [*words, "80000"])
     assert done.exit_code == 2
     assert "65535" in done.output
@@ -319,7 +319,7 @@ def test_a_file_that_cannot_be_written(here: Path) -> None:
     assert str(done.exception) == "file/build.toml: cannot be written: Not a directory"
 
 
-def test_a_mistake_of_ours_is_one_sentence_and_its_traceback_a_file(
+def test_an_internal_error_is_one_sentence_and_its_traceback_is_in_a_file(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken() -> None:

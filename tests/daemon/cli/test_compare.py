@@ -15,7 +15,7 @@ F = np.linspace(0.9e6, 1.2e6, 121)
 
 
 def recorded(path: Path, *, f0: float = 1.02e6, henry: float = 0.0, seed: int = 0) -> str:
-    """Write a device with one resonance, behind a wire."""
+    """Write a recording of a device with one resonance, measured through a wire."""
     rng = np.random.default_rng(seed)
     jw = 2j * np.pi * F
     Y = jw * 5e-10 * (1 + 0.08 / (1 - (F / f0) ** 2 + 1j * F / f0 / 80))
@@ -54,7 +54,7 @@ def test_json_has_the_form_of_a_diagnosis_and_the_picture_is_drawn(
     assert "picture:" in err
 
 
-def test_devices_before_and_after_have_the_wire_in_common_and_the_odd_one_is_named(
+def test_the_common_difference_is_the_wire_and_the_outlier_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     places = [1.01e6, 1.02e6, 1.03e6, 1.04e6]

@@ -68,9 +68,7 @@ def measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., N
     return put
 
 
-def test_a_chart_names_the_sample_that_left_and_the_page_shows_it(
-    measured: Callable[..., None], tmp_path: Path
-) -> None:
+def test_a_control_chart_names_the_outlier_and_the_page_shows_it(measured: Callable[..., None], tmp_path: Path) -> None:
     measured(*(1.5e11 + 1e9 * x for x in (0.2, -0.5, 0.4, -0.1, 0.6, -0.3, 0.1, 7.0)))
     done = run("chart", "disk.c33D", "--baseline", "7", "--json", "--picture", tmp_path / "chart.svg")
     assert done.exit_code == 3

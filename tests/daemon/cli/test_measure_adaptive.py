@@ -1,4 +1,4 @@
-"""`pzctl measure --adaptive`: two looks at most, one recording, and the constants all the same."""
+"""`pzctl measure --adaptive`: at most two preliminary sweeps, one recording, and the same constants."""
 
 import json
 import os

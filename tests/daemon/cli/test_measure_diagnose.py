@@ -1,4 +1,4 @@
-"""`pzctl measure --diagnose` on the simulated bench: what one sweep leaves open is decided by further ones."""
+"""`pzctl measure --diagnose` on the simulated bench: further sweeps decide what one sweep leaves open."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
     return found
 
 
-def test_what_one_sweep_leaves_open_is_decided_by_a_wider_one(start_daemon, tmp_path: Path) -> None:
+def test_a_wider_sweep_decides_what_one_sweep_leaves_open(start_daemon, tmp_path: Path) -> None:
     start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
     found = the_diagnosis(measured(tmp_path, "--yes"))
     (finding,) = found["findings"]
@@ -65,7 +65,7 @@ def test_what_one_sweep_leaves_open_is_decided_by_a_wider_one(start_daemon, tmp_
     assert abs(size["value"] - 5e-12) < max(5 * size["u"], 0.03 * 5e-12)
 
 
-def test_what_nobody_agrees_to_is_not_measured(start_daemon, tmp_path: Path) -> None:
+def test_a_proposed_sweep_is_not_measured_without_consent(start_daemon, tmp_path: Path) -> None:
     start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
     done = measured(tmp_path)
     found = the_diagnosis(done)

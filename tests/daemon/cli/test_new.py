@@ -1,4 +1,4 @@
-"""`pzctl new` as a person answers it; what it writes is what `pzctl measure` reads."""
+"""`pzctl new` with a person's answers; `pzctl measure` can read the file that it writes."""
 
 import json
 import subprocess
@@ -71,14 +71,14 @@ def test_wrong_answers_are_asked_again(tmp_path: Path) -> None:
     assert [layer.material for layer in read_build(tmp_path / "b.toml").layers] == ["Pz27"]
 
 
-def test_as_json_nothing_else_is_on_standard_output(tmp_path: Path) -> None:
+def test_with_json_standard_output_has_nothing_else(tmp_path: Path) -> None:
     answers = "\n".join(("S1", "16", "Pz27", "0.5", "0.001", "n", "air", "air"))
     words = [Path(sys.executable).with_name("pzctl"), "new", tmp_path / "b.toml", "--json"]
     done = subprocess.run(words, input=answers, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == {"file": str(tmp_path / "b.toml"), "build": "S1", "steps": ["disk"]}
 
 
-def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "b.toml").write_text("mine")
     done = answer(tmp_path / "b.toml")
     assert isinstance(done.exception, PzctlError)

@@ -1,4 +1,4 @@
-"""What is noted at a measurement: from command, build file, page and reader to journal, report, export and queries."""
+"""Notes on a measurement: from command, build file, page and reader to journal, report, export and queries."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -73,13 +73,13 @@ def test_notes_are_in_journal_report_export_table_and_page(measured: Path, tmp_p
     assert page["steps"][0]["metadata"] == notes
 
 
-def test_the_balance_decided_the_density(measured: Path) -> None:
+def test_the_density_comes_from_the_balance(measured: Path) -> None:
     (step,) = json.loads(run("show", "thesis", "--json").stdout)["steps"]
     density = step["fits"][0]["constants"]["disk.density"]
     assert density["u_re"] / density["re"] < 5e-3, "the library's alone is 1 %"
 
 
-def test_an_earlier_mass_stays_with_the_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_earlier_mass_is_kept_for_the_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     mass = Quantity(1e-3, u=1e-6, source="balance")
     put_noted(tmp_path, disk_build("S1").noted("disk", mass=mass))
@@ -96,7 +96,7 @@ def put_noted(home: Path, *builds: Build, c33D: Callable[[Build], float] = lambd
     journal.close()
 
 
-def test_a_reader_is_asked_and_what_it_cannot_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_is_read_and_its_failure_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     points = EntryPoints(
         EntryPoint(name, f"{__name__}:{name}", measurement_notes.GROUP) for name in ("thermometer", "broken")
     )

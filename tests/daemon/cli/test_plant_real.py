@@ -1,4 +1,4 @@
-"""Parts put onto recordings: exact where they are two-ports, in time where they are not, none where none fits."""
+"""Effects planted in real recordings: exact for two-ports, computed in time for others, none of unrealistic size."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ F = np.linspace(1.5e6, 3e6, 301)
 
 
 def device(f: np.ndarray) -> np.ndarray:
-    """A resonator beside a capacitance."""
+    """A resonator in parallel with a capacitance."""
     C0, C1, Q, fs = 6e-10, 1.5e-10, 80, 2e6
     series = (1 + 1j * f / fs / Q - (f / fs) ** 2) / (2j * np.pi * f * C1)
     return 1 / (2j * np.pi * f * C0 + 1 / series)
@@ -41,7 +41,7 @@ def write(folder: Path) -> None:
     (folder / "bare.csv").write_text("\n".join(["frequency_Hz,R_ohm,X_ohm", *rows]))
 
 
-def test_each_part_is_written_once_and_is_what_the_truth_says(tmp_path: Path) -> None:
+def test_each_planted_effect_is_written_once_as_the_truth_states(tmp_path: Path) -> None:
     write(tmp_path / "real" / "unit")
     (tmp_path / "real" / "unit" / "build.toml").write_text(BUILD)
     (tmp_path / "real" / "unit" / "notes.txt").write_text("no recording")
@@ -72,7 +72,7 @@ def test_what_has_no_build_is_passed_over(tmp_path: Path) -> None:
         plant_all(tmp_path / "real", tmp_path / "out", 1)
 
 
-def test_published_devices_have_a_build_of_ours(recordings: Path) -> None:
+def test_published_devices_have_a_build_file_in_the_repository(recordings: Path) -> None:
     assert [one.name for one in sources(recordings)] == [
         "disk-20x2.thickness-mode",
         "pvdf-on-kapton.T61",
@@ -80,7 +80,7 @@ def test_published_devices_have_a_build_of_ours(recordings: Path) -> None:
     ]
 
 
-def test_a_drift_is_the_device_at_other_frequencies_and_a_lag_the_past() -> None:
+def test_a_drift_shifts_frequencies_and_a_lag_delays_the_reading() -> None:
     drift, lag = (next(one for one in PARTS if one.effect == name) for name in ("temperature-drift", "sweep-lag"))
     f = np.linspace(F[0], F[-1], 3001)
     z = device(f)
@@ -91,14 +91,14 @@ def test_a_drift_is_the_device_at_other_frequencies_and_a_lag_the_past() -> None
     np.testing.assert_allclose(late[9:-3], (1 / device(f - 300.0))[9:-3], rtol=2e-3)
 
 
-def test_a_short_cable_before_a_low_impedance_is_a_lead_and_before_a_high_one_is_not() -> None:
+def test_a_short_cable_equals_a_lead_only_at_low_impedance() -> None:
     cable = next(one for one in PARTS if one.effect == "cable")
     low = 1 / (2j * np.pi * F * 1e-8) + 0.1
     assert alike(cable, F, low, 1e-9) == ("lead-inductance",)
     assert alike(cable, F, low * 100, 1e-7) == ()
 
 
-def test_sizes_that_no_laboratory_has_are_not_planted_and_noise_is_found() -> None:
+def test_unrealistic_sizes_are_not_planted_and_noise_is_estimated() -> None:
     lag = next(one for one in PARTS if one.effect == "sweep-lag")
     flat = 1 / (2j * np.pi * F * 1e-9)
     assert sized(lag, F, flat, 0.1) is None

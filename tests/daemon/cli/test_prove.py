@@ -1,4 +1,4 @@
-"""What counts as right, and that a truth cannot be changed once its hash was published."""
+"""The scoring of diagnoses, and that a truth cannot be changed once its hash was published."""
 
 import hashlib
 import json
@@ -66,14 +66,14 @@ CASES = {
 JUDGED = [Judged(name, *case) for name, case in CASES.items()]
 
 
-def test_what_is_right() -> None:
+def test_correct_findings() -> None:
     assert [case.name for case in JUDGED if case.right] == ["a", "c", "g", "h", "i"]
     assert [case.name for case in JUDGED if case.kind == "one" and case.right_in_group] == ["c", "d"]
     assert JUDGED[-1].kind == "faint"
     assert is_right(found("bond-void", "interface:glue1|ml1"), planted("bond-void", "interface:glue1|"))
 
 
-def test_figures_count_every_kind_once() -> None:
+def test_metrics_count_every_kind_once() -> None:
     by_name = {figure.what: figure for figure in figures(JUDGED)}
     assert by_name["nothing left out: no finding"].value == 0.5
     assert by_name["one effect, detectable: right effect and place first"].value == pytest.approx(1 / 3)
@@ -112,15 +112,15 @@ def test_page_names_what_failed_and_refuses_a_changed_truth(tmp_path: Path) -> N
         read_judged(tmp_path, published)
 
 
-def test_a_concealed_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> None:
+def test_a_blind_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> None:
     make_cases(tmp_path, seed=0, count=3)
     (tmp_path / "truth.json").unlink()
-    given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk with nothing left out
+    given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk without hidden effects
     assert given["verdict"] == "no-mismatch"
     assert given["seconds"] > 0
 
 
-def test_a_diagnosis_that_is_told_the_effects_shows_what_is_left_at_best(cases: Path, tmp_path: Path) -> None:
+def test_an_oracle_run_is_an_upper_bound_on_performance(cases: Path, tmp_path: Path) -> None:
     shutil.copytree(cases / "lead", tmp_path / "cases" / "a")
     data = json.dumps({"a": truth("one", LEAD), "b": truth("none")}).encode()
     (tmp_path / "truth.json").write_bytes(data)
@@ -152,7 +152,9 @@ def test_ctrl_c_ends_every_process_of_a_proof(
     run = [sys.executable, "-c", "from pzctl.daemon.cli import main; main()", "prove", "--count", "9", "--out", "p"]
     terminal = start_program(run, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     deadline = time.monotonic() + 60
-    while members(terminal.pid) < 4 and time.monotonic() < deadline:  # itself, who makes cases, and two of its own
+    while (
+        members(terminal.pid) < 4 and time.monotonic() < deadline
+    ):  # the command, the process that makes cases, and two workers
         time.sleep(0.1)
     os.killpg(terminal.pid, signal.SIGINT)
     printed, _ = terminal.communicate(timeout=60)

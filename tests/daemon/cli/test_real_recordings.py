@@ -1,4 +1,4 @@
-"""Every published recording gets an answer: what is known of it is said, and nothing that is known to be wrong."""
+"""Every published recording gets an answer that includes what is known of it and nothing that is known to be wrong."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from pzctl.daemon.cli.proof.real_page import NoRecordingsError, RealAnswer, answered, devices, page_text, write_page
 
 FILM = ("dielectric-dispersion",)
-"""Of a printed film; the whole catalogue is in tests/benchmarks/test_real_recordings.py."""
+"""The effects tried on a printed film; tests/benchmarks/test_real_recordings.py tries the whole catalogue."""
 
 
 def answer(recordings: Path, name: str, effects: tuple[str, ...] | None = None, thin: int = 4) -> RealAnswer:
@@ -28,19 +28,19 @@ def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["MD1", "sampleadmittance"])
-def test_exports_that_are_inverted_are_said_to_be(recordings: Path, name: str) -> None:
+def test_inverted_exports_are_reported(recordings: Path, name: str) -> None:
     said = answer(recordings, f"hp4294a-exports/{name}")
     assert [one.effect for one in said.findings][:1] == ["polarity"]
     assert said.remaining is not None
 
 
 @pytest.mark.parametrize("name", ["hp4294a-exports/RB5100", "bar-k31/k31-mode", "air-40khz/trans_25-50k_001_001"])
-def test_what_has_no_geometry_is_fitted_by_a_circuit_and_named_nothing(recordings: Path, name: str) -> None:
+def test_without_geometry_a_circuit_is_fitted_and_no_effect_is_named(recordings: Path, name: str) -> None:
     said = answer(recordings, name, thin=2)
     assert not said.findings
     assert "`bvd`" in said.verdict
     assert said.remaining is not None
-    assert said.remaining > 0.01  # one resonance is not the whole of any of them
+    assert said.remaining > 0.01  # every one of them has more than one resonance
 
 
 def test_radial_modes_are_fitted_together(recordings: Path) -> None:
@@ -48,7 +48,7 @@ def test_radial_modes_are_fitted_together(recordings: Path) -> None:
     assert said.remaining == pytest.approx(0.0061, rel=0.05)
 
 
-def test_a_coil_is_no_device(recordings: Path) -> None:
+def test_a_coil_is_not_a_piezoelectric_device(recordings: Path) -> None:
     said = answer(recordings, "air-40khz/coil_150u_25kHz_50kHz")
     assert "not capacitive" in said.says
     assert said.remaining is None
@@ -56,7 +56,7 @@ def test_a_coil_is_no_device(recordings: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["T61", "T64"])
-def test_a_film_s_own_fault_is_not_passed_over_in_silence(recordings: Path, name: str) -> None:
+def test_the_fault_of_a_film_is_reported(recordings: Path, name: str) -> None:
     said = answer(recordings, f"pvdf-on-kapton/{name}", FILM, thin=8)
     assert said.verdict in ("partly-explained", "unexplained")
     assert f"pvdf-on-kapton/{name}" in page_text([said])

@@ -1,4 +1,4 @@
-"""`pzctl samples` and `pzctl fit --all`: through the real command, journal, daemon and processes."""
+"""`pzctl samples` and `pzctl fit --all` with the real command, journal, daemon and processes."""
 
 import json
 import math
@@ -234,7 +234,7 @@ def test_the_step_of_a_file(stem: str, step: str | None) -> None:
     assert step_of(stem, ["disk", "disk_glued", "ml1", "ml10"]) == step
 
 
-def test_a_folder_without_recordings_is_said(tmp_path: Path) -> None:
+def test_a_folder_without_recordings_is_reported(tmp_path: Path) -> None:
     (tmp_path / "S1").mkdir()
     (tmp_path / "S1" / "build.toml").write_text(BUILD.format(name="S1"))
     (sample,) = folder_samples(tmp_path)
@@ -242,7 +242,7 @@ def test_a_folder_without_recordings_is_said(tmp_path: Path) -> None:
     assert "no recording; files named after the steps are needed: disk.csv, ml1.csv" in (sample.error or "")
 
 
-def test_the_sheet_is_what_all_builds_agree_on() -> None:
+def test_the_data_sheet_values_are_those_common_to_all_builds() -> None:
     one, other = build("a"), parse_build(BUILD.format(name="b").replace("0.512", "0.530"))
     sheets = sheets_of((one, other))
     assert sheets["disk.c33D"].re == pytest.approx(144.4e9)

@@ -108,7 +108,7 @@ def test_the_doctor_finds_a_damaged_journal_and_a_silent_instrument(
     assert "rehearsal" not in faults
 
 
-def test_a_device_that_may_not_be_opened_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_without_access_permission_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "ttyUSB0").touch()
     monkeypatch.setattr("os.access", lambda path, mode: False)
     (check,) = _devices(tmp_path)
@@ -116,9 +116,7 @@ def test_a_device_that_may_not_be_opened_is_named(tmp_path: Path, monkeypatch: p
     assert "usermod" in check.remedy
 
 
-def test_the_doctor_takes_a_sweep_of_the_instrument_that_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_doctor_sweeps_with_the_named_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
         for resource, told in (

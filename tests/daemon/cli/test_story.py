@@ -1,4 +1,4 @@
-"""The main job as a user does it: `pzctl measure --fit`, through the real command, sockets and processes."""
+"""The main job as a user does it: `pzctl measure --fit` with the real command, sockets and processes."""
 
 import json
 import os
@@ -15,7 +15,7 @@ PZCTL = Path(sys.executable).with_name("pzctl")
 
 
 def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
-    """Run the command line on a data folder of its own."""
+    """Run the command line on its own data folder."""
     environment = {**os.environ, "PZCTL_HOME": str(home)}
     return subprocess.run(
         [PZCTL, *words], env=environment, capture_output=True, text=True, timeout=110, check=False, cwd=home
@@ -24,7 +24,7 @@ def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The whole story on the simulated bench, with fewer points than usual, fitted by both fitters."""
+    """All steps on the simulated bench, with fewer points than usual, fitted by both fitters."""
     home = tmp_path_factory.mktemp("home")
     (home / "S4.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 201"))
     words = ("measure", "--build", "S4.toml", "--fit", "--json", "--time-scale", "0")
@@ -57,7 +57,7 @@ def test_a_later_step_keeps_the_earlier_constants_uncertain(story: dict[str, Any
     assert stacked["disk.c33D"]["re"] != alone["disk.c33D"]["re"]
 
 
-def test_held_constants_are_said_to_be_held(story: dict[str, Any]) -> None:
+def test_held_constants_are_listed_as_held(story: dict[str, Any]) -> None:
     glue = fit_of(story, "mason", ["disk", "ml1"])["constants"]["glue1.c"]
     assert not glue["free"]
     assert glue["u_re"] == 0

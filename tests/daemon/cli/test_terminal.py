@@ -1,4 +1,4 @@
-"""The command line as people meet it: help with examples, quiet, JSON, colours by tolerance, completion, exit codes."""
+"""The command line in a terminal: help with examples, quiet, JSON, colours by tolerance, completion, exit codes."""
 
 import io
 import os
@@ -32,11 +32,11 @@ COMMANDS = [
     (*prefix, str(one.name)) for prefix, room in ROOMS.items() for one in room.registered_commands if not one.hidden
 ]
 SERVING = {"daemon", "sim"}
-"""They answer nothing: the one logs as JSON where asked, the other says its addresses as JSON anyway."""
+"""They have no --json: the one logs as JSON if asked, the other always prints its addresses as JSON."""
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_every_command_helps_with_an_example_can_be_quiet_and_answers_as_json(words: tuple[str, ...]) -> None:
+def test_every_command_has_an_example_a_quiet_mode_and_json_output(words: tuple[str, ...]) -> None:
     shown = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "200"})
     assert shown.exit_code == 0
     assert f"pzctl {' '.join(words)}" in shown.output.split("Example", 1)[1]
@@ -44,7 +44,7 @@ def test_every_command_helps_with_an_example_can_be_quiet_and_answers_as_json(wo
     assert ("--json" in shown.output) == (" ".join(words) not in SERVING)
 
 
-def test_quiet_leaves_standard_output_alone() -> None:
+def test_quiet_does_not_change_standard_output() -> None:
     be_quiet(True)
     assert console(stderr=True).quiet
     assert not console().quiet
@@ -66,7 +66,7 @@ def test_quiet_leaves_standard_output_alone() -> None:
         (float("nan"), 1.0, "-"),
     ],
 )
-def test_numbers_are_written_as_in_the_field(value: float, u: float | None, written: str) -> None:
+def test_numbers_are_formatted_with_their_uncertainty(value: float, u: float | None, written: str) -> None:
     assert with_uncertainty(value, u) == written
 
 
@@ -88,7 +88,7 @@ def drawn(build: Build, colours: bool) -> str:
     return paper.getvalue()
 
 
-def test_the_table_shows_by_colour_what_is_within_tolerance_and_does_without_where_it_is_piped() -> None:
+def test_the_table_is_coloured_by_tolerance_only_in_a_terminal() -> None:
     air = Quantity(1.0)
     values = {str(k): Quantity(100.0, u=1.0) for k in (1, 2, 4)}
     layer = LayerSpec("a", "elastic", values)
@@ -99,7 +99,7 @@ def test_the_table_shows_by_colour_what_is_within_tolerance_and_does_without_whe
     assert "\x1b" not in drawn(build, colours=False)
 
 
-def test_a_constant_stands_once_in_the_table_whatever_order_the_constants_come_in() -> None:
+def test_a_constant_is_listed_once_in_any_order_of_the_constants() -> None:
     names = ("disk.c33E", "area", "disk.thickness", "glue1.z")
     constants = {name: Constant(1.0, 0.0, 0.1, 0.0, "1") for name in names}
     derived = {"disk.kt": Constant(0.48, 0.0, 0.01, 0.0, "1")}
@@ -139,7 +139,7 @@ def test_exit_status(words: list[str], status: int, tmp_path: Path) -> None:
 
 
 def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:
-    """With PZCTL_SCREENSHOTS it is kept: `make pictures`."""
+    """PZCTL_SCREENSHOTS names a folder to keep it in: see `make pictures`."""
     build = read_build(THESIS_BUILD)
     rng = np.random.default_rng(0)
     f = np.linspace(1e6, 15e6, 801)

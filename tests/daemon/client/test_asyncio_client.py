@@ -1,4 +1,4 @@
-"""What only the asyncio client can do: many conversations at a time, and cancelling that counts."""
+"""Features of the asyncio client only: concurrent conversations, and a cancelled task cancels its measurement."""
 
 import asyncio
 from contextlib import aclosing
@@ -16,7 +16,7 @@ from pzctl.models.build import Build
 ECHO = "guest_examples:Echo"
 
 
-def test_measured_fitted_and_listened_to_side_by_side(start_daemon, build: Build) -> None:
+def test_measuring_fitting_and_listening_run_concurrently(start_daemon, build: Build) -> None:
     start_daemon("Echo")
 
     async def listen(lab, ready: asyncio.Event) -> list[int]:

@@ -1,4 +1,4 @@
-"""The blocking and the asyncio client: the same methods, and the same story told by a real daemon to both."""
+"""The blocking and the asyncio client: the same methods, and the same events from a real daemon."""
 
 import asyncio
 import inspect
@@ -25,7 +25,7 @@ ECHO = "guest_examples:Echo"
 
 
 class Awaited:
-    """The blocking client with the manners of the asyncio client, so that one scenario serves both."""
+    """The blocking client with the interface of the asyncio client, so that one scenario tests both."""
 
     def __init__(self, lab: Client) -> None:
         self._lab = lab
@@ -60,7 +60,7 @@ def parameters(method: Callable[..., Any]) -> list[inspect.Parameter]:
     return list(inspect.signature(method).parameters.values())
 
 
-def test_they_have_the_same_methods_with_the_same_arguments_and_words() -> None:
+def test_both_clients_have_the_same_methods_arguments_and_docstrings() -> None:
     kinds: tuple[type, type] = (Client, AsyncClient)
     named = [{name: one for name, one in inspect.getmembers(kind) if not name.startswith("_")} for kind in kinds]
     assert named[0].keys() == named[1].keys()
@@ -134,7 +134,7 @@ def test_both_are_told_the_same_story(
 
 
 @pytest.mark.parametrize("client", [blocking, connect_async])
-def test_both_say_what_the_journal_no_longer_holds(
+def test_both_clients_report_pruned_events(
     start_daemon,
     build: Build,
     tmp_path: Path,

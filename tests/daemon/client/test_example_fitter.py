@@ -1,4 +1,4 @@
-"""A third party's fitter: built and installed from its own folder, found by its entry point, run by the daemon."""
+"""A third party's fitter is built and installed from its own folder, found by its entry point, run by the daemon."""
 
 import math
 import os
@@ -19,15 +19,15 @@ PACKAGE = Path(__file__).parents[2] / "example_fitter"
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that the example was installed into, as pip installs any package."""
+    """The folder into which pip installed the example."""
     source, target = tmp_path_factory.mktemp("source") / "package", tmp_path_factory.mktemp("installed")
-    shutil.copytree(PACKAGE, source)  # building leaves traces where it builds
+    shutil.copytree(PACKAGE, source)  # building leaves files in the folder
     words = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", target, source]
     subprocess.run([sys.executable, "-m", "pip", *words], check=True, timeout=100)
     return target
 
 
-def test_the_daemon_runs_it_and_any_client_may_ask_for_it(start_daemon, build: Build, installed, monkeypatch) -> None:
+def test_the_daemon_runs_it_and_any_client_may_request_it(start_daemon, build: Build, installed, monkeypatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(installed), prepend=os.pathsep)
     start_daemon(names=("capacitance",))
     with connect() as lab:
@@ -53,6 +53,6 @@ def test_the_command_line_lists_it(installed: Path) -> None:
     assert "capacitance and loss tangent at the top of the sweep" in done.stdout
 
 
-def test_it_is_as_short_as_the_guide_says() -> None:
+def test_the_example_is_as_short_as_the_guide_says() -> None:
     lines = (PACKAGE / "example_fitter.py").read_text(encoding="utf-8").splitlines()
     assert len([line for line in lines if line.strip()]) < 50

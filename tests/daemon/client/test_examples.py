@@ -1,4 +1,4 @@
-"""The examples do what they say, against a daemon with a simulated instrument."""
+"""The examples run as described, against a daemon with a simulated instrument."""
 
 import csv
 import importlib.util

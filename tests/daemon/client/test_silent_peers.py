@@ -1,4 +1,4 @@
-"""Who is at the other end and is no daemon, or says nothing: the clients say so."""
+"""Clients report a peer that is not a daemon or does not answer."""
 
 import asyncio
 from collections.abc import Iterator

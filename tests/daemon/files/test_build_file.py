@@ -1,4 +1,4 @@
-"""build.toml: what is read, and the sentence for everything that can be wrong in it."""
+"""build.toml: its values are read, and every mistake in it gets one sentence."""
 
 import contextlib
 import json
@@ -82,7 +82,7 @@ def test_every_value_arrives_in_si_with_its_uncertainty_and_source() -> None:
     assert (build.plan.bandwidth, build.plan.segments[1].points) == (3, 401)
 
 
-def test_what_the_file_leaves_out_is_the_librarys() -> None:
+def test_missing_values_come_from_the_library() -> None:
     disk = parse_build(S4).layer("disk")
     pz27 = find("Pz27").values
     assert disk.values["h33"] == pz27["h33"]
@@ -90,7 +90,7 @@ def test_what_the_file_leaves_out_is_the_librarys() -> None:
     assert disk.nominal["c33D"] != disk.values["c33D"]
 
 
-def test_density_stands_for_the_impedance_of_an_elastic_layer() -> None:
+def test_density_replaces_the_impedance_of_an_elastic_layer() -> None:
     text = S4.replace("z_MRayl = { value = 10.3, u = 0.5 }", "density_kg_m3 = { value = 4000, u = 40 }")
     z = parse_build(text).layer("ml1").values["z"]
     assert z.re == pytest.approx(4000 * 2455)
@@ -181,7 +181,7 @@ def test_anything_wrong_is_one_sentence_that_names_the_place(old: str, new: str,
     assert "\n" not in sentence
 
 
-def test_a_device_is_driven_by_current_and_waited_for() -> None:
+def test_a_plan_can_have_current_drive_and_delays() -> None:
     plan = parse_build(
         S4.replace("oscillator_V = 0.5", "oscillator_mA = 5\npoint_delay_s = 0.01\nsweep_delay_s = 2")
     ).plan
@@ -219,13 +219,13 @@ def test_what_is_no_text_file_is_said(tmp_path: Path) -> None:
         read_build(tmp_path / "absent.toml")
 
 
-def test_a_windows_editor_does_no_harm(tmp_path: Path) -> None:
+def test_a_byte_order_mark_and_crlf_are_accepted(tmp_path: Path) -> None:
     file = tmp_path / "build.toml"
     file.write_bytes(b"\xef\xbb\xbf" + S4.replace("\n", "\r\n").encode())
     assert read_build(file) == parse_build(S4)
 
 
-def test_json_brings_the_same_build_back() -> None:
+def test_a_build_survives_a_json_round_trip() -> None:
     build = parse_build(S4)
     assert build_from_json(json.loads(json.dumps(build_to_json(build)))) == build
 
@@ -256,5 +256,5 @@ def test_a_damaged_file_never_shows_a_traceback(changes: list[tuple[int, str]]) 
     text = S4
     for place, letter in changes:
         text = text[:place] + letter + text[place + 1 :]
-    with contextlib.suppress(PzctlError):  # any other exception is the failure looked for
+    with contextlib.suppress(PzctlError):  # any other exception fails the test
         check_build(parse_build(text), "again")

@@ -1,4 +1,4 @@
-"""build.toml: constants that are the same in two layers, bounds, and layers ground between two steps."""
+"""build.toml: constants shared by two layers, bounds, and layers that are ground between two steps."""
 
 import pytest
 
@@ -28,7 +28,7 @@ GROUND = '[[steps]]\nname = "thin"\nlayers = ["disk", "a", "b"]\n'
 GROUND += "reground = { b = { thickness_um = { value = 8, u = 1 } } }\n"
 
 
-def test_tied_bounded_and_ground() -> None:
+def test_tied_bounded_and_reground_layers() -> None:
     build = parse_build(text(b=layer("b", z_MRayl='{ same_as = "a" }'), steps=GROUND))
     a, b = build.layer("a").values["z"], build.layer("b").values["z"]
     assert (a.same_as, b.same_as) == (None, "a.z")

@@ -1,4 +1,4 @@
-"""Flags come before the environment, the environment before the file, the file before defaults; errors say where."""
+"""Precedence: flag, environment, file, default; errors name the source of the wrong value."""
 
 import json
 import logging
@@ -25,7 +25,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "config.toml"
 
 
-def test_the_order(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_order_of_precedence(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert options(settings({})) == DaemonOptions(simulator={"time_scale": 1.0, "seed": 0})
     file.write_text('resource = "A"\nfitters = ["mason"]\nseed = 1\nfit_seconds = 10\n', encoding="utf-8")
     monkeypatch.setenv("PZCTL_RESOURCE", "B")
@@ -69,7 +69,7 @@ def test_every_setting_is_in_the_docs() -> None:
     assert not [name for name in SETTINGS if f"`{name}`" not in text or f"`PZCTL_{name.upper()}`" not in text]
 
 
-def test_systemd_takes_the_unit(tmp_path: Path) -> None:
+def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     if shutil.which("systemd-analyze") is None:
         pytest.skip("there is no systemd-analyze here")
     text = (ROOT / "docs" / "pzctl.service").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The user's own materials: beside the library's, in place of one, and wrong ones in one sentence."""
+"""The user's own materials add to the library's or replace them; mistakes get one sentence."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_own_materials_go_before_the_library(mine: Path) -> None:
+def test_own_materials_take_precedence_over_the_library(mine: Path) -> None:
     glue = find_material("our glue")
     assert glue.values["z"].re == pytest.approx(2.875e6)
     assert glue.values["z"].u == pytest.approx(2.875e6 * (1 / 115**2 + 1 / 50**2) ** 0.5, rel=1e-6)
@@ -46,7 +46,7 @@ def test_own_materials_go_before_the_library(mine: Path) -> None:
     assert find_material("air").values["z"].re == pytest.approx(413, rel=0.02)
 
 
-def test_a_build_and_the_command_line_know_them(mine: Path) -> None:
+def test_a_build_and_the_command_line_use_own_materials(mine: Path) -> None:
     build = parse_build(
         'name = "a"\ndiameter_mm = 10\n[[layers]]\nname = "disk"\nkind = "piezo"\nmaterial = "Pz27"\n'
         'thickness_mm = 0.5\n[[layers]]\nname = "g"\nkind = "elastic"\nmaterial = "our glue"\nthickness_mm = 0.01\n'

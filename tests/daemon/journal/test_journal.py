@@ -1,4 +1,4 @@
-"""The journal: what was announced is on disk, whole, once, in order, and only one daemon writes it."""
+"""The journal: every announced event is on disk, complete, once, in order, and only one daemon writes it."""
 
 import sqlite3
 import sys
@@ -65,7 +65,7 @@ def fit_event(measurement: str, sweep: str, *, ok: bool = True) -> FitEvent:
     return FitEvent(measurement=measurement, sample=sample, fitter="mason", version="1", sweeps=(sweep,), **answer)
 
 
-def test_what_was_said_is_said_again(journal: JournalWriter, build: Build) -> None:
+def test_events_are_read_as_they_were_written(journal: JournalWriter, build: Build) -> None:
     _, said = journal.append(StateEvent(state="started"))
     assert journal.replay(1, None, 50) == [said]
     event = put_sweep(journal, build, "m")
@@ -75,7 +75,7 @@ def test_what_was_said_is_said_again(journal: JournalWriter, build: Build) -> No
     assert np.array_equal(heard.sweep().impedance, SWEEP.impedance)
 
 
-def test_a_new_run_goes_on_counting(journal: JournalWriter, tmp_path: Path) -> None:
+def test_a_new_run_continues_the_numbering(journal: JournalWriter, tmp_path: Path) -> None:
     first = journal.append(StateEvent(state="started"))[0]
     journal.close()
     later = JournalWriter(tmp_path / "journal")
@@ -99,7 +99,7 @@ def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> Non
     assert not is_written(tmp_path / "journal")
 
 
-def test_the_rest_of_an_interrupted_write_goes(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
+def test_the_remains_of_an_interrupted_write_are_removed(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
     kept = put_sweep(journal, build, "m")
     journal.close()
     arrays = tmp_path / "journal" / "arrays"
@@ -129,7 +129,7 @@ def test_what_cannot_be_written_is_not_counted(journal: JournalWriter, build: Bu
     assert journal.append(StateEvent(state="started"))[0].seq == 1
 
 
-def test_a_later_journal_is_not_touched(journal: JournalWriter, tmp_path: Path) -> None:
+def test_a_journal_of_a_later_version_is_not_changed(journal: JournalWriter, tmp_path: Path) -> None:
     journal.close()
     db = sqlite3.connect(tmp_path / "journal" / "journal.sqlite")
     db.execute("PRAGMA user_version = 9")
@@ -138,7 +138,7 @@ def test_a_later_journal_is_not_touched(journal: JournalWriter, tmp_path: Path) 
         JournalWriter(tmp_path / "journal")
 
 
-def test_the_same_request_is_the_same_measurement(journal: JournalWriter, build: Build) -> None:
+def test_a_repeated_request_is_measured_once(journal: JournalWriter, build: Build) -> None:
     first, new = journal.begin_measurement("r", build, "disk")
     assert (first, new) == (first, True)
     assert journal.begin_measurement("r", build, "disk") == (first, False)
@@ -146,7 +146,7 @@ def test_the_same_request_is_the_same_measurement(journal: JournalWriter, build:
     assert [found.state for found in journal.measurements()] == ["queued"]
 
 
-def test_a_fit_counts_once_and_a_refusal_gives_way(journal: JournalWriter, build: Build) -> None:
+def test_a_fit_counts_once_and_replaces_a_refusal(journal: JournalWriter, build: Build) -> None:
     measurement = measured(journal, build, "a")
     sweep = journal.sweep_ids(measurement)[0]
     assert journal.unanswered("mason") == [measurement]
@@ -192,7 +192,7 @@ def test_a_full_disk_takes_no_measurement(
     assert [one.id for one in journal.measurements()] == [known]
 
 
-def test_a_clock_set_back_changes_no_order(
+def test_ids_stay_in_order_when_the_clock_is_set_back(
     journal: JournalWriter, build: Build, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = measured(journal, build, "1")
@@ -207,7 +207,7 @@ def test_a_clock_set_back_changes_no_order(
     assert journal.verify() == []
 
 
-def test_on_a_full_disk_what_is_there_is_read_and_no_daemon_starts(
+def test_on_a_full_disk_the_journal_can_be_read_but_no_daemon_starts(
     journal: JournalWriter, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     resource = pytest.importorskip("resource", reason="no limit for the size of files")

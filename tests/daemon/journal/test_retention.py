@@ -1,4 +1,4 @@
-"""A journal is checked, copied, pruned and brought up to date without losing what it should keep."""
+"""A journal is checked, copied, pruned and upgraded without losing data that it should keep."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Several benches keep one record on a PostgreSQL server: as durable as a folder's, and each counts for itself."""
+"""Several benches share a journal on a PostgreSQL server: as durable as a folder, with separate numbering per bench."""
 
 import os
 import signal
@@ -32,7 +32,7 @@ psycopg = pytest.importorskip("psycopg")
 
 ECHO = "guest_examples:Echo"
 SOON = SweepPlan((Segment(1e6, 6e6, 5), Segment(5e5, 15.5e6, 5)))
-"""Done in a moment where the build's own plan takes seconds."""
+"""A plan that takes a moment, while the build's own plan takes seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def server() -> Iterator[postgres.Server]:
 
 @pytest.fixture
 def restartable(server: postgres.Server) -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
-    """What ends the server at once, and what starts it again; it runs again after the test."""
+    """Functions that kill the server and start it again; it runs again after the test."""
     yield server.stop, server.start
     server.start()
 
@@ -63,7 +63,7 @@ def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str
 
 
 def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The disk is measured on bench a; bench b measures the next step, knows the first, and fits what a measured."""
+    """The disk is measured on bench a; bench b measures the next step, knows the first, and fits a's measurement."""
     places, keys = {}, {}
     try:
         for station in ("a", "b"):
@@ -129,7 +129,7 @@ def test_killed_at_any_moment_nothing_announced_is_lost(
 def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
     start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until
 ) -> None:
-    """While it is gone nothing new is measured, what runs is finished, and is there when it is back."""
+    """While it is away no measurement begins; the running one is finished and is kept for the server's return."""
     stop_server, start_server = restartable
     start_daemon("Echo", journal=url, station="a", time_scale=0.3)
     with connect() as lab:

@@ -27,7 +27,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture
 def fresh(tmp_path: Path) -> Iterator[str]:
-    """A page beside a daemon that has measured nothing yet."""
+    """A page of a daemon without measurements."""
     with live_page(tmp_path) as address:
         yield address
 
@@ -49,14 +49,14 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 @pytest.fixture
 def lab(page: str) -> Iterator[Client]:
-    """The daemon behind the page, with a transducer that nothing is glued on: no test needs what another left."""
+    """The daemon behind the page, with a bare transducer, so that the tests do not depend on each other."""
     with connect() as made:
         made.bench({"command": "new-sample", "seed": 3})
         yield made
 
 
 def press(browser: Browser, which: str, begins: str) -> None:
-    """Press the button whose text begins so, as soon as it can be pressed."""
+    """Press the button whose text begins like this, as soon as it is enabled."""
     found = f"[...document.querySelectorAll('{which} button')].find((b) => b.textContent.startsWith('{begins}'))"
     browser.wait(f"{found} !== undefined && !{found}.disabled")
     browser.run(f"{found}.click()")
@@ -68,7 +68,7 @@ def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     assert "4294A" in browser.run("document.getElementById('device').textContent")
 
-    # By the keyboard alone: the first stops are the link past the header, the theme, the steps.
+    # By keyboard only: the first tab stops are the link past the header, the theme, the steps.
     browser.wait("document.getElementById('next').textContent === 'Measure disk'")
     browser.run("document.getElementById('next').focus()")
     browser.key("Enter")
@@ -115,7 +115,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     assert browser.run("document.getElementById('chi2').className") == "big good", "nothing was fitted yet"
     browser.run("document.getElementById('hand-bands').value = '1-6'")
     browser.run("document.getElementById('hand-none').click()")
-    for name in ("disk.c33D", "disk.h33.loss"):  # which is bounded by the loss of the other two
+    for name in ("disk.c33D", "disk.h33.loss"):  # it is bounded by the loss of the other two
         browser.run(f"document.querySelector('[aria-label=\"free {name}\"]').click()")
     browser.run("document.getElementById('hand-fit').scrollIntoView()")
     browser.picture(pictures / "page-by-hand.png")
@@ -124,7 +124,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     assert browser.run("document.getElementById('fitter').textContent").startswith("fitter by-hand")
     assert browser.run("document.querySelectorAll('#constants tbody tr:not(.held)').length") == 1, "only c33D was free"
 
-    # Kept, it is in the journal with the name of who made it, and beside the others.
+    # A kept fit is in the journal with its author's name, and listed with the others.
     assert browser.run("document.getElementById('hand-keep-it').disabled"), "nobody has said who it is"
     browser.run("document.getElementById('hand-by').focus()")
     browser.type("Ana")
@@ -136,14 +136,14 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
 
 
 @needs_chromium
-def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, browser: Browser, pictures: Path) -> None:
+def test_a_missing_effect_is_found_named_and_marked(page: str, lab: Client, browser: Browser, pictures: Path) -> None:
     lab.bench({"command": "hidden", "lead-inductance": 1e-8})
     browser.open(page)
     press(browser, "#steps", "disk")
     browser.wait("document.getElementById('chi2').classList.contains('bad')")
     lab.bench({"command": "hidden", "lead-inductance": 0.0})
 
-    # By hand: the effect that one suspects is added, and its slider shows what it does.
+    # By hand: the suspected effect is added, and its slider shows how the curve changes.
     browser.run("document.getElementById('hand-open').click()")
     browser.wait("document.querySelectorAll('#hand-handles .handle').length >= 10")
     browser.run("document.getElementById('hand-effect').value = '[\"lead-inductance\",\"terminals\"]'")
@@ -155,7 +155,7 @@ def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, bro
     shown = "document.querySelector('[data-handle=\"lead-inductance@terminals.inductance\"]').nextSibling.textContent"
     assert float(browser.run(shown).split()[0]) == pytest.approx(1e-8, rel=0.05)
 
-    # The diagnosis finds it without being told.
+    # The diagnosis finds it by itself.
     browser.run("document.getElementById('diagnose').click()")
     browser.wait("document.querySelectorAll('#stack .marked').length === 1")
     assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
@@ -166,7 +166,7 @@ def test_what_was_left_out_is_found_named_and_marked(page: str, lab: Client, bro
 
 
 @needs_chromium
-def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
+def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
     page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
     lab.bench({"command": "effects", "radial": True})
@@ -175,7 +175,7 @@ def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
     lab.bench({"command": "effects", "radial": False})
     browser.open(page)
     press(browser, "#samples", "round · disk")
-    browser.wait("document.getElementById('sample').textContent === 'round'")  # not what the page opens by itself
+    browser.wait("document.getElementById('sample').textContent === 'round'")  # not the page's default
     assert browser.run("document.getElementById('chi2').className") == "big bad", "mason knows no radial modes"
     browser.run("document.getElementById('hand-open').click()")
     at_rest = "!document.getElementById('hand').dataset.busy"
@@ -211,7 +211,7 @@ def test_a_bare_disk_is_taken_in_hand_with_the_model_of_both_its_modes(
 
 
 @needs_chromium
-def test_stop_and_what_the_daemon_refuses(page: str, lab: Client, browser: Browser) -> None:
+def test_stop_and_refusals_of_the_daemon(page: str, lab: Client, browser: Browser) -> None:
     browser.open(page)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     press(browser, "#steps", "ml1")
@@ -222,7 +222,7 @@ def test_stop_and_what_the_daemon_refuses(page: str, lab: Client, browser: Brows
 
 
 @needs_chromium
-def test_a_past_sample_beside_this_one_its_report_as_pdf_and_everything_by_keyboard(
+def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
     page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
     for name, seed in (("older", 7), ("newer", 8)):
@@ -267,7 +267,7 @@ STOP = """new Promise((done) => {
     const look = () => stop.disabled ? setTimeout(look, 20) : done(stop.click());
     look();
 })"""
-"""As soon as it can be pressed: the sweep lasts two seconds, and a busy machine may take as long for a question."""
+"""As soon as it is enabled: the sweep lasts two seconds, and a busy machine may take as long for one request."""
 NAMED = "(one) => `${one.tagName} ${one.id} ${one.textContent.slice(0, 60)}`"
 REACHABLE = f"""[...document.querySelectorAll('a[href], button, input, select')]
     .filter((one) => !one.disabled && one.checkVisibility()).map({NAMED})"""

@@ -1,4 +1,4 @@
-"""Who may see the live page and command it, and what it answers; without a browser."""
+"""The live page without a browser: who may see and command it, and its answers."""
 
 import asyncio
 import json
@@ -44,7 +44,7 @@ def test_without_a_token_only_this_machine_by_its_own_name() -> None:
     assert ask("/", host="localhost:1")[0] == 200
 
 
-def test_with_a_token_nobody_without_it() -> None:
+def test_with_a_token_requests_without_it_are_refused() -> None:
     assert ask("/", token=TOKEN, host="10.0.0.7:8294")[0] == 401
     assert ask("/api/now?token=wrong", token=TOKEN)[0] == 401
     status, headers, _ = ask("/?token=so-secret", token=TOKEN, host="10.0.0.7:8294")
@@ -67,7 +67,7 @@ def test_the_page_may_load_nothing_from_outside() -> None:
     assert ask("/static/uPlot.LICENSE.txt")[2].startswith(b"The MIT License")
 
 
-def test_what_is_not_there_is_a_sentence() -> None:
+def test_missing_data_are_reported_in_a_sentence() -> None:
     status, _, body = ask("/api/record/nothing")
     assert status == 404
     assert b"nothing was measured yet" in body
@@ -77,7 +77,7 @@ def test_what_is_not_there_is_a_sentence() -> None:
 @pytest.mark.parametrize(
     ("host", "here"), [("127.0.0.1", True), ("::1", True), ("localhost", True), ("10.0.0.7", False), ("lab-pc", False)]
 )
-def test_what_is_this_machine(host: str, here: bool) -> None:
+def test_recognition_of_this_machine(host: str, here: bool) -> None:
     assert is_loopback(host) == here
 
 

@@ -1,4 +1,4 @@
-"""`pzctl report`: what the file says, that it needs nothing else, and that a real browser draws it."""
+"""`pzctl report`: the file is complete and self-contained, and a real browser draws it."""
 
 import json
 import re
@@ -28,7 +28,7 @@ def run(*words: str | Path) -> Result:
 
 
 class Outline(HTMLParser):
-    """Headings, ids and outward references of a page."""
+    """Headings, ids and external references of a page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -66,7 +66,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
-def test_the_report_says_it_all_and_needs_nothing_else(reported: Path) -> None:
+def test_the_report_is_complete_and_self_contained(reported: Path) -> None:
     text = (reported / "report.html").read_text(encoding="utf-8")
     page = Outline()
     page.feed(text)

@@ -1,4 +1,4 @@
-"""A sample of the journal taken in hand, as a script and a notebook have it."""
+"""A manual fit of a sample in the journal, as in a script or a notebook."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Constants and sweeps as tables: files, data frames and SQL say what the journal says."""
+"""Constants and sweeps as tables: files, data frames and SQL agree with the journal."""
 
 import csv
 import json
@@ -80,7 +80,7 @@ def test_every_measurement_and_withdrawn_ones_only_when_asked(measured: Path) ->
     assert [lines(), lines("--every"), lines("--every", "--with-withdrawn")] == [4, 6, 8]
 
 
-def test_the_view_answers_a_program_that_knows_only_sqlite(measured: Path) -> None:
+def test_the_views_can_be_queried_with_plain_sqlite(measured: Path) -> None:
     db = sqlite3.connect(f"file:{measured / 'journal' / 'journal.sqlite'}?mode=ro", uri=True)
     query = "SELECT sample, re FROM constants WHERE step = 'disk' AND constant = 'disk.c33D' AND fitter = 'mason'"
     assert dict(db.execute(query).fetchall()) == STIFFNESS
@@ -91,7 +91,7 @@ def test_the_view_answers_a_program_that_knows_only_sqlite(measured: Path) -> No
 
 
 @pytest.mark.skipif(bool(reason_why_not()), reason=reason_why_not() or "a server is there")
-def test_the_views_on_a_server_say_what_those_in_a_file_say(measured: Path, tmp_path: Path) -> None:
+def test_the_views_on_a_server_equal_those_in_a_file(measured: Path, tmp_path: Path) -> None:
     with served() as server:
         for _ in range(2):  # the second finds the views of the first
             journal = JournalWriter(tmp_path / "lock", server.url, "bench1")
@@ -148,7 +148,7 @@ def test_repeats_on_one_axis(measured: Path) -> None:
         pzctl.sweeps("S1", step="ml1")
 
 
-def test_a_name_is_no_formula_in_a_spreadsheet() -> None:
+def test_a_name_is_not_run_as_a_formula_in_a_spreadsheet() -> None:
     row = {**dict.fromkeys(COLUMNS), "sample": "=cmd()", "re": -1.0}
     assert "'=cmd()" in ConstantTable((row,)).to_csv()
     assert ",-1.0," in ConstantTable((row,)).to_csv()
@@ -169,7 +169,7 @@ def test_what_cannot_be_is_one_sentence(words: list[str], sentence: str) -> None
     assert sentence in str(done.exception)
 
 
-def test_a_missing_package_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named_with_its_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise ModuleNotFoundError(name=name)
 

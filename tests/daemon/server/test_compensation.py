@@ -1,4 +1,4 @@
-"""A sweep says when and in which fixture its compensation was taken, and where that is too long ago or not known."""
+"""A sweep states date and fixture of its compensation, and has a note where that is too old or not known."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -62,11 +62,11 @@ def test_a_compensation_that_nobody_dated_is_noted(record: Path, other: tuple[st
     assert CompensationCheck(record, None)(sweep(TAKEN, "open", "short", adapter="7 mm")).notes == (UNDATED,)
 
 
-def test_without_compensation_there_is_nothing_to_say(record: Path) -> None:
+def test_without_compensation_there_is_no_note(record: Path) -> None:
     assert CompensationCheck(record, 7.0)(sweep(TAKEN)).notes == ()
 
 
-def test_the_daemon_measures_on_and_says_so(
+def test_the_daemon_continues_to_measure_and_adds_a_note(
     start_daemon: Callable[..., Location], build: Build, tmp_path: Path
 ) -> None:
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0)) as sim:

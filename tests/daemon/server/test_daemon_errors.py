@@ -1,4 +1,4 @@
-"""Sentences of a daemon that is asked what it cannot do, and of clients whose daemon is not there, or hangs."""
+"""Error sentences of a daemon that cannot do a request, and of clients whose daemon is missing or hangs."""
 
 import asyncio
 import os
@@ -109,7 +109,7 @@ def raised(words: list[str]) -> None:
 
 
 def diagnosed(lab: Client, measurement: str, k: int) -> object:
-    """Ask for one of a hundred diagnoses that differ in what they take in."""
+    """Request one of a hundred diagnoses that differ in their effects."""
     effects = (("leakage",), ("cable",), ("lead-inductance",))[k % 3]
     wish = ask.DiagnoseRequest(
         id=uuid7(), measurement=measurement, effects=effects, also=(measurement,) * (k // 6), propose=bool(k // 3 % 2)

@@ -1,4 +1,4 @@
-"""What PUB/SUB loses, the client does not: holes, late joiners, restarts, readers that never read."""
+"""The client receives every event although PUB/SUB loses some: gaps, late joiners, restarts, slow readers."""
 
 import signal
 import threading
@@ -16,7 +16,7 @@ from pzctl.models.build import Build
 
 @pytest.fixture
 def lossy() -> Iterator[Callable[[str], str]]:
-    """Return a function that puts a wire between: of the events that pass it, two of three are lost."""
+    """Return a function that inserts a proxy which loses two of three events."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     ends: list[threading.Thread] = []
     stop = threading.Event()
@@ -55,7 +55,7 @@ def seqs_of(lab: Client) -> list[int]:
     return [heard.event.seq for heard in lab.replay(1)]
 
 
-def test_a_lossy_wire_loses_nothing(start_daemon, build: Build, lossy) -> None:
+def test_no_event_is_lost_over_a_lossy_connection(start_daemon, build: Build, lossy) -> None:
     where: Location = start_daemon()
     with connect(lossy(where.events), where.requests) as lab:
         events = lab.listen(patience=60)
@@ -73,7 +73,7 @@ def test_a_lossy_wire_loses_nothing(start_daemon, build: Build, lossy) -> None:
         assert all(one.sweep().impedance.size in (51, 41) for one in sweeps)
 
 
-def test_who_comes_late_hears_it_from_the_journal(start_daemon, build: Build) -> None:
+def test_a_late_listener_gets_earlier_events_from_the_journal(start_daemon, build: Build) -> None:
     start_daemon()
     with connect() as lab:
         for _ in range(15):
@@ -84,7 +84,7 @@ def test_who_comes_late_hears_it_from_the_journal(start_daemon, build: Build) ->
         assert [heard.event.seq for heard in lab.replay(7, 9)] == [7, 8, 9]
 
 
-def test_a_reader_that_never_reads_holds_nobody_up(start_daemon, build: Build) -> None:
+def test_a_reader_that_never_reads_does_not_delay_others(start_daemon, build: Build) -> None:
     where = start_daemon()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.SUB) as sleeper:
@@ -98,7 +98,7 @@ def test_a_reader_that_never_reads_holds_nobody_up(start_daemon, build: Build) -
     context.term()
 
 
-def test_a_listener_outlives_the_daemon(start_daemon, build: Build, end) -> None:
+def test_a_listener_survives_a_restart_of_the_daemon(start_daemon, build: Build, end) -> None:
     where = start_daemon(time_scale=1.0)
     with connect() as lab:
         events = lab.listen(patience=60)

@@ -1,4 +1,4 @@
-"""A third party's analyzer: installed from its own folder, found by its `*IDN?`, measured with by the daemon."""
+"""A third party's analyzer is installed from its own folder, found by its `*IDN?` reply, and used by the daemon."""
 
 import os
 import re
@@ -26,7 +26,7 @@ IDN = "ACME,Z1000,7,1.0"
 
 
 class Acme(socketserver.StreamRequestHandler):
-    """Has 1 nF connected, in series with 2 ohm."""
+    """An analyzer that measures 1 nF in series with 2 ohm."""
 
     def handle(self) -> None:
         for line in self.rfile:
@@ -49,9 +49,9 @@ def resource() -> Iterator[str]:
 
 @pytest.fixture
 def installed(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The example, as pip installs any package, for this process and those that it starts."""
+    """The example as installed by pip, for this process and its child processes."""
     source, target = tmp_path_factory.mktemp("source") / "package", tmp_path_factory.mktemp("installed")
-    shutil.copytree(PACKAGE, source)  # building leaves traces where it builds
+    shutil.copytree(PACKAGE, source)  # building leaves files in the folder
     words = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", target, source]
     subprocess.run([sys.executable, "-m", "pip", *words], check=True, timeout=100)
     monkeypatch.setenv("PYTHONPATH", str(target), prepend=os.pathsep)

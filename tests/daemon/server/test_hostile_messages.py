@@ -1,4 +1,4 @@
-"""Messages made to harm: none is believed, none is obeyed, and whoever asks properly is answered meanwhile."""
+"""Malicious messages: none is accepted or obeyed, and proper requests are answered meanwhile."""
 
 import asyncio
 import json
@@ -44,7 +44,7 @@ from pzctl.models.build import Build
 def test_readers_say_what_is_wrong_or_read(seed: int) -> None:
     frames = mutated(seed)
     for read in (decode, _read):
-        with suppress(WireError):  # anything else that it raises is a defect
+        with suppress(WireError):  # any other exception is a defect
             read(frames)
 
 
@@ -61,7 +61,11 @@ def sender() -> "Iterator[zmq.Socket[bytes]]":
 def test_the_daemon_answers_all_of_it_and_goes_on(start_daemon, build: Build, sender) -> None:
     where = start_daemon()
     unlocked(sender).connect(where.requests)
-    obeyed = (b'"shutdown"', b'"lease"', b'"bench"')  # one still whole ends the daemon, takes the instrument, or glues
+    obeyed = (
+        b'"shutdown"',
+        b'"lease"',
+        b'"bench"',
+    )  # an undamaged one would end the daemon, lease the instrument, or glue a layer
     harmless = [frames for frames in map(mutated, range(1500)) if not any(word in frames[0] for word in obeyed)]
     answered = 0
     with connect() as lab:
@@ -77,7 +81,7 @@ def test_the_daemon_answers_all_of_it_and_goes_on(start_daemon, build: Build, se
 
 @pytest.fixture
 def guarded() -> Iterator[tuple[dict[bytes, str], Counter[str]]]:
-    """Sockets as the daemon's, without keys, so that a peer made by hand comes in; watched by its guard."""
+    """Sockets like the daemon's, without keys, so that a hand-made peer can connect, with the connection guard."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.ROUTER) as requests, context.socket(zmq.PUB) as events:
         for one, longest in ((requests, LARGEST_FRAME), (events, LARGEST_SUBSCRIPTION)):
@@ -94,7 +98,7 @@ def guarded() -> Iterator[tuple[dict[bytes, str], Counter[str]]]:
 
         def watch() -> None:
             while not stop.wait(0.02):
-                events.send(b"beat")  # a PUB takes subscriptions in when it sends
+                events.send(b"beat")  # a PUB socket processes subscriptions when it sends
                 guard.look(time.monotonic())
 
         watcher = threading.Thread(target=watch)
@@ -119,7 +123,7 @@ def test_who_sends_without_end_is_cut_off_before_memory_runs_out(
     wait_until(lambda: counts["cut-off"] == 1)
 
 
-def test_where_the_kernel_tells_nothing_that_is_said_once(
+def test_missing_kernel_statistics_are_reported_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("pzctl.daemon.server.access.connection_guard.sys.platform", "darwin")
@@ -132,9 +136,7 @@ def test_where_the_kernel_tells_nothing_that_is_said_once(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="this needs Linux")
 @pytest.mark.parametrize("known", [True, False])
-def test_a_connection_that_goes_between_being_listed_and_looked_at(
-    known: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_connection_that_closes_after_being_listed(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with socket.create_connection(("127.0.0.1", port)), server.accept()[0] as ours:
@@ -146,7 +148,7 @@ def test_a_connection_that_goes_between_being_listed_and_looked_at(
     intake.look(1.0)
 
 
-def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:
+def test_bytes_that_are_not_a_message(start_daemon, build: Build) -> None:
     where = start_daemon()
     links: list[socket.socket] = []
     with connect() as lab:
@@ -164,19 +166,19 @@ def test_bytes_that_are_no_message_at_all(start_daemon, build: Build) -> None:
         link.close()
 
 
-def test_who_only_connects_takes_no_descriptors_that_the_journal_needs(start_daemon, build: Build, wait_until) -> None:
+def test_idle_connections_leave_file_descriptors_for_the_journal(start_daemon, build: Build, wait_until) -> None:
     where = start_daemon()
     host, _, port = where.events.removeprefix("tcp://").rpartition(":")
     with connect() as lab, ExitStack() as stack:
         lab.status()
         for _ in range(MOST_CONNECTIONS + 100):
-            with suppress(ConnectionResetError):  # cut off already
+            with suppress(ConnectionResetError):  # disconnected already
                 stack.enter_context(socket.create_connection((host, int(port))))
         wait_until(lambda: len(list(Path(f"/proc/{where.pid}/fd").iterdir())) < MOST_CONNECTIONS + 60)
         assert lab.measure(build, "disk").sweeps
 
 
-def test_a_fitter_that_says_hello_without_end_does_not_fill_the_journal(start_daemon) -> None:
+def test_endless_hellos_of_a_fitter_do_not_fill_the_journal(start_daemon) -> None:
     where = start_daemon()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with connect() as lab, context.socket(zmq.DEALER) as link:
@@ -201,6 +203,6 @@ def test_no_name_leads_out_of_the_data_folder(start_daemon, build: Build, name: 
         assert lab.samples(name)[0].name == name
 
 
-def test_every_request_is_known_by_the_docs() -> None:
+def test_every_request_is_in_the_docs() -> None:
     text = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
     assert not [name for name in NAMES if f"| `{name}` |" not in text]

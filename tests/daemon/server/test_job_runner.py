@@ -1,4 +1,4 @@
-"""Fits and diagnoses that are asked for: done once, by any installed fitter, in a process of their own."""
+"""Requested fits and diagnoses: done once, by any installed fitter, in their own process."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""From other machines only those with a key come in, and do only what they may."""
+"""From other machines only clients with a key can connect, and they can do only what their right allows."""
 
 import asyncio
 import json
@@ -35,7 +35,7 @@ ECHO = "guest_examples:Echo"
 
 @pytest.fixture
 def key_of(tmp_path: Path) -> Callable[[str, str], Path]:
-    """Return a function that lets a client in and returns the file it needs."""
+    """Return a function that gives a client access and returns its key file."""
 
     def make(name: str, right: str) -> Path:
         path = tmp_path / f"{name}.key"
@@ -46,7 +46,7 @@ def key_of(tmp_path: Path) -> Callable[[str, str], Path]:
 
 
 def open_to_all(start_daemon) -> Location:
-    """A daemon at every address of this machine."""
+    """A daemon that listens at every address of this machine."""
     return start_daemon("Echo", events="tcp://0.0.0.0:*", requests="tcp://0.0.0.0:*")
 
 
@@ -113,9 +113,7 @@ def test_a_listener_whose_key_is_revoked_hears_no_more(start_daemon, key_of, tmp
     context.term()
 
 
-def test_a_client_whose_key_could_not_be_written_does_not_come_in(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_whose_key_could_not_be_written_has_no_access(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     make_server(keys_folder(tmp_path))
     (tmp_path / "file").touch()
@@ -124,8 +122,8 @@ def test_a_client_whose_key_could_not_be_written_does_not_come_in(
     assert clients(keys_folder(tmp_path)) == ((), ())
 
 
-def test_strangers_are_not_heard(start_daemon, key_of, tmp_path: Path) -> None:
-    """One without a key, one with a key of its own making, one whose key was revoked."""
+def test_clients_without_a_valid_key_are_ignored(start_daemon, key_of, tmp_path: Path) -> None:
+    """A client without a key, one with a self-made key, one whose key was revoked."""
     server = make_server(keys_folder(tmp_path))
     key_of("known", "watch")
     revoked = json.loads(key_of("gone", "admin").read_bytes())
@@ -182,7 +180,7 @@ def test_keys_by_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.chdir(tmp_path)
 
     def keys(*words: str) -> str:
-        """What is said, on standard output or as an error."""
+        """The command's output, or its error."""
         done = CliRunner().invoke(app, ["keys", *words])
         return str(done.exception) if done.exception else done.stdout
 

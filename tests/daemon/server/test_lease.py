@@ -1,4 +1,4 @@
-"""One owner of the instrument at a time, and an order in which measurements wait for it."""
+"""The instrument has one owner at a time, and measurements wait for it in order of priority."""
 
 import socket
 

@@ -1,4 +1,4 @@
-"""Every process may end at any moment, asked or not: nothing announced is lost, nothing is left half written."""
+"""Every process may end or be killed at any moment: no announced event is lost, and no file is left half written."""
 
 import os
 import random
@@ -33,7 +33,7 @@ ECHO = "guest_examples:Echo"
 
 
 def overhear(endpoint: str, heard: list[list[bytes]], stop: threading.Event) -> None:
-    """Keep everything that is published, as bytes, for as long as it takes."""
+    """Record all published messages as bytes."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.SUB) as link:
         link.subscribe(b"")
@@ -45,7 +45,7 @@ def overhear(endpoint: str, heard: list[list[bytes]], stop: threading.Event) -> 
 
 
 def ask_for_measurements(endpoint: str, build: Build, go_on: Callable[[], bool]) -> None:
-    """Ask for one measurement after the other, without waiting for answers."""
+    """Request one measurement after the other, without waiting for answers."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     with context.socket(zmq.DEALER) as link:
         link.setsockopt(zmq.LINGER, 0)
@@ -168,7 +168,7 @@ def test_a_disk_that_fails_ends_the_daemon_before_it_says_what_it_has_not_kept(
     archive.close()
 
 
-def test_a_killed_fitter_comes_back_and_answers(start_daemon, build: Build, wait_until) -> None:
+def test_a_killed_fitter_is_restarted_and_answers(start_daemon, build: Build, wait_until) -> None:
     where = start_daemon("Echo")
     with connect() as lab:
         wait_until(lambda: lab.hello().fitters[0].state == "ready")
@@ -178,7 +178,7 @@ def test_a_killed_fitter_comes_back_and_answers(start_daemon, build: Build, wait
         assert lab.wait_fit(ECHO, measurement.id).steps == ("disk",)
 
 
-def test_a_killed_daemon_takes_its_children_along(start_daemon, end, wait_until) -> None:
+def test_a_killed_daemon_ends_its_child_processes(start_daemon, end, wait_until) -> None:
     where = start_daemon("Echo")
     with connect() as lab:
         wait_until(lambda: lab.hello().fitters[0].state == "ready")

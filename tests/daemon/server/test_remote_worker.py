@@ -1,4 +1,4 @@
-"""A fitter on another host: a process with a data folder and a key of its own, that the daemon did not start."""
+"""A fitter on another host: a process with its own data folder and key, which the daemon did not start."""
 
 import os
 import signal
@@ -45,7 +45,7 @@ def visitor(tmp_path: Path) -> "Iterator[Callable[[Location, str], subprocess.Po
 def test_it_comes_fits_and_comes_back(start_daemon, end, build: Build, tmp_path: Path, visitor, wait_until) -> None:
     make_server(keys_folder(tmp_path))
     make_client(keys_folder(tmp_path), "anybody", "watch")
-    first = 10_000 + 2 * (os.getpid() % 10_000)  # below those that the system gives away, and no other test run's
+    first = 10_000 + 2 * (os.getpid() % 10_000)  # below the ephemeral ports of the system, and unique to this test run
     ports = {"events": f"tcp://0.0.0.0:{first}", "requests": f"tcp://0.0.0.0:{first + 1}"}
     where = start_daemon(**ports)
     watcher = visitor(where, "watch")

@@ -1,4 +1,4 @@
-"""The requests socket as a stranger sees it: plain ZeroMQ and JSON, and whatever bytes there are."""
+"""The requests socket used with plain ZeroMQ and JSON, and with arbitrary bytes."""
 
 import json
 import os
@@ -40,7 +40,7 @@ def dealer() -> Iterator[Callable[[str], "zmq.Socket[bytes]"]]:
     context.term()
 
 
-def test_plain_json_by_req_and_by_dealer(start_daemon, dealer) -> None:
+def test_plain_json_over_req_and_dealer_sockets(start_daemon, dealer) -> None:
     where: Location = start_daemon()
     for kind in (zmq.REQ, zmq.DEALER):
         link = dealer(where.requests, kind)
@@ -61,7 +61,7 @@ def test_the_program_in_the_docs_reads_the_same_numbers(start_daemon, build: Bui
     assert names["z"] == list(sweep.impedance)
 
 
-def test_the_same_id_is_done_once_even_over_a_killed_daemon(start_daemon, dealer, build: Build, end) -> None:
+def test_a_request_id_is_done_once_even_after_the_daemon_is_killed(start_daemon, dealer, build: Build, end) -> None:
     where = start_daemon()
     request = json.dumps({"id": "x", "request": "measure", "build": msgspec.to_builtins(build), "step": "disk"})
     answers = []

@@ -1,4 +1,4 @@
-"""The daemon through its real sockets: measured, journalled, published, fitted."""
+"""The daemon through its real sockets: it measures, writes the journal, publishes and fits."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A guest that hangs, leaks or talks without end is ended and answered for; measuring goes on meanwhile."""
+"""The daemon ends a fitter worker that hangs, leaks or floods its log, and answers for it; measuring goes on."""
 
 import time
 from pathlib import Path
@@ -34,14 +34,14 @@ def test_a_bad_guest_is_answered_for(start_daemon, build: Build, fitter: str, li
         assert lab.measure(build, "ml1").sweeps
 
 
-def test_the_log_of_a_guest_is_bounded(start_daemon, build: Build, tmp_path: Path) -> None:
+def test_the_log_of_a_worker_is_bounded(start_daemon, build: Build, tmp_path: Path) -> None:
     start_daemon("Chatters")
     with connect() as lab, pytest.raises(FitError):
         lab.wait_fit("guest_examples:Chatters", lab.measure(build, "disk").id)
     assert sum(path.stat().st_size for path in (tmp_path / "log").iterdir()) < 70 << 20
 
 
-def test_the_ledger_knows_who_owes_what_since_when() -> None:
+def test_pending_results_list_the_fitter_and_the_start_time() -> None:
     now = 0.0
     ledger = PendingResults(["a", "b"], lambda: now)
     for moment, measurement in ((1.0, "m1"), (2.0, "m2")):
@@ -57,7 +57,7 @@ def test_the_ledger_knows_who_owes_what_since_when() -> None:
     assert (ledger.first("stranger"), ledger.waited("stranger", 0.0)) == (None, 0.0)
 
 
-def test_hello_said_over_and_over_is_news_once(start_daemon) -> None:
+def test_a_repeated_hello_is_published_once(start_daemon) -> None:
     start_daemon()
     with connect() as lab:
         before = lab.hello("me", "1").seq

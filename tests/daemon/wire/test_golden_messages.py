@@ -1,7 +1,7 @@
-"""Messages as wire 1 wrote them when it was new: every later release must still read them.
+"""Messages as the first release of wire 1 wrote them: every later release must still read them.
 
 Each file of tests/wire/v1 is one message: per frame its length (4 bytes, little-endian) and its bytes. They are never
-written anew; a new kind of message gets a new file: python tests/daemon/wire/test_golden_messages.py tests/wire/v1
+regenerated; a new kind of message gets a new file: python tests/daemon/wire/test_golden_messages.py tests/wire/v1
 """
 
 import struct

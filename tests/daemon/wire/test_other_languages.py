@@ -1,4 +1,4 @@
-"""A C program and a Node program hear a sweep: bit for bit the numbers of the recording.
+"""A C program and a Node program receive a sweep: its numbers equal the recording's bit for bit.
 
 C needs a compiler, libzmq and cJSON with their headers (Debian: libzmq3-dev libcjson-dev). Node needs the package
 `zeromq` from npm, where NODE_PATH or `npm root -g` finds it, or is given it by npm install into a folder of the test.

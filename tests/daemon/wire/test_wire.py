@@ -1,4 +1,4 @@
-"""The wire: what is written is read, and no bytes whatever do more than raise one sentence."""
+"""The wire: messages are read as they were written, and arbitrary bytes raise one sentence at most."""
 
 import contextlib
 import json
@@ -48,7 +48,7 @@ VALID = message(Sweep(np.linspace(1e6, 2e6, 5), np.arange(5) + 1j, id="s"), osci
 
 
 @given(arrays(np.complex128, st.integers(2, 60), elements=st.complex_numbers(allow_nan=False, allow_infinity=False)))
-def test_a_sweep_arrives_to_the_last_digit(impedance: np.ndarray) -> None:
+def test_a_sweep_arrives_bit_for_bit(impedance: np.ndarray) -> None:
     frequency = np.linspace(40.0, 110e6, impedance.size)
     heard = decode(message(Sweep(frequency, impedance, id="s"), bandwidth=np.int64(5))).sweep()
     assert np.array_equal(heard.frequency, frequency)
@@ -57,7 +57,7 @@ def test_a_sweep_arrives_to_the_last_digit(impedance: np.ndarray) -> None:
     assert heard.notes == ("polarity inverted",)
 
 
-def test_any_language_reads_it() -> None:
+def test_any_language_can_read_a_message() -> None:
     first, header, *raw = message(Sweep(np.array([1e6, 2e6]), np.array([1 + 2j, 3 - 4j])), sweep_seconds=float("nan"))
     said = json.loads(header)
     assert first == b"sweep.S4.disk."
@@ -77,7 +77,7 @@ def test_a_damaged_message_is_read_or_refused(frame: int, at: int, put: bytes, g
     frames = list(VALID)
     at = min(at, len(frames[frame]))
     frames[frame] = frames[frame][:at] + put + frames[frame][at + gone :]
-    with contextlib.suppress(WireError):  # any other error fails
+    with contextlib.suppress(WireError):  # any other exception fails the test
         decode(frames).sweep()
 
 
@@ -107,12 +107,12 @@ def test_a_frame_too_few_and_one_too_many() -> None:
             decode(frames)
 
 
-def test_unknown_fields_are_passed_over() -> None:
+def test_unknown_fields_are_ignored() -> None:
     assert decode([VALID[0], VALID[1].replace(b'"v":1', b'"v":1,"mood":"good"'), *VALID[2:]]).event.seq == 7
 
 
 @given(st.text(max_size=8), st.text(max_size=8), st.text(max_size=8), st.text(max_size=8))
-def test_a_topic_is_nobody_elses_beginning(a: str, b: str, c: str, d: str) -> None:
+def test_no_topic_is_a_prefix_of_another(a: str, b: str, c: str, d: str) -> None:
     one, other = topic("sweep", a, b), topic("sweep", c, d)
     assert one.startswith(other) == ((a, b) == (c, d))
     assert one.isascii()

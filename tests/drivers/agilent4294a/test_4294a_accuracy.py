@@ -1,4 +1,4 @@
-"""Accuracy, noise and sweep time against figures worked out by others, and their plain properties."""
+"""Accuracy, noise and sweep time compared with figures by others, and their basic properties."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ from pzctl.drivers.agilent4294a import accuracy, sweep_time
         (10, 5, [1.03, 1.00, 1.01, 1.05, 1.50]),
     ],
 )
-def test_accuracy_is_the_operation_manuals(MHz, bandwidth, percent):
+def test_accuracy_equals_that_of_the_operation_manual(MHz, bandwidth, percent):
     Z = np.array([10, 100, 1e3, 10e3, 100e3]) * np.exp(0.3j)
     f = np.full(5, MHz * 1e6)
     # the table is rounded to two or three digits
     np.testing.assert_allclose(100 * accuracy.relative_accuracy(f, Z, bandwidth, 0.5), percent, rtol=0.02, atol=0.0051)
 
 
-def test_noise_is_what_recordings_by_others_show():
+def test_noise_equals_that_of_recordings_by_others():
     f, Z = np.array([50e3]), np.array([1000 + 0j])
     assert accuracy.relative_noise(f, Z, 5, 0.5, 1)[0] == pytest.approx(4e-5, rel=0.01)
     assert accuracy.relative_noise(f, Z, 1, 0.5, 1)[0] == pytest.approx(2e-4, rel=0.05)
@@ -55,7 +55,7 @@ def test_sweep_time_of_801_points_from_1_to_3_MHz(bandwidth, seconds):
 
 
 @pytest.mark.parametrize(("bandwidth", "factor", "recorded"), [(4, 64, 1795.2), (3, 32, 482.1), (2, 2, 33.5)])
-def test_no_recorded_run_would_have_timed_out_or_been_promised_shorter(bandwidth, factor, recorded):
+def test_recorded_runs_are_within_timeout_and_estimate(bandwidth, factor, recorded):
     f = np.geomspace(40, 110e6, 400)
     estimate = sweep_time.estimated(f, bandwidth, factor, 1, 0, 0)
     assert recorded < estimate < 2 * recorded < sweep_time.timeout(1.5 * estimate)

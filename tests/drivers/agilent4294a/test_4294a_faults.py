@@ -1,6 +1,6 @@
-"""A fault at the exchanges of a measurement: a complete correct sweep or a clear error, never wrong data.
+"""A fault during a measurement gives a complete correct sweep or a clear error, never wrong data.
 
-Here at some positions; tests/benchmarks goes through all of them.
+This file tests some positions of the fault; tests/benchmarks tests all of them.
 """
 
 import json
@@ -20,10 +20,10 @@ PLAN = SweepPlan((Segment(1e6, 6e6, 21),), oscillator_V=0.3, bandwidth=2, bias_V
 JOINED = SweepPlan((Segment(1e6, 2e6, 11), Segment(3e6, 6e6, 11)), oscillator_V=0.3, bandwidth=2, joined=True)
 """A list sweep where the instrument takes one."""
 SILENT_SECONDS, ANSWER_SECONDS = 0.25, 5.0
-"""How long the driver waits: briefly for an answer that a fault swallows, else long enough for a busy machine."""
+"""The driver's timeout: short where a fault swallows the answer, otherwise long enough for a busy machine."""
 SILENT = ("hang", "ignore", "cut")
 KINDS = {
-    "hang": {},  # for ever, or until this attempt is over
+    "hang": {},  # until this attempt is over
     "ignore": {},
     "drop": {},
     "power-cycle": {"seconds": 0.05},
@@ -91,10 +91,10 @@ def asked(sim):
 
 
 def check(outcome, reference, kind, at):
-    """Complete and correct, or a sentence; bias off; after an error in HOLD.
+    """Complete and correct, or an error sentence; bias off; in HOLD after an error.
 
-    Not in HOLD: where power had failed, and where the very first exchange failed, so that nothing was touched.
-    An instrument that hangs for ever cannot be brought there: then the sentence says so.
+    It is not in HOLD after a power failure, nor if the very first exchange failed, because nothing was changed then.
+    An instrument that hangs for ever cannot be set to HOLD; the sentence says so.
     """
     if outcome.impedance is not None:
         np.testing.assert_array_equal(outcome.impedance, reference)
@@ -124,5 +124,5 @@ def test_no_fault_gives_wrong_data(sim, clean, kind, part):
     assert clean.impedance is not None
     at = 1 + int(part * clean.exchanges)
     outcome = attempt(sim, kind, at, plan)
-    assert outcome.struck or kind == "wrong-count"  # no block comes after the last one
+    assert outcome.struck or kind == "wrong-count"  # no block follows the last one
     check(outcome, clean.impedance, kind, at)

@@ -1,4 +1,4 @@
-"""The list sweep: used where the instrument proves that it took every line, and never otherwise."""
+"""The list sweep: used only where the instrument is verified to have accepted every line."""
 
 from dataclasses import replace
 
@@ -67,13 +67,13 @@ def test_both_ways_give_the_same_recording_and_say_which_it_was(sim, more):
         {"segments": (Segment(1e6, 2e6, 11), Segment(3e6, 4e6, 900))},
     ],
 )
-def test_what_a_table_cannot_say_is_swept_segment_by_segment(sim, change):
+def test_plans_that_do_not_fit_a_table_are_swept_by_segment(sim, change):
     sweep = measured(sim, SweepPlan(**{"segments": JOINED.segments[:2], "joined": True, **change}))
     assert sweep.settings["sweep_type"] == "segment by segment"
     assert sweep.settings["no_list_sweep"]
 
 
-def test_a_table_that_is_in_use_is_left_alone(sim):
+def test_a_table_in_use_is_not_changed(sim):
     wire = open_analyzer(sim.resource)
     ask = wire._link.ask
     ask("HOLD;EDITLIST;SADD;STAR 1E6;STOP 2E6;POIN 7;SDON;EDITDONE;SWPT LIST;SWPT?")
@@ -84,10 +84,10 @@ def test_a_table_that_is_in_use_is_left_alone(sim):
 
 
 def test_an_instrument_that_takes_the_words_for_others_is_found_out(play):
-    """It knows every mnemonic without an error, and has one STAR, one POIN and one level: no table at all."""
+    """It accepts every mnemonic without an error, but has a single STAR, POIN and level instead of a table."""
     peer = play({"OUTPSWPRM?": [b"nothing\n"]})
     analyzer = open_analyzer(peer.resource, timeout_seconds=0.2)
-    with pytest.raises(InstrumentError, match=r"OUTPSWPRM\?"):  # of the plain sweep, for which it has no data
+    with pytest.raises(InstrumentError, match=r"OUTPSWPRM\?"):  # of the single sweep, for which it has no data
         analyzer.measure(JOINED)
     analyzer.close()
     sent = ";".join(peer.log)
@@ -103,14 +103,14 @@ def test_an_axis_that_is_not_the_plans_is_found_out_and_swept_anew(sim, monkeypa
         lambda table, *more: real(tuple(replace(one, start=one.start + 0.01) for one in table), *more),
     )
     analyzer = open_analyzer(sim.resource)
-    for _ in range(2):  # the second time it is known
+    for _ in range(2):  # the second time it is known already
         (sweep,) = analyzer.measure(JOINED)
         assert "OUTPSWPRM?: point " in sweep.settings["no_list_sweep"]
         np.testing.assert_allclose(sweep.impedance, right.impedance, rtol=1e-6)
     analyzer.close()
 
 
-def test_batches_hold_what_a_table_holds():
+def test_batches_fit_the_table():
     many = SweepPlan(tuple(Segment(k * 1e6, k * 1e6 + 9e5, 60) for k in range(1, 31)), joined=True)
     for batch in batches(many):
         assert len(lines(batch)) <= 18

@@ -1,4 +1,4 @@
-"""From what a person types to an instrument, or to one clear sentence."""
+"""From a typed resource to an instrument, or to one clear sentence."""
 
 import contextlib
 import socket
@@ -24,7 +24,7 @@ from pzctl.drivers.visa.resources import resource_name
         ("PROLOGIX::/dev/ttyUSB0::17", "PROLOGIX::/dev/ttyUSB0::17"),
     ],
 )
-def test_what_is_a_resource(given, name):
+def test_valid_resources(given, name):
     assert resource_name(given) == name
 
 
@@ -51,13 +51,13 @@ def test_nobody_listens():
         open_analyzer(f"127.0.0.1:{port}")
 
 
-def test_nobody_takes_the_connection(monkeypatch):
+def test_a_connection_that_is_not_accepted(monkeypatch):
     monkeypatch.setattr(visa, "OPEN_SECONDS", 0.3)
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.socket())
         server.bind(("127.0.0.1", 0))
         server.listen(0)
-        for _ in range(3):  # more than may wait: whoever comes next is kept waiting
+        for _ in range(3):  # more than the backlog: the next one is kept waiting
             client = stack.enter_context(socket.socket())
             client.setblocking(False)
             client.connect_ex(server.getsockname())
@@ -70,12 +70,12 @@ def test_unknown_host():
         open_analyzer("no-such-analyzer.invalid:5025")
 
 
-def test_nobody_answers(play):
+def test_an_instrument_that_does_not_answer(play):
     peer = play({"*IDN?": [b""]})
     with pytest.raises(InstrumentError, match=r"no answer to \*IDN\? within 0.4 s"):
         open_analyzer(peer.resource, timeout_seconds=0.4)
 
 
-def test_gpib_without_a_library_says_what_to_install():
+def test_gpib_without_a_library_names_the_package_to_install():
     with pytest.raises(InstrumentError, match="GPIB cannot be used here"):
         open_analyzer("GPIB0::17::INSTR")

@@ -1,4 +1,4 @@
-"""What a 4294A cannot do is refused before anything is sent; longer segments become several sweeps of one grid."""
+"""Impossible plans are refused before anything is sent; long segments become several sweeps of one grid."""
 
 from itertools import pairwise
 
@@ -48,7 +48,7 @@ segments = st.builds(
 
 
 @given(segments)
-def test_parts_cover_the_segment_on_its_own_grid(segment):
+def test_parts_cover_the_segment_on_its_grid(segment):
     limits.check(SweepPlan((segment,)))
     whole, parts = grid.points(segment), grid.parts(segment)
 
@@ -68,7 +68,7 @@ def test_a_log_grid_is_that_of_a_real_export():
     np.testing.assert_array_equal(f, np.round(f, 3))
 
 
-def test_overlaps_tell_noise_and_drift():
+def test_overlaps_give_noise_and_drift():
     rng = np.random.default_rng(20)
     segment = Segment(1e6, 2e6, 20_000)
     f, sigma, step = grid.points(segment), 3e-4, 0.002
@@ -86,6 +86,6 @@ def test_overlaps_tell_noise_and_drift():
     assert np.mean(whole.drift) == pytest.approx(np.log(1 + step), abs=6 * sigma / np.sqrt(16 * len(whole.drift)))
 
 
-def test_one_sweep_alone_tells_nothing_of_noise():
+def test_a_single_sweep_gives_no_noise_estimate():
     f = grid.points(FINE)
     assert stitch([(f, 1e3 / f * 1j)]).noise is None

@@ -1,4 +1,4 @@
-"""The driver against the simulated 4294A, over the very path a real one is reached by."""
+"""The driver with the simulated 4294A, over the same path as a real one."""
 
 import json
 import socket
@@ -27,7 +27,7 @@ def bench(sim, **command):
 
 
 def ask(sim, *messages):
-    """What the instrument answers another client."""
+    """The instrument's answer to another client."""
     with socket.create_connection(("127.0.0.1", sim.port), 5) as line, line.makefile("r") as replies:
         answers = []
         for message in messages:
@@ -82,7 +82,7 @@ def test_a_plan_of_every_kind_of_segment(sim, analyzer):
         assert np.all(sweep.impedance.imag[:2] < 0)  # a piezoelectric disk far below resonance is a capacitor
 
 
-def test_a_sweep_is_cancelled_at_once_although_it_would_last_two_minutes():
+def test_a_sweep_of_two_minutes_is_cancelled_at_once():
     said, enough = [], threading.Event()
 
     def progress(p):
@@ -110,7 +110,7 @@ def test_bias_goes_up_a_range_on_error_137_and_gives_up_in_words(sim, analyzer):
     assert ask(sim, "DCO?", "DCRNG?") == ["0", "M1"]
 
 
-def test_the_same_analyzer_goes_on_after_the_mains_failed(sim, analyzer):
+def test_the_analyzer_continues_after_a_power_failure(sim, analyzer):
     plan = SweepPlan((Segment(2e6, 6e6, 21),))
     bench(sim, command="fault", kind="power-cycle", at=40, seconds=0.05)
     with pytest.raises(InstrumentError):
@@ -119,7 +119,7 @@ def test_the_same_analyzer_goes_on_after_the_mains_failed(sim, analyzer):
     assert len(analyzer.measure(plan)[0].frequency) == 21
 
 
-def test_the_next_gluing_step_is_seen(sim, analyzer):
+def test_the_next_gluing_step_changes_the_sweep(sim, analyzer):
     plan = SweepPlan((Segment(2e6, 6e6, 201),))
     (disk,) = analyzer.measure(plan)
     bench(sim, command="next")
@@ -134,7 +134,7 @@ def clips():
 
 
 def standards_put_in(sim, asked):
-    """A technician who does what is asked."""
+    """A technician who connects the requested standards."""
 
     def prompt(sentence):
         asked.append(sentence)
@@ -144,7 +144,7 @@ def standards_put_in(sim, asked):
     return prompt
 
 
-def test_compensation_takes_the_clips_out_and_can_be_given_back(clips, tmp_path):
+def test_compensation_removes_the_clips_and_can_be_restored(clips, tmp_path):
     plan = SweepPlan((Segment(1e6, 15e6, 201),))
     analyzer, asked = open_analyzer(clips.resource), []
     (raw,) = analyzer.measure(plan)
@@ -211,7 +211,7 @@ def test_the_screen_and_the_instruments_own_export(sim, analyzer, tmp_path):
     export.write_bytes(analyzer.fetch("ascii"))
 
     assert screen[:4] in (b"II*\0", b"MM\0*")  # TIFF, either way round
-    assert len(analyzer.fetch("screen")) == len(screen)  # again under the same name; a clock is on it
+    assert len(analyzer.fetch("screen")) == len(screen)  # again under the same name; the screen shows a clock
     recording = read_recording(export)
     np.testing.assert_allclose(recording.frequency, np.linspace(1e6, 6e6, 801), rtol=0, atol=1e-3)
     pairs = np.array(text.split(","), float)
@@ -236,7 +236,7 @@ def test_gpib_through_a_prologix_adapter():
     np.testing.assert_array_equal(bridged.impedance, straight.impedance)
 
 
-def test_what_another_sweep_and_another_level_were_set_to_is_left_as_found_without_an_error(sim):
+def test_settings_of_other_sweep_parameters_and_modes_are_restored(sim):
     wire = open_analyzer(sim.resource)
     ask = wire._link.ask
     ask("SWPT LOG;STAR 50;STOP 60;POWE 0.2;POWMOD CURR;POWE 0.004;SWPP OLEV;STAR 0.001;STOP 0.01;POIN 9;*CLS;*OPC?")

@@ -1,4 +1,4 @@
-"""The bytes between driver and 4294A, held against the manual's words; the peer only remembers and writes down."""
+"""The bytes between driver and 4294A compared with the manual; the peer only stores settings and messages."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def measure(peer, plan=PLAN, timeout_seconds=0.6, **keywords):
         analyzer.close()
 
 
-def test_a_sweep_is_set_up_read_and_the_instrument_left_as_found(play):
+def test_a_sweep_is_set_up_and_read_and_the_settings_restored(play):
     peer = play(READINGS)
 
     (sweep,) = measure(peer)
@@ -86,7 +86,7 @@ def test_averaged_sweeps_are_restarted_and_counted(play):
     assert (sweep.settings["sweep_average"], sweep.settings["point_average"]) == (4, 2)
 
 
-def test_a_current_drives_the_device_where_the_plan_says_so(play):
+def test_a_plan_with_a_current_sets_current_mode(play):
     peer = play(READINGS)
 
     plan = SweepPlan((Segment(1e6, 1.5e6, 3),), oscillator_A=0.002, point_delay_s=0.01, sweep_delay_s=0.5)
@@ -97,12 +97,12 @@ def test_a_current_drives_the_device_where_the_plan_says_so(play):
     assert (peer.memory["POWMOD"], float(peer.memory["POWE"])) == ("VOLT", 0.5)
 
 
-def test_a_reactance_that_is_never_capacitive_is_said(play):
+def test_a_reactance_that_is_never_capacitive_is_noted(play):
     (sweep,) = measure(play(READINGS | {"OUTPDATA?": [block([1, 50, 3, 40, 5, 30])]}))
     assert "inductive at every point" in sweep.notes[0]
 
 
-def test_a_sweep_downwards_comes_out_rising(play):
+def test_a_downward_sweep_is_returned_rising(play):
     down = {"OUTPSWPRM?": [block([1.5e6, 1.25e6, 1e6])], "OUTPDATA?": [block([5.0, -30.0, 3.0, -40.0, 1.0, -50.0])]}
 
     (sweep,) = measure(play(down), SweepPlan((Segment(1e6, 1.5e6, 3),), direction="down"))
@@ -111,7 +111,7 @@ def test_a_sweep_downwards_comes_out_rising(play):
     assert list(sweep.impedance) == [1 - 50j, 3 - 40j, 5 - 30j]
 
 
-def test_bias_takes_the_next_range_on_error_137_and_is_off_in_the_end(play):
+def test_bias_uses_the_next_range_on_error_137_and_is_off_at_the_end(play):
     peer = play(READINGS | {"OUTPERRO?": [b'137,"DC BIAS OVERLOAD"\n', b'0,"NO ERROR"\n']})
 
     (sweep,) = measure(peer, SweepPlan((Segment(1e6, 1.5e6, 3),), bias_V=12.5))
@@ -136,7 +136,7 @@ def test_bias_takes_the_next_range_on_error_137_and_is_off_in_the_end(play):
     assert peer.memory["DCO"] == "0"
 
 
-def test_an_instrument_found_in_list_mode_goes_back_to_it(play):
+def test_list_mode_is_restored(play):
     peer = play(READINGS, SWPT="LIST", CONT="0")
 
     measure(peer)
@@ -207,7 +207,7 @@ class TestWrongDataNeverGetThrough:
             assert peer.log.count("HOLD;DCO OFF;DCO?") == 1
 
 
-def test_a_cancelled_sweep_ends_in_hold_bias_off_as_found(play):
+def test_a_cancelled_sweep_ends_in_hold_with_the_bias_off_and_settings_restored(play):
     peer = play(READINGS | {"*STB?": [b"0\n"]})
     said = []
 
@@ -233,7 +233,7 @@ def test_ctrl_c_during_the_wait_leaves_bias_off(play):
     assert peer.memory["DCO"] == "0"
 
 
-def test_answers_that_come_in_pieces_are_put_together(play):
+def test_answers_in_pieces_are_joined(play):
     pieces = {
         "OUTPDATA?": [(DATA[:5], DATA[5:20], DATA[20:])],
         "*IDN?": [(b"HEWLETT-PACKARD,4294A,MY432", b"02956,REV1.11\n")],

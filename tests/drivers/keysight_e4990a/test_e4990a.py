@@ -1,4 +1,4 @@
-"""The second analyzer against its simulated self: found, measured, compensated, left as it was."""
+"""The second analyzer with its simulator: it is found, measures, compensates, and is restored."""
 
 import socket
 import tomllib
@@ -21,7 +21,7 @@ PLAN = SweepPlan((Segment(1e6, 6e6, 301),))
 
 @pytest.fixture
 def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The entry points of this source tree, whatever was installed."""
+    """The entry points of this source tree, whatever is installed."""
     points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pzctl.analyzers"]
     info = tmp_path / "pzctl_source-0.dist-info"
     info.mkdir()
@@ -65,7 +65,7 @@ def test_it_is_found_by_its_identification(sim: Simulator, analyzer: Analyzer) -
     assert accuracy == pytest.approx(0.0008, rel=0.05), "its basic accuracy"
 
 
-def test_a_plan_is_measured_and_what_was_set_before_is_set_again(sim: Simulator, analyzer: Analyzer) -> None:
+def test_a_plan_is_measured_and_the_settings_are_restored(sim: Simulator, analyzer: Analyzer) -> None:
     before = ":SENS1:FREQ:STAR 2E6;:SENS1:FREQ:STOP 3E6;:SENS1:SWE:POIN 55;:SOUR1:VOLT 0.1;:CALC1:PAR1:DEF CP;"
     say(sim, before + ":SENS1:AVER:COUN 7;:TRIG:SOUR INT;:INIT1:CONT ON;:SOUR:BIAS:STAT ON;*OPC?")
     (sweep,) = analyzer.measure(SweepPlan((Segment(1e6, 6e6, 1601, "log"),), bias_V=3, bandwidth=2, direction="down"))

@@ -1,4 +1,4 @@
-"""Planning where to measure: 20 points per linewidth where resonances are, the time that was given, one recording."""
+"""Adaptive plans: 20 points per linewidth at resonances, within the given time, as one recording."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def axis(plan):
 
 
 def resonator(f, q, f0=1e6, c0=1e-9, k2=0.1):
-    """Impedance of a capacitor with one resonance at f0, lossless but for its Q."""
+    """Impedance of a capacitor with one resonance at f0, lossless except for its Q."""
     x = f / f0
     return 1 / (2j * np.pi * f * c0 * (1 + k2 / (1 - x**2 + 1j * x / q)))
 
@@ -40,7 +40,7 @@ def looking_at(q, seen):
 
 
 @pytest.mark.parametrize("q", [50, 1000, 5000])
-def test_a_resonance_too_narrow_for_the_fast_look_is_looked_at_again(q):
+def test_a_narrow_resonance_is_resolved_by_a_second_preliminary_sweep(q):
     plans = []
     found = adapted(BASE, BASE_SECONDS, looking_at(q, plans), CAPABILITIES)
     assert (len(plans) > 1) == (q >= 1000)
@@ -67,7 +67,7 @@ def test_a_resonance_too_narrow_for_the_fast_look_is_looked_at_again(q):
     ),
     st.floats(60.0, 600.0),
 )
-def test_every_resonance_kept_has_its_points_and_the_time_is_kept(seen, seconds):
+def test_every_chosen_resonance_has_its_points_within_the_time(seen, seconds):
     plan, kept = adaptive_plan(BASE, seen, seconds, CAPABILITIES)
     f = axis(plan)
     assert np.all(np.diff(f) > 0)
@@ -82,7 +82,7 @@ def test_every_resonance_kept_has_its_points_and_the_time_is_kept(seen, seconds)
     assert np.max(np.diff(f) / f[:-1]) < 0.1, "no hole in the background"
 
 
-def test_a_segment_saves_more_than_its_set_up_takes():
+def test_a_segment_saves_more_time_than_its_set_up_costs():
     one = Resonance(1e6, 1e4, 0.9, 100.0)
     precise, _ = adaptive_plan(BASE, [one], 60.0, CAPABILITIES)
     fast, _ = adaptive_plan(replace(BASE, bandwidth=1), [one], 5.0, CAPABILITIES)
@@ -108,14 +108,14 @@ def test_an_inverted_device_is_said_to_be_one():
         adapted(BASE, BASE_SECONDS, measure, CAPABILITIES)
 
 
-def test_noise_of_a_bare_capacitor_is_no_resonance():
+def test_noise_of_a_bare_capacitor_is_not_a_resonance():
     f = grid.points(look_plan(BASE, CAPABILITIES).segments[0])
     rng = np.random.default_rng(1)
     noise = 2e-4 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
     assert resonances((Sweep(f, np.exp(noise) / (2j * np.pi * f * 1e-9 * (1 - 0.002j))),)) == ()
 
 
-def test_at_the_lowest_level_noise_is_not_taken_for_resonances():
+def test_at_the_lowest_level_noise_is_not_mistaken_for_resonances():
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, radial=True)) as sim:
         analyzer = open_analyzer(sim.resource)
         loud, quiet = (
@@ -135,7 +135,7 @@ def test_segments_that_are_joined_must_rise():
         SweepPlan((Segment(0.5e6, 2e6, 11), Segment(1e6, 3e6, 11)), joined=True)
 
 
-def test_a_joined_plan_comes_back_as_one_recording():
+def test_a_joined_plan_gives_one_recording():
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, radial=True)) as sim:
         analyzer = open_analyzer(sim.resource)
         found = adapted(BASE, BASE_SECONDS, analyzer.measure, CAPABILITIES)

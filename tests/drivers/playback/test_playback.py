@@ -1,4 +1,4 @@
-"""A recording played as an analyzer: recorded points only, and words where there are none."""
+"""A recording played back as an analyzer: it returns recorded points only, and an error where there are none."""
 
 import shutil
 from pathlib import Path
@@ -24,7 +24,7 @@ def measure(path, *segments, **keywords):
     return open_analyzer(f"recording:{path}").measure(SweepPlan(segments), **keywords)
 
 
-def test_each_segment_is_answered_by_its_recorded_points(recording):
+def test_each_segment_returns_its_recorded_points(recording):
     said = []
     low, all_of_it = measure(recording, Segment(1.05e6, 1.32e6, 801), Segment(1e6, 2e6), progress=said.append)
     np.testing.assert_allclose(low.frequency, [1.1e6, 1.2e6, 1.3e6])
@@ -58,7 +58,7 @@ def test_no_file_and_no_recording_in_the_folder(tmp_path):
         open_analyzer(f"recording:{tmp_path}")
 
 
-def test_a_recording_says_who_it_is(recording):
+def test_a_recording_identifies_itself(recording):
     identity = open_analyzer(f"recording:{recording}").identify()
     assert identity.model == "recording"
     assert Path(identity.name.removeprefix("recording:")) == recording

@@ -1,4 +1,4 @@
-"""What is wrong with a recording is one sentence that names file and line; damaged files never show a traceback."""
+"""A mistake in a recording is one sentence that names file and line; damaged files never cause a traceback."""
 
 import os
 import random
@@ -120,7 +120,7 @@ def test_what_is_no_file_to_read(tmp_path: Path) -> None:
 
 
 def damaged(text: bytes, seed: int) -> bytes:
-    """The same file after one to four accidents: bytes changed, lost, doubled, swapped, cut, or rubbish put in."""
+    """The same file with one to four defects: bytes changed, lost, doubled, swapped, cut, or inserted."""
     rng = random.Random(seed)  # noqa: S311 (no secret)
     for _ in range(rng.randint(1, 4)):
         i, j = sorted((rng.randrange(len(text) + 1), rng.randrange(len(text) + 1)))

@@ -1,4 +1,4 @@
-"""Recordings by others and by instruments: what is read, and what is said of it."""
+"""Recordings by others and by instruments: how they are read, and the notes about them."""
 
 import cmath
 import math
@@ -35,7 +35,7 @@ def test_all_three_4294a_exports(recordings: Path) -> None:
         }  # fmt: skip
 
 
-def test_memory_trace_is_a_recording_of_its_own(recordings: Path) -> None:
+def test_a_memory_trace_is_a_separate_recording(recordings: Path) -> None:
     file = recordings / "hp4294a-exports" / "RB5100.txt"
     memory = read_memory_trace(file)
     assert memory is not None
@@ -66,7 +66,7 @@ def test_open_cases_are_read(cases: Path) -> None:
 
 
 def export_4294a(f: list[float], a: list[str], b: list[str], parameter: str) -> str:
-    """An ASCII export as the 4294A writes it."""
+    """An ASCII export of the 4294A."""
     head = [
         "4294A REV1.11",
         '"DATE: Jan 25 2018"',
@@ -121,7 +121,7 @@ IMPEDANCES = st.builds(
 
 @pytest.mark.parametrize("parameter", FORWARD)
 @given(z=st.lists(IMPEDANCES, min_size=2, max_size=5))
-def test_every_pair_that_determines_z_gives_it_back(
+def test_every_pair_that_determines_z_is_converted(
     tmp_path_factory: pytest.TempPathFactory, parameter: str, z: list[complex]
 ) -> None:
     file = tmp_path_factory.getbasetemp() / f"{parameter}.txt"
@@ -194,7 +194,7 @@ def test_e4990a_with_title_bias_and_memory(tmp_path: Path) -> None:
     assert "date in the file is corrupt" in sweep.notes[0]
 
 
-def test_a_downward_sweep_is_turned_round(tmp_path: Path) -> None:
+def test_a_downward_sweep_is_reversed(tmp_path: Path) -> None:
     file = tmp_path / "a.csv"
     file.write_text("frequency_Hz,R_ohm,X_ohm\n3000,3,0\n2000,2,0\n1000,1,0\n")
     sweep = read_recording(file)

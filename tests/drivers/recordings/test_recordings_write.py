@@ -1,4 +1,4 @@
-"""What is written is read back exactly, by us and by others; nothing is ever half written."""
+"""Written files are read back exactly, by pzctl and by others; no file is ever half written."""
 
 import dataclasses
 import json
@@ -47,7 +47,7 @@ def sweeps(draw: st.DrawFn) -> Sweep:
 
 @settings(max_examples=200, deadline=None)
 @given(sweep=sweeps())
-def test_csv_brings_everything_back_exactly(tmp_path_factory: pytest.TempPathFactory, sweep: Sweep) -> None:
+def test_csv_round_trips_exactly(tmp_path_factory: pytest.TempPathFactory, sweep: Sweep) -> None:
     file = tmp_path_factory.getbasetemp() / "round.csv"
     write_csv(sweep, file)
     back = read_recording(file)
@@ -61,7 +61,7 @@ PRINTABLE = st.text(st.characters(exclude_categories=["C"]))
 
 @settings(max_examples=100, deadline=None)
 @given(sweep=sweeps(), time=PRINTABLE, id_=PRINTABLE, write=st.sampled_from([write_netcdf, write_hdf5]))
-def test_archives_bring_everything_back_exactly(
+def test_archives_round_trip_exactly(
     tmp_path_factory: pytest.TempPathFactory, sweep: Sweep, time: str, id_: str, write: Any
 ) -> None:
     sweep = dataclasses.replace(sweep, time=time, id=id_)
@@ -101,7 +101,7 @@ def test_scikit_rf_reads_our_touchstone(tmp_path: Path) -> None:
     assert (back.settings, back.time, back.id) == (sweep.settings, sweep.time, sweep.id)
 
 
-def test_netcdf_says_units_and_provenance(tmp_path: Path) -> None:
+def test_netcdf_has_units_and_provenance(tmp_path: Path) -> None:
     sweep, file = a_sweep(notes=("A note.",)), tmp_path / "a.nc"
     write_netcdf(sweep, file)
     with netcdf_file(file, mmap=False) as data:
@@ -113,7 +113,7 @@ def test_netcdf_says_units_and_provenance(tmp_path: Path) -> None:
         assert json.loads(data.notes) == ["A note."]
 
 
-def test_hdf5_says_units_scale_and_provenance(tmp_path: Path) -> None:
+def test_hdf5_has_units_scale_and_provenance(tmp_path: Path) -> None:
     sweep, file = a_sweep(notes=("A note.",)), tmp_path / "a.h5"
     write_hdf5(sweep, file)
     with h5py.File(file) as data:

@@ -1,4 +1,4 @@
-"""What `pzctl doctor` is told: what was found, who answered, and what was not looked at."""
+"""The search for instruments of `pzctl doctor`: what it found, which instruments answered, what it skipped."""
 
 import importlib.util
 
@@ -6,7 +6,7 @@ from pzctl.drivers.visa import discover
 from pzctl.sim.server import SimOptions, running
 
 
-def test_the_search_says_what_it_could_not_look_at():
+def test_the_search_reports_what_it_skipped():
     result = discover.discover(list_seconds=30)
     assert any("HOST:5025" in what for what in result.not_scanned)
     assert all("Traceback" not in what and "\n" not in what for what in result.not_scanned)
@@ -15,7 +15,7 @@ def test_the_search_says_what_it_could_not_look_at():
         assert (remedy in said) == (importlib.util.find_spec(module) is None)
 
 
-def test_a_child_that_hangs_is_ended_and_says_so():
+def test_a_hanging_child_is_ended_and_reported():
     answer = discover._in_child("import time; time.sleep(60)", [], 1.0)
     assert "no answer within 1 s" in answer["error"]
 

@@ -1,4 +1,4 @@
-"""Answers are parsed strictly: what is right comes through exactly, anything else ends in one sentence."""
+"""Answers are parsed strictly: valid ones are read exactly, all others give one sentence."""
 
 import contextlib
 
@@ -22,7 +22,7 @@ PARSERS = {
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_numbers_in_all_the_ways_instruments_write_them(x):
+def test_numbers_in_all_notations_of_instruments(x):
     for text in (f"{x:+.11E}", f"{x:.6e}", f" {x:.12E}"):
         assert replies.number(text, "STAR?") == float(text)
 
@@ -55,7 +55,7 @@ def test_nothing_but_a_value_or_a_sentence(parser, text):
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=50), st.data())
-def test_blocks_come_through_exactly_and_damaged_ones_never_silently(values, data):
+def test_blocks_are_read_exactly_and_damaged_ones_refused(values, data):
     raw = np.array(values, ">f8").tobytes()
     np.testing.assert_array_equal(replies.doubles(raw, len(values), "OUTPDATA?"), values)
     length = data.draw(st.integers(0, len(raw) + 20).filter(lambda n: n != len(raw)))

@@ -1,7 +1,7 @@
-"""The end of a sweep, told by the service request: by an adapter, and by the event of a VISA library.
+"""The end of a sweep signalled by service request: through an adapter, and through the event of a VISA library.
 
-There is no GPIB card here. The event is played by a library that has it: its methods are those of `VisaLibraryBase`,
-and what it tells comes from the simulated instrument's own SRQ line.
+There is no GPIB card here. A stand-in library with the methods of `VisaLibraryBase` provides the event, taken from the
+simulated instrument's own SRQ line.
 """
 
 import contextlib
@@ -51,7 +51,7 @@ def measured(sim):
         analyzer.close()
 
 
-def test_an_adapter_is_asked_and_the_instrument_left_in_peace(sim, polls):
+def test_an_adapter_is_polled_instead_of_the_instrument(sim, polls):
     by_gpib = measured(sim)
     by_socket = open_analyzer(sim.resource)
     (straight,) = by_socket.measure(PLAN)
@@ -62,7 +62,7 @@ def test_an_adapter_is_asked_and_the_instrument_left_in_peace(sim, polls):
 
 @contextlib.contextmanager
 def serial_line(port):
-    """A serial line that ends at the adapter: a pseudo-terminal, carried to its network port."""
+    """A serial line to the adapter: a pseudo-terminal, forwarded to its network port."""
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
     stop = threading.Event()
@@ -119,7 +119,7 @@ class Events:
         raise pyvisa.VisaIOError(StatusCode.error_timeout)
 
 
-def test_the_event_of_a_library_ends_the_wait(sim, polls, monkeypatch):
+def test_the_event_of_a_visa_library_ends_the_wait(sim, polls, monkeypatch):
     library = pyvisa.ResourceManager("@py").visalib
     events = Events(library)
     monkeypatch.setattr(library, "enable_event", events.enable_event)

@@ -1,4 +1,4 @@
-"""What changed between two recordings: a few sharp cases; the benchmark has the many."""
+"""Changes between two recordings: a few sharp cases; the benchmark has many."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ JW = 2j * np.pi * F
 def device(
     f: np.ndarray = F, *, shift: float = 1.0, q: float = 1.0, strength: float = 1.0, other: float = 0.0
 ) -> np.ndarray:
-    """A capacitance of 500 pF and three resonances, and one more of `other` farad, ohm."""
+    """Impedance in ohm of a capacitance of 500 pF with three resonances, and a fourth of `other` farad."""
     Y = 2j * np.pi * f * 5e-10 * (1 - 0.01j)
     own = [(0.98e6, 120, 6e-11), (1.13e6, 90, 9e-12), (1.27e6, 150, 3e-12)]
     branches = [(f0 * shift, Q * q, c * strength) for f0, Q, c in own] + [(1.2e6, 80.0, other)]
@@ -26,7 +26,7 @@ def device(
 
 
 def recorded(Z: np.ndarray, seed: int, f: np.ndarray = F) -> Sweep:
-    """With the noise and the gain of a bench."""
+    """Add the noise and the gain error of a bench."""
     rng = np.random.default_rng(seed)
     noise = 1e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     return Sweep(f, Z * np.exp(noise + 1e-3 * rng.normal()))
@@ -50,7 +50,7 @@ CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] =
 @pytest.mark.parametrize(
     ("name", "removed"), [*((name, False) for name in CHANGES), ("a lead", True), ("a cable", True)]
 )
-def test_names_what_was_put_in_or_taken_out_with_its_size(name: str, removed: bool) -> None:
+def test_an_inserted_or_removed_element_is_named_with_its_size(name: str, removed: bool) -> None:
     change, effect, size, true = CHANGES[name]
     bare, changed = recorded(device(), 1), recorded(change(device(F / 1.0001)), 2)
     found = compare([changed], [bare]) if removed else compare([bare], [changed])
@@ -62,7 +62,7 @@ def test_names_what_was_put_in_or_taken_out_with_its_size(name: str, removed: bo
         assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
 
 
-def test_a_device_that_only_drifted_is_unchanged_and_the_limits_say_what_was_excluded() -> None:
+def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None:
     found = compare([recorded(device(), 1)], [recorded(device(F / 1.0001), 2)])
     assert found.verdict == "unchanged"
     assert not found.findings
@@ -81,7 +81,7 @@ def test_a_device_that_only_drifted_is_unchanged_and_the_limits_say_what_was_exc
         ({"other": 2e-12}, "new-resonance", "frequency", 1.2e6),
     ],
 )
-def test_names_what_changed_in_the_device(change: dict[str, float], effect: str, size: str, true: float) -> None:
+def test_changes_in_the_device_are_named(change: dict[str, float], effect: str, size: str, true: float) -> None:
     found = compare([recorded(device(), 1)], [recorded(device(**change), 2)])
     assert found.verdict == "explained"
     (finding,) = found.findings
@@ -90,7 +90,7 @@ def test_names_what_changed_in_the_device(change: dict[str, float], effect: str,
     assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
 
 
-def test_two_different_devices_are_not_explained_by_changes_of_one() -> None:
+def test_two_different_devices_are_not_described_as_changes_of_one() -> None:
     rng = np.random.default_rng(4)
     Y = JW * 4e-10 * (1 - 0.01j)
     for f0 in rng.uniform(0.85e6, 1.35e6, 4):
@@ -102,7 +102,7 @@ def test_two_different_devices_are_not_explained_by_changes_of_one() -> None:
     assert any("two" in sentence for sentence in found.says)
 
 
-def test_what_is_not_sure_is_not_said_to_be() -> None:
+def test_an_uncertain_change_is_not_reported_as_sure() -> None:
     rng = np.random.default_rng(5)
     noisy = [Sweep(F, Z * np.exp(0.02 * (rng.normal(size=201) + 1j * rng.normal(size=201)))) for Z in (device(),) * 2]
     small = Sweep(F, noisy[1].impedance + 1.0)
@@ -112,7 +112,7 @@ def test_what_is_not_sure_is_not_said_to_be() -> None:
     assert found.says[0].startswith(("Probably", "No change is sure"))
 
 
-def test_the_table_of_resonances_says_how_each_moved() -> None:
+def test_the_table_of_resonances_lists_their_shifts() -> None:
     found = compare([recorded(device(), 1)], [recorded(device(shift=0.997), 2)])
     assert [one.frequency_Hz for one in found.resonances] == pytest.approx([0.98e6, 1.13e6, 1.27e6], rel=1e-3)
     assert [one.shift for one in found.resonances] == pytest.approx([-3e-3] * 3, abs=1e-4)

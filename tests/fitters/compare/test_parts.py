@@ -1,4 +1,4 @@
-"""The parts of a comparison, each by itself."""
+"""Unit tests of the parts of a comparison."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ Z = 20 + 1 / (2j * np.pi * F * 1e-9)
 
 
 @pytest.mark.parametrize("effect", sorted({one.effect for one in two_ports() if isinstance(one, TwoPort)} - {"gain"}))
-def test_what_is_taken_out_gives_back_what_was_before_it_was_put_in(effect: str) -> None:
+def test_removing_an_inserted_element_restores_the_original(effect: str) -> None:
     put, taken = (one for one in two_ports() if one.effect == effect and isinstance(one, TwoPort))
     values = {size.name: size.value(0.3) for size in put.sizes}
     seen = put.apply(Z, F, values)
@@ -22,14 +22,14 @@ def test_what_is_taken_out_gives_back_what_was_before_it_was_put_in(effect: str)
     np.testing.assert_allclose(taken.apply(seen, F, values), Z, rtol=1e-8)
 
 
-def test_passive_elements_make_no_energy() -> None:
+def test_passive_elements_do_not_generate_energy() -> None:
     for one in two_ports():
         if isinstance(one, TwoPort) and not one.taken and one.effect != "gain":
             values = {size.name: size.value(0.0) for size in one.sizes}
             assert np.all(one.apply(1j * Z.imag, F, values).real > -1e-9), one.effect
 
 
-def test_a_pole_that_moves_stays_a_branch_of_resistance_inductance_and_capacitance() -> None:
+def test_a_shifted_pole_remains_an_rlc_branch() -> None:
     def branch(f0: float, q: float, c: float) -> np.ndarray:
         s = 1j * F / 1e6
         return s * c / (1 + s / (f0 * q) + (s / f0) ** 2)
@@ -42,7 +42,7 @@ def test_a_pole_that_moves_stays_a_branch_of_resistance_inductance_and_capacitan
     np.testing.assert_allclose(moved.seen(F)[:, 0], branch(3.06, 25.0, 1.8e-3), rtol=1e-9)
 
 
-def test_a_finer_grid_is_interpolated_and_says_with_which_error() -> None:
+def test_interpolation_to_a_finer_grid_states_its_error() -> None:
     f = np.linspace(1e5, 1e7, 400)
     fine = Sweep(f, 20 + 1 / (2j * np.pi * f * 1e-9))
     pair = pair_of([Sweep(F, Z)], [fine])
@@ -50,13 +50,13 @@ def test_a_finer_grid_is_interpolated_and_says_with_which_error() -> None:
     assert np.all(np.abs(pair.change) < 5 * pair.noise_after)
 
 
-def test_both_sides_turned_in_their_files_are_compared_as_they_are() -> None:
+def test_two_inverted_recordings_are_compared_unchanged() -> None:
     pair = pair_of([Sweep(F, -Z)], [Sweep(F, -Z)])
     assert pair.turned == ("inverted", "inverted")
     assert np.all(pair.before.real > 0)
 
 
-def test_random_effects_find_the_scatter_beside_the_uncertainty() -> None:
+def test_random_effects_separate_scatter_from_uncertainty() -> None:
     rng = np.random.default_rng(1)
     u = np.full(400, 0.5)
     mean, u_mean, scatter = random_effects(3 + 2 * rng.normal(size=400) + u * rng.normal(size=400), u)

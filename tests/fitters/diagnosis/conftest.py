@@ -1,4 +1,4 @@
-"""A disk with a lead that its build does not have: recorded, searched and concluded on once, in half a second."""
+"""A disk with a lead that its build omits: recorded, searched and diagnosed once, in half a second."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ CONSIDERED = ("lead-inductance", "stray-capacitance", "electrode-mass", "leakage
 
 @dataclass(frozen=True)
 class LeadCase:
-    """The disk, its lead, and how a search among four effects sees it."""
+    """The disk, its lead, and the problem of a search among four effects."""
 
     task: FitTask
     inductance: float
@@ -36,17 +36,17 @@ class LeadCase:
 
     @property
     def lead(self) -> Candidate:
-        """The effect that is there."""
+        """The true effect."""
         return next(one for one in self.candidates if one.effect.name == "lead-inductance")
 
     @property
     def null(self) -> Refit:
-        """The fit without effects, by noise alone."""
+        """The fit without effects, with noise as the only error."""
         return as_refit(self.problem, self.search.found[frozenset()])
 
     @property
     def final(self) -> Refit:
-        """The best fit, by noise alone."""
+        """The best fit, with noise as the only error."""
         return as_refit(self.problem, self.search.best)
 
 
@@ -59,7 +59,7 @@ def recorded(device: Device, seed: int) -> FitTask:
 
 @pytest.fixture(scope="session")
 def bare() -> Device:
-    """The thesis's disk, nothing left out."""
+    """The thesis's disk without a missing effect."""
     return Device(stack_of(BUILD, BUILD.step("disk")))
 
 

@@ -1,4 +1,4 @@
-"""Gates before any physics: what is wrong with the data is found where it is, and sound data pass."""
+"""Data-quality gates: data issues are found at their place, and sound data pass."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from pzctl.sim.blind_cases.scenario import NOTHING
 
 
 def sound(seed: int, steps: int = 1, top: float = 3.4, **settings: object) -> Sweep:
-    """Return a recording of a device with nothing wrong, by formulas that the models do not share."""
+    """Return a flawless recording of a device, computed by formulas that the models do not use."""
     rng = np.random.default_rng(seed)
     device = random_device(rng, "x", steps, backed=False)
     f = np.linspace(0.12, top, 801) * device.disk.f0
@@ -39,7 +39,7 @@ def test_a_sound_recording_passes_untouched(seed: int) -> None:
     np.testing.assert_array_equal(gated.sweeps["disk"][0].impedance, sweep.impedance)
 
 
-def test_a_jump_is_found_taken_out_and_dated() -> None:
+def test_a_jump_is_found_removed_and_located() -> None:
     sweep, at = sound(5, sweep_seconds=80.1, direction="down"), 600
     after = np.arange(801) >= at
     gated = gate({"disk": (with_factor(sweep, np.where(after, 1.004 + 0.002j, 1.0)),)})
@@ -57,7 +57,7 @@ def test_a_jump_is_found_taken_out_and_dated() -> None:
 
 
 @pytest.mark.parametrize("length", [1, 6])
-def test_a_faint_glitch_is_no_resonance(length: int) -> None:
+def test_a_faint_glitch_is_not_a_resonance(length: int) -> None:
     sweep, at = sound(6), 500
     points = (np.arange(801) >= at) & (np.arange(801) < at + length)
     gated = gate({"disk": (with_factor(sweep, np.where(points, 1 + 0.004 / np.sqrt(length), 1.0)),)})
@@ -67,7 +67,7 @@ def test_a_faint_glitch_is_no_resonance(length: int) -> None:
     assert gated.sweeps["disk"][0].frequency.size == 801 - length
 
 
-def test_a_sharp_further_resonance_is_no_glitch() -> None:
+def test_a_sharp_further_resonance_is_not_a_glitch() -> None:
     sweep = sound(7)
     f, f_k = sweep.frequency, sweep.frequency[500]
     C = 3e-4 / (2 * np.pi * f[400] * abs(sweep.impedance[400]))
@@ -76,7 +76,7 @@ def test_a_sharp_further_resonance_is_no_glitch() -> None:
     assert gated.checks[0].abrupt == ()
 
 
-def test_negative_resistance_turned_and_unrepeatable_data_are_said() -> None:
+def test_negative_inverted_and_unrepeatable_data_are_reported() -> None:
     sweep = sound(8)
     gated = gate(
         {
@@ -102,7 +102,7 @@ def test_a_resonance_between_the_points_is_too_coarse() -> None:
 
 def test_the_glitch_of_the_real_kapton_transducer_is_found_and_others_pass(recordings: Path) -> None:
     t64 = read_recording(recordings / "pvdf-on-kapton" / "T64.csv")
-    for seed in (None, 2, 5):  # as written, and as arithmetic would round it
+    for seed in (None, 2, 5):  # as written in the file, and as rounded by arithmetic
         off = 0.0 if seed is None else 1e-15 * np.random.default_rng(seed).standard_normal(t64.frequency.size)
         (check,) = gate({"t": (with_factor(t64, 1 + off),)}).checks
         (jump,) = check.troubles

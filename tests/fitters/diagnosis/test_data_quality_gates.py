@@ -1,4 +1,4 @@
-"""Each gate by itself, on devices of one resonance: what it finds, where, and that it leaves the rest alone."""
+"""Each data-quality gate on devices with one resonance: it finds the issue and its place, and nothing else."""
 
 from dataclasses import replace
 from typing import get_args
@@ -24,7 +24,7 @@ SIGMA = np.full(N, NOISE)
 
 
 def resonant(q: float = 40.0, branch: float = 0.1, seed: int = 0, f_k: float = F_K) -> Sweep:
-    """Return a lossy capacitor with one resonance beside it, and noise."""
+    """Return the recording of a lossy capacitor in parallel with one resonance, with noise."""
     w, x = 2j * np.pi * F, F / f_k
     Y = w * 1e-9 * (1 - 0.01j + branch / (1 - x**2 + 1j * x / q))
     rng = np.random.default_rng(seed)
@@ -40,7 +40,7 @@ def by_poles(sweep: Sweep) -> PoleFit:
 
 
 @given(st.floats(5, 200), st.floats(1e-3, 0.3), st.integers(0, 5))
-def test_what_is_turned_is_put_right_whatever_the_device(q: float, branch: float, seed: int) -> None:
+def test_an_inverted_recording_of_any_device_is_corrected(q: float, branch: float, seed: int) -> None:
     sweep = resonant(q, branch, seed)
     turned = {"inverted": -sweep.impedance, "conjugated": np.conj(sweep.impedance)}
     assert polarity_of(sweep) is None
@@ -51,7 +51,7 @@ def test_what_is_turned_is_put_right_whatever_the_device(q: float, branch: float
             assert np.array_equal(of_step[0].impedance, sweep.impedance)
 
 
-def test_a_band_that_gives_energy_is_found_and_noise_about_zero_is_not() -> None:
+def test_a_band_of_negative_resistance_is_found_but_noise_around_zero_is_not() -> None:
     lossless = Sweep(F, resonant().impedance.imag * 1j)
     rng = np.random.default_rng(1)
     size = NOISE * np.abs(lossless.impedance)
@@ -62,7 +62,7 @@ def test_a_band_that_gives_energy_is_found_and_noise_about_zero_is_not() -> None
     assert high == pytest.approx(F[159], abs=9 * (F[1] - F[0]))
 
 
-def test_sweeps_are_the_same_twice_or_the_band_is_told() -> None:
+def test_repeats_agree_or_the_differing_band_is_named() -> None:
     first, second = resonant(seed=1), resonant(seed=2)
     assert differences([first, second, first]) == [(), (), ()]
     drifted = times(second, np.where(np.arange(N) >= 200, 1 + 20 * NOISE, 1.0))
@@ -75,7 +75,7 @@ def test_sweeps_are_the_same_twice_or_the_band_is_told() -> None:
 
 
 @pytest.mark.parametrize("q", [20.0, 60.0, 120.0])
-def test_poles_describe_a_resonance_to_the_noise_at_its_place_and_width(q: float) -> None:
+def test_poles_fit_a_resonance_to_the_noise_with_its_frequency_and_width(q: float) -> None:
     fit = by_poles(resonant(q))
     assert fit.chi2_per_dof == pytest.approx(1, abs=0.2)
     pole = min(fit.poles, key=lambda one: abs(one.imag * np.sqrt(F[0] * F[-1]) - F_K))
@@ -95,7 +95,7 @@ def test_a_capacitor_has_no_resonance_to_count_points_in() -> None:
 
 
 @pytest.mark.parametrize(("first", "length"), [(250, 1), (60, 6), (330, None)])
-def test_the_strongest_template_is_what_was_done_to_the_data(first: int, length: int | None) -> None:
+def test_the_strongest_template_is_the_injected_artefact(first: int, length: int | None) -> None:
     stop = N if length is None else first + length
     amplitude, there = 0.01 + 0.005j, (np.arange(N) >= first) & (np.arange(N) < stop)
     sound = by_poles(resonant())
@@ -117,7 +117,7 @@ def test_in_noise_no_template_is_significant() -> None:
         assert find_abrupt(resonant(seed=seed), SIGMA).flaws == ()
 
 
-def test_steps_are_taken_out_and_glitches_left_out() -> None:
+def test_steps_are_corrected_and_glitches_masked() -> None:
     sound = resonant()
     at = np.arange(N)
     factor = np.where(at >= 300, 1.02, 1.0) * np.where((at >= 120) & (at < 123), 0.997, 1.0)

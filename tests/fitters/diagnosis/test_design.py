@@ -1,4 +1,4 @@
-"""What a further measurement would tell, how recordings differ without a model, and what may be there unseen."""
+"""Experiment design, comparison of recordings without a model, and undetectable effects."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -34,11 +34,11 @@ NOISE = 5e-5
 INSTRUMENT = replace(CAPABILITIES, noise=lambda plan, f, Z: np.full(f.size, NOISE))
 STILL = ("stray-capacitance", "electrode-mass")
 CONSIDERED = ("drive-nonlinearity", "sweep-lag", "temperature-drift", "lead-inductance", *STILL)
-"""What is like what is hidden here; the daemon's tests, the open cases and the guide consider the whole catalogue."""
+"""Effects similar to those hidden here; the daemon's tests, the open cases and the guide use the whole catalogue."""
 
 
 def swept(ran: Conditions | None = None, seed: int = 1, f=F, **settings: object) -> Sweep:
-    """Sweep the thesis's disk, which softens with the level, with noise of a 4294A."""
+    """Sweep the thesis's disk, which softens with the level, with the noise of a 4294A."""
     stack = sample(0).stack("disk")
     device = Device(stack, conditions=ran or Conditions()).with_effect(  # type: ignore[arg-type]
         find_effect("drive-nonlinearity"), "layer:disk", {"softening": 60.0}
@@ -55,7 +55,7 @@ def told() -> tuple[FitTask, Diagnosis]:
     return task, diagnose(task, CONSIDERED)
 
 
-def test_how_sweeps_ran_is_read_from_their_settings() -> None:
+def test_sweep_conditions_are_read_from_the_settings() -> None:
     first = swept()
     fast = swept(bandwidth=1, estimated_seconds=0.52, sweep_seconds=0.01)
     ran = conditions_of([first, fast, swept(direction="down", oscillator_V=0.1)])
@@ -70,7 +70,7 @@ def test_how_sweeps_ran_is_read_from_their_settings() -> None:
     assert [(one.began, one.pace) for one in conditions_of(silent)] == [(0, 1), (1, 1)]
 
 
-def test_a_plan_comes_back_out_of_settings() -> None:
+def test_a_plan_is_recovered_from_settings() -> None:
     plan = plan_of(swept(bandwidth=3, direction="down"))
     assert (plan.bandwidth, plan.direction, plan.oscillator_V) == (3, "down", 0.5)
     kinds = {one.kind: one.plan for one in experiments([swept()], INSTRUMENT)}
@@ -83,14 +83,14 @@ def test_a_plan_comes_back_out_of_settings() -> None:
     assert "higher level" not in {one.kind for one in experiments([swept(oscillator_V=1.0)], any_impedance)}
 
 
-def test_a_recording_says_what_lies_between_oscillator_and_device() -> None:
+def test_a_recording_states_the_source_impedance() -> None:
     for said, null in (({"source_ohm": 50.0}, 50.0), ({}, 25.0)):
         problem = Problem.of(solve(FitTask(BUILD, {"disk": (swept(**said),)}), lambda _: None), None)
         (drive,) = (one for one in candidates(problem) if one.effect.name == "drive-nonlinearity")
         assert {knob.name: knob.null for knob in drive.effect_parameters}["source"] == null
 
 
-def test_nothing_is_proposed_that_the_analyzer_cannot_do() -> None:
+def test_proposed_sweeps_are_within_the_analyzers_capabilities() -> None:
     usual = replace(INSTRUMENT, low_impedance=None)
     own = experiments([swept()], usual)
     small = replace(usual, frequency_Hz=(2e6, 7e6), oscillator_V=(0.2, 0.6), bandwidths=(2, 3), points_per_sweep=100)
@@ -100,7 +100,7 @@ def test_nothing_is_proposed_that_the_analyzer_cannot_do() -> None:
     assert (wider.start_Hz, wider.stop_Hz, kinds["bandwidth"].bandwidth) == (2e6, 7e6, 3)
 
 
-def test_every_proposed_sweep_is_one_that_an_analyzer_can_do_and_differs_as_it_says() -> None:
+def test_proposed_sweeps_are_possible_and_differ_as_stated() -> None:
     sweep = swept()
     base = plan_of(sweep)
     for one in experiments([sweep, swept(f=np.linspace(1e6, 9e6, 161))], INSTRUMENT):
@@ -116,7 +116,7 @@ def test_every_proposed_sweep_is_one_that_an_analyzer_can_do_and_differs_as_it_s
         assert (one.plan == base) == (one.kind == "repeat"), one.kind
 
 
-def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosis]) -> None:
+def test_another_level_is_proposed_where_it_decides(told: tuple[FitTask, Diagnosis]) -> None:
     task, diagnosis = told
     assert [finding.effect for finding in diagnosis.findings] == ["drive-nonlinearity"]
     asked = {
@@ -137,10 +137,10 @@ def test_a_level_is_proposed_where_a_level_decides(told: tuple[FitTask, Diagnosi
         ("temperature-drift", 1e-3, [], "", "relative", None),
     ],
 )
-def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for(
+def test_proposed_sweeps_decide_what_one_sweep_leaves_open(
     hidden: str, size: float, at_first: list[str], kind: str, parameter: str, value: float | None
 ) -> None:
-    """The first sweep shows it by its shape alone, or nothing."""
+    """The first sweep shows it only by its shape, if at all."""
     plan = SweepPlan((Segment(3e6, 5e6, 81),), oscillator_V=0.5, bandwidth=5)
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={hidden: size})
     considered = CONSIDERED if hidden != "drive-nonlinearity" else ("drive-nonlinearity", "sweep-lag", *STILL)
@@ -161,7 +161,7 @@ def test_what_one_sweep_of_the_bench_leaves_open_is_decided_by_those_it_asks_for
     assert value is None or abs(found.value - value) < max(5 * found.u, 0.03 * value)
 
 
-def test_a_lead_is_told_from_a_cable_by_a_wider_sweep() -> None:
+def test_a_wider_sweep_distinguishes_a_lead_from_a_cable() -> None:
     options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 3e-9})
     considered = ("lead-inductance", "cable", "series-resistance", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
@@ -189,7 +189,7 @@ def test_recordings_are_compared_without_a_model() -> None:
     assert band.excess < 1.5, "where both were recorded they agree"
 
 
-def test_sweeps_that_ran_otherwise_are_no_repeats() -> None:
+def test_sweeps_under_other_conditions_are_not_repeats() -> None:
     low = swept(Conditions(level_V=0.1), 2, oscillator_V=0.1)
     noise, sigmas = noise_of([swept(), low])
     assert noise.source == "smoothness"
@@ -197,7 +197,7 @@ def test_sweeps_that_ran_otherwise_are_no_repeats() -> None:
     assert noise_of([swept(), swept(seed=2)])[0].source == "repeats"
 
 
-def test_uncertainties_that_count_what_is_unseen(told: tuple[FitTask, Diagnosis]) -> None:
+def test_uncertainties_include_undetectable_effects(told: tuple[FitTask, Diagnosis]) -> None:
     _, diagnosis = told
     (entry, *_) = [one for one in diagnosis.not_decidable if one.effect == "electrode-mass"]
     before, after = (one.final.constants["disk.c33D"] for one in (diagnosis, widened(diagnosis)))

@@ -1,4 +1,4 @@
-"""The diagnosis on devices of an independent world: injected effects are found at their places, and nothing else."""
+"""The diagnosis on devices of an independent simulation: it finds injected effects and places, and nothing else."""
 
 import json
 from dataclasses import replace
@@ -33,7 +33,7 @@ CASES = (
 
 
 HALVED = ("glue-missing", "void", "lead-and-taper")
-"""Cases that need the longest: what they hide shows in every other of their 801 points, too, in half the time."""
+"""The slowest cases: every other of their 801 points also shows the hidden effects, in half the time."""
 
 
 def recorded(file: Path) -> Sweep:
@@ -79,7 +79,7 @@ def test_an_undecidable_effect_is_listed_with_limits_that_include_the_bias_it_ca
     assert 0.005 < bias < mass.shifts["disk.c33D"]
 
 
-def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
+def test_the_fit_improves_on_held_out_bands(cases: Path) -> None:
     diagnosis, truth = diagnosed(cases, "glue-missing")
     (finding,) = diagnosis.findings
     assert diagnosis.final.held_out < 0.1 * diagnosis.baseline.held_out
@@ -89,13 +89,13 @@ def test_the_fit_improves_on_bands_that_took_no_part(cases: Path) -> None:
     assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
 
 
-def test_the_range_of_a_thickness_does_not_hang_on_a_shape_that_nothing_tells(cases: Path) -> None:
+def test_the_range_of_a_thickness_does_not_depend_on_an_undetermined_shape(cases: Path) -> None:
     diagnosis, truth = diagnosed(cases, "taper")
     half_range = diagnosis.findings[0].parameters["half_range"]
     assert abs(half_range.value - truth["findings"][0]["half_range"]) < 3 * half_range.u
 
 
-def test_constants_are_freed_of_their_bias(cases: Path) -> None:
+def test_the_bias_of_constants_is_removed(cases: Path) -> None:
     diagnosis, truth = diagnosed(cases, "lead-and-taper")
     true = complex(*truth["constants"]["disk.eps33S"])
     before, after = (side.constants["disk.eps33S"] for side in (diagnosis.baseline, diagnosis.final))
@@ -104,7 +104,7 @@ def test_constants_are_freed_of_their_bias(cases: Path) -> None:
     assert abs(after.im - true.imag) < 3 * after.u_im
 
 
-def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
+def test_an_inverted_recording_is_corrected_and_reported(cases: Path) -> None:
 
     sweep = read_recording(cases / "null" / "disk.csv")
     task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (replace(sweep, impedance=-sweep.impedance),)})
@@ -115,7 +115,7 @@ def test_an_inverted_recording_is_turned_and_said(cases: Path) -> None:
 
 
 def stepped(cases: Path, step: float) -> tuple[Diagnosis, float]:
-    """Return the diagnosis of a disk that hides nothing, its gain off by `step` above a frequency, and this."""
+    """Return the diagnosis of a flawless disk whose gain is off by `step` above a frequency, and that frequency."""
     sweep = read_recording(cases / "null" / "disk.csv")
     upper = sweep.frequency > 0.6 * sweep.frequency[-1]
     off = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + step, 1.0))
@@ -124,12 +124,12 @@ def stepped(cases: Path, step: float) -> tuple[Diagnosis, float]:
 
 
 @pytest.mark.parametrize("step", [4e-4, 1.2e-3])  # two and six times the noise
-def test_an_error_that_an_analyzer_may_have_is_no_mismatch(cases: Path, step: float) -> None:
+def test_an_error_within_the_analyzers_specification_is_not_a_mismatch(cases: Path, step: float) -> None:
     diagnosis, _ = stepped(cases, step)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
 
 
-def test_an_instrument_artefact_is_not_called_physics(cases: Path) -> None:
+def test_an_instrument_artefact_is_not_attributed_to_physics(cases: Path) -> None:
     diagnosis, at = stepped(cases, 1e-2)
     assert diagnosis.verdict == "unexplained"
     (finding,) = diagnosis.findings
@@ -138,13 +138,13 @@ def test_an_instrument_artefact_is_not_called_physics(cases: Path) -> None:
     assert abs(finding.bands_Hz[0][0] / at - 1) < 0.02
 
 
-def test_only_the_effects_asked_for_are_considered(cases: Path) -> None:
+def test_only_the_requested_effects_are_considered(cases: Path) -> None:
     diagnosis = diagnose(given(cases, "lead-and-taper")[0], effects=("leakage",))
     assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
     assert diagnosis.verdict == "unexplained"
 
 
-def test_what_explains_most_but_not_all_is_no_certain_name(cases: Path) -> None:
+def test_a_partial_explanation_is_not_certain(cases: Path) -> None:
     diagnosis = diagnose(given(cases, "void")[0], effects=("local-mass",))
     assert diagnosis.verdict == "partly-explained"
     named, left = diagnosis.findings
@@ -153,7 +153,7 @@ def test_what_explains_most_but_not_all_is_no_certain_name(cases: Path) -> None:
 
 
 def bare_disk(cases: Path) -> tuple[Sweep, Reals, Complexes]:
-    """Return the recording of a disk that hides nothing, its frequencies, and its admittance."""
+    """Return the recording of a disk without hidden effects, its frequencies, and its admittance."""
     sweep = read_recording(cases / "null" / "disk.csv")
     return sweep, sweep.frequency, 1 / sweep.impedance
 
@@ -163,7 +163,7 @@ def with_admittance(cases: Path, sweep: Sweep, admittance: Complexes, *effects: 
     return diagnose(FitTask(read_build(cases / "null" / "build.toml"), {"disk": (changed,)}), effects=effects)
 
 
-def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
+def test_a_held_out_line_does_not_fail_the_validation(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     x = f / 3.6e6
     assert blocks(sweep)[np.argmin(np.abs(x - 1))]
@@ -175,14 +175,14 @@ def test_a_line_that_was_held_out_is_no_failed_proof(cases: Path) -> None:
     assert diagnosis.final.held_out == pytest.approx(without.baseline.held_out, rel=0.05)
 
 
-def test_what_rises_towards_the_end_of_a_band_is_no_line(cases: Path) -> None:
+def test_a_rise_towards_the_end_of_a_band_is_not_a_line(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     leaking = 1e-3 * float(np.median(np.abs(admittance))) * f[0] / f
     diagnosis = with_admittance(cases, sweep, admittance + leaking, "spurious-resonance", "dielectric-dispersion")
     assert "spurious-resonance" not in [finding.effect for finding in diagnosis.findings]
 
 
-def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
+def test_the_edges_of_a_glitch_are_not_lines(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     x = np.arange(f.size) / (f.size - 1) - 0.5
     dip = 1 - 8e-3 / (1 + (x / 0.003) ** 2) - 2e-3 / (1 + (x / 0.015) ** 2)
@@ -192,10 +192,10 @@ def test_what_a_glitch_leaves_at_its_edges_is_no_line(cases: Path) -> None:
     assert "a glitch" in diagnosis.findings[0].says
 
 
-def test_a_loop_beside_the_lead_is_not_called_physics(cases: Path) -> None:
+def test_a_loop_beside_the_lead_is_not_attributed_to_the_device(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     jw, w = 2j * np.pi * f, 2 * np.pi * 3.3e6
-    loop = -jw * jw * 2e-8 / (jw + w / 5 + w * w / jw)  # couples over a band a fifth as wide as its frequency
+    loop = -jw * jw * 2e-8 / (jw + w / 5 + w * w / jw)  # it couples over a band a fifth as wide as its frequency
     diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance", "temperature-drift")
     assert [(finding.effect, finding.where) for finding in diagnosis.findings] == [("unknown", "any")]
     assert "in series" in diagnosis.findings[0].says
@@ -222,7 +222,7 @@ def test_another_sample_confirms_or_contradicts_a_finding(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     found, _ = diagnosed(cases, "lead")
     sizes = {name: size.value for name, size in found.findings[0].parameters.items()}
-    # the jig that both were in, and a better one
+    # the jig of both measurements, and a better one
     leads = {"as long": 1.0, "ten times as long": 10.0, "none": 0.0}
     impedances = {
         name: 1 / admittance + times * (sizes["resistance"] + 2j * np.pi * f * sizes["inductance"])

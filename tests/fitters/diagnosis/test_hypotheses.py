@@ -1,4 +1,4 @@
-"""What is tried: where an effect could sit, which sizes are likely, what is held out, and what hypotheses weigh."""
+"""Hypotheses: possible places of an effect, likely sizes, held-out data, and posterior probabilities."""
 
 import json
 from dataclasses import replace
@@ -28,7 +28,7 @@ BETWEEN = EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=20
 EITHER_SIGN = EffectParameter("gain", "1", typical=1e-3, lower=-0.5, upper=0.5)
 
 
-def test_an_effect_is_tried_at_all_its_places_and_no_other_effect(lead_case) -> None:
+def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
     found = candidates(lead_case.problem, ("electrode-mass", "cable"))
     assert {(one.effect.name, one.where) for one in found} == {
         ("electrode-mass", "face:back"),
@@ -39,7 +39,7 @@ def test_an_effect_is_tried_at_all_its_places_and_no_other_effect(lead_case) -> 
     assert {one.effect.name for one in candidates(lead_case.problem)} <= {effect.name for effect in catalogue()}
 
 
-def test_over_two_steps_a_clip_may_be_changed_but_a_bond_stays(cases) -> None:
+def test_between_two_steps_a_clip_may_change_but_a_bond_stays(cases) -> None:
     files = json.loads((cases / "truth.json").read_text())["glue-null"]["files"]
     folder = cases / "glue-null"
     sweeps = {step: tuple(read_recording(folder / file) for file in of) for step, of in files.items()}
@@ -55,7 +55,7 @@ def test_over_two_steps_a_clip_may_be_changed_but_a_bond_stays(cases) -> None:
     assert sorted(fronts) == sorted([(first,), (last,)]), "the front of a step is inside the next one"
 
 
-def test_a_further_resonance_is_looked_for_where_there_is_a_recording(lead_case) -> None:
+def test_a_further_resonance_is_searched_for_within_the_recording(lead_case) -> None:
     f = lead_case.task.sweeps["disk"][0].frequency
     (line, *_) = candidates(lead_case.problem, ("spurious-resonance",))
     (knob,) = (knob for knob in line.effect_parameters if knob.name == "frequency")
@@ -81,14 +81,14 @@ def test_a_range_step_is_a_factor_from_one_frequency_on(bare: Device) -> None:
     np.testing.assert_allclose(change[61:], 0.01 - 0.02j, rtol=1e-9)
 
 
-def test_flaws_have_the_same_name_and_no_place(lead_case) -> None:
+def test_artefacts_share_a_name_and_have_no_place(lead_case) -> None:
     assert {(one.effect.name, one.where) for one in flaws(lead_case.problem)} == {("unknown", "any")}
     assert len(flaws(lead_case.problem)) == len(FLAWS)
 
 
 @pytest.mark.parametrize("knob", [FROM_NOTHING, BETWEEN, EITHER_SIGN], ids=lambda knob: knob.name)
 @given(z=st.floats(-2, 2))
-def test_a_coordinate_of_a_size_comes_back_and_has_its_slope(knob: EffectParameter, z: float) -> None:
+def test_coordinates_of_sizes_round_trip_with_correct_derivatives(knob: EffectParameter, z: float) -> None:
     block, x = block_of("p", knob), np.array([z])
     value, slope = block.forward(x)
     assert knob.lower <= value[0] <= knob.upper
@@ -98,13 +98,13 @@ def test_a_coordinate_of_a_size_comes_back_and_has_its_slope(knob: EffectParamet
     assert slope[0, 0] == pytest.approx((above - below) / (2 * step), rel=1e-4)
 
 
-def test_usual_sizes_are_likelier_than_odd_ones_but_tails_are_wide(lead_case) -> None:
+def test_typical_sizes_are_likelier_but_the_prior_has_wide_tails(lead_case) -> None:
     free = ("disk.c33D", *lead_case.lead.parameters)
     priors = SizePriors((lead_case.lead,), free)
     K = len(lead_case.lead.parameters)
 
     def log_density(z: float) -> float:
-        x = np.array([7.0, z, *[0.0] * (K - 1)])  # what is no size has no say
+        x = np.array([7.0, z, *[0.0] * (K - 1)])  # parameters that are not sizes have no prior density
         rows, slopes = priors.rows(x)
         assert slopes.shape == (K, len(free))
         assert not slopes[:, 0].any()
@@ -118,7 +118,7 @@ def test_usual_sizes_are_likelier_than_odd_ones_but_tails_are_wide(lead_case) ->
     assert told["inductance"] == 0, "no size below its limit is shown"
 
 
-def test_two_whole_blocks_of_a_sweep_are_held_out_and_told_as_bands(lead_case) -> None:
+def test_two_contiguous_blocks_are_held_out_and_listed_as_bands(lead_case) -> None:
     (recording,) = lead_case.problem.recordings
     (mask,) = held_out([recording], "bands")
     assert np.array_equal(mask, blocks(recording.sweep))
@@ -129,7 +129,7 @@ def test_two_whole_blocks_of_a_sweep_are_held_out_and_told_as_bands(lead_case) -
     assert np.array_equal(told, mask)
 
 
-def test_what_is_held_out_weighs_nothing(lead_case) -> None:
+def test_held_out_points_have_no_weight(lead_case) -> None:
     problem = lead_case.problem
     (mask,) = problem.proof
     objective = problem.without(problem.proof).objective((), problem.values)
@@ -141,14 +141,14 @@ def test_what_is_held_out_weighs_nothing(lead_case) -> None:
     )
 
 
-def test_devices_know_how_their_sweep_ran(lead_case) -> None:
+def test_devices_have_the_conditions_of_their_sweep(lead_case) -> None:
     (recording,) = lead_case.problem.recordings
     down = Sweep(recording.sweep.frequency, recording.sweep.impedance, {"direction": "down", "oscillator_V": 0.1})
     (seen,) = as_devices([replace(recording, sweep=down, model=recording.model.bare)])
     assert (seen.model.conditions.direction, seen.model.conditions.level_V) == ("down", 0.1)
 
 
-def test_an_effect_that_is_there_has_the_evidence_and_its_size(lead_case) -> None:
+def test_a_true_effect_has_the_highest_evidence_and_its_true_size(lead_case) -> None:
     problem, lead = lead_case.problem, lead_case.lead
     null = lead_case.search.found[frozenset()]
     start = {lead.prefix + "inductance": 1e-8, lead.prefix + "resistance": 1e-3}
@@ -165,7 +165,7 @@ def weighed(evidence: float, odds: float, shortfall: float) -> SimpleNamespace:
 
 
 @given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-10, 0)), min_size=1, max_size=6), st.floats(0, 1e4))
-def test_probabilities_are_as_coarse_as_the_best_explanation_is_wrong(parts, shortfall: float) -> None:
+def test_probabilities_are_coarsened_by_the_misfit_of_the_best_explanation(parts, shortfall: float) -> None:
     exact, coarse = (probabilities([weighed(*one, short) for one in parts]) for short in (0.0, shortfall))
     for found in (exact, coarse):
         assert np.sum(found) == pytest.approx(1)

@@ -1,4 +1,4 @@
-"""How probable explanations are, how much effects move, what could stay hidden: by public results."""
+"""Inference through the public results: probabilities of explanations, shifts of constants, undetectable effects."""
 
 import ast
 from dataclasses import replace
@@ -30,7 +30,7 @@ from pzctl.fitters.diagnosis.search.score_test import scores
 from pzctl.fitters.interface import Constant
 
 
-def test_what_is_there_is_concluded_with_what_it_takes(lead_case) -> None:
+def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
     found = conclude(lead_case.search)
     (named,) = found.findings
     assert named.candidate is lead_case.lead
@@ -40,7 +40,7 @@ def test_what_is_there_is_concluded_with_what_it_takes(lead_case) -> None:
     assert not found.something_left
 
 
-def test_where_nothing_that_was_tried_explains_it_that_is_the_conclusion(lead_case) -> None:
+def test_an_unexplained_misfit_is_reported_as_unexplained(lead_case) -> None:
     search = GreedySearch(lead_case.problem, ())
     search.run()
     found = conclude(search)
@@ -48,7 +48,7 @@ def test_where_nothing_that_was_tried_explains_it_that_is_the_conclusion(lead_ca
     assert (found.verdict, found.named) == ("unexplained", ())
 
 
-def test_an_effect_moves_what_it_does_and_not_what_constants_could(lead_case) -> None:
+def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(lead_case) -> None:
     problem, best, lead = lead_case.problem, lead_case.search.best, lead_case.lead
     (change,) = change_by(problem, best, lead)
     (sweep,) = lead_case.task.sweeps["disk"]
@@ -62,7 +62,7 @@ def test_an_effect_moves_what_it_does_and_not_what_constants_could(lead_case) ->
     assert largest == pytest.approx(np.max(np.abs(left)))
 
 
-def test_constants_with_the_effect_are_right_and_without_it_are_not(lead_case) -> None:
+def test_constants_are_correct_only_with_the_effect(lead_case) -> None:
     problem, search = lead_case.problem, lead_case.search
     right, wrong = (constants_of(problem, one) for one in (search.best, search.found[frozenset()]))
     true = lead_case.stack.parameters()
@@ -75,7 +75,7 @@ def test_constants_with_the_effect_are_right_and_without_it_are_not(lead_case) -
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.booleans())
-def test_a_constant_has_moved_where_either_part_did_by_its_uncertainty(re: float, im: float, free: bool) -> None:
+def test_a_constant_has_shifted_if_either_part_shifted_by_its_uncertainty(re: float, im: float, free: bool) -> None:
     before = {"disk.c33D": Constant(100.0, 5.0, 1.0, 0.1, "Pa")}
     after = {"disk.c33D": Constant(100.0 + re, 5.0 + 0.1 * im, 1.0, 0.1, "Pa", free=free)}
     moved = abs(after["disk.c33D"].re - 100.0) > 1.0 or abs(after["disk.c33D"].im - 5.0) > 0.1
@@ -89,7 +89,7 @@ def shift_in_u(name: str, shift: float, constants: dict[str, Constant]) -> float
     return abs(shift * value) / (u or np.inf)
 
 
-def test_what_the_constants_hide_is_listed_with_what_it_would_shift(lead_case) -> None:
+def test_undetectable_effects_are_listed_with_their_shift_of_constants(lead_case) -> None:
     problem, final = lead_case.problem, lead_case.final
     remaining = scores(problem, lead_case.candidates, final.objective, final.descent.x)
     constants = constants_of(problem, lead_case.search.best)
@@ -104,7 +104,7 @@ def test_what_the_constants_hide_is_listed_with_what_it_would_shift(lead_case) -
     assert not_decidable(final, remaining, constants, {one.candidate.effect.name for one in remaining}) == ()
 
 
-def test_two_dimensions_are_not_asked_where_one_leaves_nothing(lead_case) -> None:
+def test_two_dimensions_are_not_tried_where_one_is_sufficient(lead_case) -> None:
     said: list[str] = []
     assert finite(lead_case.task, lead_case.null, lead_case.final, said.append) is None
     assert said == []
@@ -129,11 +129,13 @@ def gated(*troubles: DataIssue, turned: str = "") -> Gated:
         (gated(JUMP, turned="inverted"), "explained", "partly-explained"),
     ],
 )
-def test_turned_data_are_explained_and_disturbed_ones_never_wholly(data: Gated, verdict: str, deserved: str) -> None:
+def test_inverted_data_can_be_explained_but_disturbed_data_never_fully(
+    data: Gated, verdict: str, deserved: str
+) -> None:
     assert verdict_with(data, verdict) == deserved  # type: ignore[arg-type]
 
 
-def test_disturbances_are_told_three_at_most_and_lines_in_them_are_theirs() -> None:
+def test_at_most_three_disturbances_are_listed_and_lines_within_them_dropped() -> None:
     (finding,) = of_the_data(gated(*[JUMP] * 5), 1.0, 1.0)
     assert finding.says.count("it jumps by") == 3
     assert "and 2 more" in finding.says
@@ -146,7 +148,7 @@ def test_disturbances_are_told_three_at_most_and_lines_in_them_are_theirs() -> N
     assert of_the_data(gated(small), 1.0, 1.0) == [], "a small glitch may be a faint line"
 
 
-def test_every_number_that_decides_says_where_it_comes_from() -> None:
+def test_every_threshold_states_its_source() -> None:
     body = ast.parse(Path(decision_rules.__file__).read_text(encoding="utf-8")).body[1:]
     for number, words in zip(body[::2], body[1::2], strict=True):
         assert isinstance(number, ast.Assign)

@@ -1,4 +1,4 @@
-"""Physics that no list holds: the place, the law and its numbers; and weak lines, which are no findings."""
+"""Learned physics outside the catalogue: place, law and its numbers; and weak lines, which are not findings."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,8 +30,8 @@ def _recorded(Z: np.ndarray) -> FitTask:
     return FitTask(BUILD, {"disk": (Sweep(F, noisy),)})
 
 
-def test_a_relaxation_that_no_list_holds_is_placed_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
-    """The disk is computed anew at each frequency, with its permittivity there: no law of the library is used."""
+def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
+    """The disk is computed separately at each frequency with its permittivity there; no law of the library is used."""
     strength, at = 0.2, 4e6
     stack = bare.bare
     disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))
@@ -68,7 +68,7 @@ def test_a_relaxation_that_no_list_holds_is_placed_named_sized_and_fitted(bare: 
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
 
 
-def test_weak_lines_are_found_where_they_are(bare: Device) -> None:
+def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     lines = ((2.6e6, 90.0, 4e-5), (3.3e6, 60.0, 5e-5), (6.1e6, 120.0, 3e-5))
     stack = bare.bare
     disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))

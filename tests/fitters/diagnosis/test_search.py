@@ -1,4 +1,4 @@
-"""The search for effects that explain a misfit: what promises something, what refits bring, what is left standing."""
+"""The search for effects that explain a misfit: screening, refits, and the effects that remain."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ POSITIVE = EffectParameter("mass", "kg/m2", typical=1.0, upper=10.0)
 EITHER = EffectParameter("gain", "1", typical=1.0, lower=-5.0, upper=5.0)
 
 
-def test_screening_puts_the_effect_that_is_there_first_and_names_its_twins(lead_case) -> None:
+def test_screening_ranks_the_true_effect_first_and_names_its_equivalents(lead_case) -> None:
     null = lead_case.search.found[frozenset()]
     for promises in screened(lead_case.problem, null, lead_case.candidates):
         gains = [one.gain for one in promises]
@@ -28,7 +28,7 @@ def test_screening_puts_the_effect_that_is_there_first_and_names_its_twins(lead_
     assert screened(lead_case.problem, null, ()) == ([], [], [])
 
 
-def test_the_score_test_ranks_the_effect_that_is_there_first(lead_case) -> None:
+def test_the_score_test_ranks_the_true_effect_first(lead_case) -> None:
     null = lead_case.null
     found = scores(lead_case.problem, lead_case.candidates, null.objective, null.descent.x)
     assert found[0].candidate is lead_case.lead
@@ -42,14 +42,14 @@ def test_the_score_test_ranks_the_effect_that_is_there_first(lead_case) -> None:
         assert not inside.size or np.max(np.abs(inside)) < 1e-4, "what constants can do is taken off"
 
 
-def test_where_the_effect_is_in_the_model_no_score_is_left(lead_case) -> None:
+def test_no_score_remains_once_the_effect_is_in_the_model(lead_case) -> None:
     final = lead_case.final
     others = [one for one in lead_case.candidates if one is not lead_case.lead]
     found = scores(lead_case.problem, others, final.objective, final.descent.x)
     assert max(one.gain for one in found) < 30
 
 
-def test_sizes_are_never_negative_together() -> None:
+def test_jointly_estimated_sizes_keep_their_sign() -> None:
     columns = np.linalg.qr(np.random.default_rng(1).standard_normal((40, 2)))[0]
     steps, fall = together(columns, -columns @ np.array([2.0, -3.0]), (POSITIVE, EITHER))
     assert steps == pytest.approx([2.0, -3.0])
@@ -60,7 +60,7 @@ def test_sizes_are_never_negative_together() -> None:
     assert together(np.zeros((40, 0)), np.ones(40), ())[1] == 0
 
 
-def test_a_refit_shows_what_an_effect_can_do_and_polishing_brings_it_to_the_end(lead_case) -> None:
+def test_a_refit_shows_the_gain_of_an_effect_and_polishing_converges(lead_case) -> None:
     problem = lead_case.problem
     null, constants = null_refit(problem), lead_case.final.values
     values = {name: value for name, value in constants.items() if name not in lead_case.lead.parameters}
@@ -71,7 +71,7 @@ def test_a_refit_shows_what_an_effect_can_do_and_polishing_brings_it_to_the_end(
     assert found.values[lead_case.lead.prefix + "inductance"] == pytest.approx(lead_case.inductance, rel=0.01)
 
 
-def test_a_hypothesis_as_a_refit_says_the_same(lead_case) -> None:
+def test_a_hypothesis_agrees_with_its_refit(lead_case) -> None:
     best = lead_case.search.best
     told = as_refit(lead_case.problem, best)
     assert told.effects == best.effects
@@ -81,7 +81,7 @@ def test_a_hypothesis_as_a_refit_says_the_same(lead_case) -> None:
     assert told.chi2_per_dof == pytest.approx(squares / (2 * points - told.descent.x.size), rel=1e-6)
 
 
-def test_softened_by_what_it_leaves_a_wrong_model_is_no_misfit_and_a_right_one_stays(lead_case) -> None:
+def test_model_discrepancy_removes_a_wrong_models_misfit_but_not_a_correct_ones(lead_case) -> None:
     problem = lead_case.problem
     (wrong,) = resoftened(problem, lead_case.null).recordings
     (right,) = resoftened(problem, lead_case.final).recordings
@@ -89,7 +89,7 @@ def test_softened_by_what_it_leaves_a_wrong_model_is_no_misfit_and_a_right_one_s
     assert np.median(right.sigma / right.noise) == pytest.approx(1, abs=0.1)
 
 
-def test_a_shift_of_parameters_is_that_of_a_small_step(lead_case) -> None:
+def test_predicted_shifts_of_parameters_match_a_small_step(lead_case) -> None:
     objective, x = lead_case.final.objective, lead_case.final.descent.x
     change = 1e-7 * np.random.default_rng(3).standard_normal(x.size)
     before, after = (objective.coordinates.forward(at)[0] for at in (x, x + change))
@@ -97,7 +97,7 @@ def test_a_shift_of_parameters_is_that_of_a_small_step(lead_case) -> None:
         assert moved == pytest.approx(after[name] - before[name], rel=1e-3, abs=1e-9 * abs(before[name])), name
 
 
-def test_the_search_ends_with_what_is_there_and_nothing_beside_it(lead_case) -> None:
+def test_the_search_finds_the_true_effect_and_nothing_else(lead_case) -> None:
     search = lead_case.search
     assert search.best.key == {lead_case.lead}
     assert search.ranked[0] is search.best
@@ -106,7 +106,7 @@ def test_the_search_ends_with_what_is_there_and_nothing_beside_it(lead_case) -> 
     assert search.without(search.best, lead_case.lead) is search.found[frozenset()]
 
 
-def test_with_nothing_to_try_the_search_keeps_to_nothing(lead_case) -> None:
+def test_without_candidates_the_search_finds_nothing(lead_case) -> None:
     search = GreedySearch(lead_case.problem, ())
     assert search.run().effects == ()
     assert search.inclusion({"lead-inductance"}) == 0

@@ -1,4 +1,4 @@
-"""The proof of an explanation: held-out points, other samples, and residuals in which nothing is left."""
+"""Validation of an explanation: held-out points, other samples, and whiteness of the residuals."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def test_noise_has_no_structure() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_ripple_below_the_noise_is_told_by_its_period(seed: int) -> None:
+def test_a_ripple_below_the_noise_is_detected_by_its_period(seed: int) -> None:
     hum = noise(seed) + 0.6 * np.sin(2 * np.pi * np.arange(N) / 13.0)
     assert chi2(hum) < 1.2
     found = period(hum)
@@ -41,7 +41,7 @@ def test_a_ripple_below_the_noise_is_told_by_its_period(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_few_points_out_of_place_are_found_where_they_are(seed: int) -> None:
+def test_a_few_outlying_points_are_located(seed: int) -> None:
     moved = noise(seed)
     moved[400:406] += 4 + 4j
     assert chi2(moved) < 1.3
@@ -51,12 +51,12 @@ def test_a_few_points_out_of_place_are_found_where_they_are(seed: int) -> None:
     assert stop - first < 20
 
 
-def test_a_noise_twice_as_large_as_told_has_no_period() -> None:
+def test_noise_twice_as_large_as_stated_has_no_period() -> None:
     assert not any(period(2 * noise(seed)) for seed in range(50))
 
 
 @given(st.integers(40, 740), st.integers(20, 60), st.floats(20, 200))
-def test_bands_are_where_the_excess_is(first: int, length: int, height: float) -> None:
+def test_bands_cover_the_excess(first: int, length: int, height: float) -> None:
     f = np.linspace(1e6, 5e6, N)
     excess = np.ones(N)
     excess[first : first + length] = height
@@ -66,7 +66,7 @@ def test_bands_are_where_the_excess_is(first: int, length: int, height: float) -
     assert guilty_bands(f, np.ones(N)) == ()
 
 
-def test_the_worst_band_comes_first_and_faint_ones_beside_it_are_not_told() -> None:
+def test_the_worst_band_comes_first_and_faint_ones_are_omitted() -> None:
     f, excess = np.arange(N, dtype=float), np.ones(N)
     excess[100:140], excess[300:340], excess[600:640] = 50.0, 2000.0, 10.0
     worst, second = guilty_bands(f, excess)
@@ -77,14 +77,14 @@ def test_the_worst_band_comes_first_and_faint_ones_beside_it_are_not_told() -> N
     assert np.sum(fall) == pytest.approx(N * (chi2(before) - chi2(after)))
 
 
-def test_held_out_points_are_foretold_with_the_effect_and_not_without(lead_case) -> None:
+def test_held_out_points_are_predicted_only_with_the_effect(lead_case) -> None:
     with_lead = held_out_chi2(lead_case.problem, lead_case.final)
     assert with_lead == pytest.approx(1, abs=0.4)
     assert held_out_chi2(lead_case.problem, lead_case.null) > 1000 * with_lead
     assert unforeseen(lead_case.problem, lead_case.final) == (), "a lead is felt in every band"
 
 
-def test_another_sample_confirms_a_lead_that_it_has_and_contradicts_one_that_it_has_not(lead_case, nothing) -> None:
+def test_another_sample_confirms_a_lead_it_shares_and_contradicts_one_it_lacks(lead_case, nothing) -> None:
     problem, final = lead_case.problem, lead_case.final
     same = carried_over(problem, final, "same jig", lead_case.task, lambda _: None)
     assert same.effects == ("lead-inductance at terminals",)
@@ -98,7 +98,7 @@ def test_another_sample_confirms_a_lead_that_it_has_and_contradicts_one_that_it_
     assert "None of the effects found" in none.says
 
 
-def test_noise_is_no_remainder_and_a_line_is_told_by_its_place(lead_case) -> None:
+def test_noise_leaves_no_residual_finding_and_a_line_is_located(lead_case) -> None:
     left = remainder(lead_case.final)
     assert (left.bands_Hz, left.poles, left.texture) == ((), (), None)
     assert in_words(left) == ""

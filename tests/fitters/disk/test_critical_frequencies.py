@@ -1,4 +1,4 @@
-"""Critical frequencies come out of noise with uncertainties that hold."""
+"""Critical frequencies are recovered from noisy data with valid uncertainties."""
 
 import numpy as np
 import pytest
@@ -20,9 +20,9 @@ def read(spacing: float, noise: float, seed: int = 0, start: float = 150e3):
     return critical(trace, k, "the resonance")
 
 
-def test_without_noise_they_are_those_of_the_circuit():
+def test_without_noise_critical_frequencies_are_those_of_the_circuit():
     found = read(50.0, 1e-9)
-    # of 1/(1 + jx), x = Q (f/fs - fs/f): the top at x = 0, the extremes beside it at x = -1 and 1, times 1/w
+    # of 1/(1 + jx), x = Q (f/fs - fs/f): the maximum is at x = 0, the extremes beside it at x = -1 and 1, times 1/w
     assert found.at.top == pytest.approx(FS, rel=5e-5)
     assert found.at.minus - found.at.plus == pytest.approx(FS / Q, rel=2e-3)
     assert found.points_per_linewidth == pytest.approx(FS / Q / 50, rel=0.01)

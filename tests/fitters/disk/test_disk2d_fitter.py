@@ -1,4 +1,4 @@
-"""Fitter disk2d: a disk that is known, a real recording, and what is refused."""
+"""Fitter disk2d: a known disk, a real recording, and refusals."""
 
 import json
 import os
@@ -61,7 +61,7 @@ layers = ["disk"]
     )
 
 
-def test_coordinates_make_the_constants_and_their_derivatives_and_cannot_leave_passivity():
+def test_coordinates_give_passive_constants_and_their_derivatives():
     block = tensor_block("disk")
     values = np.array([part for name in CONSTANTS for z in [getattr(TRUTH, name)] for part in (z.real, z.imag)])
     x = block.inverse(values)
@@ -76,7 +76,7 @@ def test_coordinates_make_the_constants_and_their_derivatives_and_cannot_leave_p
     assert passivity_margin(Tensor6mm(*(complex(re, im) for re, im in far)).law) > -1e-9
 
 
-def test_the_reduced_disk_is_kept_and_a_damaged_file_is_made_again(tmp_path):
+def test_the_reduced_disk_is_cached_and_a_damaged_file_is_rebuilt(tmp_path):
     _, first = reduced_disk(4.0, lambda _: None)
     (file,) = (tmp_path.parent / os.environ["PZCTL_HOME"] / "cache").glob("disk2d-*.npz")
     said = []
@@ -89,7 +89,7 @@ def test_the_reduced_disk_is_kept_and_a_damaged_file_is_made_again(tmp_path):
     assert third.stiffness.shape == first.stiffness.shape
 
 
-def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
+def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     diameter, thickness, density = 10e-3, 1e-3, 7700.0
     _, reduced = reduced_disk(10.0, lambda _: None)
     area = np.pi * diameter**2 / 4
@@ -111,7 +111,7 @@ def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
     (low,) = (c for name, c in result.derived.items() if "capacitance_at_113.1_kHz" in name)
     true = 1 / (2j * np.pi * 113137.085 * disk.impedance(np.array([113137.085]))[0])
     assert abs(low.re - true.real) < 4 * low.u_re
-    # between the two bands, where nothing was recorded
+    # between the two bands, without recorded points
     between = np.linspace(0.65e6, 1.55e6, 9001)
     Z = disk.impedance(between)
     for kind, curve in (("fs", (1 / Z).real), ("fp", Z.real)):
@@ -123,7 +123,7 @@ def test_a_known_disk_comes_back_and_what_it_does_not_tell_is_said():
             assert abs(nearest.re - f) < 4 * nearest.u_re + 60, kind
 
 
-def test_a_very_soft_ceramic_unlike_any_of_the_library_is_found_from_the_constants_of_another():
+def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():
     real = np.array([126e9, 79.5e9, 84.1e9, 117e9, 23e9, -6.55, 23.3, 17.0, 15.05e-9, 13.02e-9])
     loss = np.where(np.arange(10) < 5, 1 / 65, np.where(np.arange(10) < 8, 0.0, -0.02))
     truth = Tensor6mm(*(real * (1 + 1j * loss)))
@@ -141,14 +141,14 @@ def test_a_very_soft_ceramic_unlike_any_of_the_library_is_found_from_the_constan
         ), name
 
 
-def test_the_real_disk_of_20_by_2_mm_is_described_without_a_hand_set_start(recordings):
+def test_the_real_disk_of_20_by_2_mm_is_fitted_without_a_manual_start(recordings):
     sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
     few = replace(sweep, frequency=sweep.frequency[::4], impedance=sweep.impedance[::4])
     result = Disk2DFitter().fit(FitTask(build(20, 2.013, 7956), {"disk": (few,)}))
-    assert result.rms_log_error < 0.05  # one dimension leaves 0.59
-    # a narrow band about the thickness mode tells next to nothing of motion along the circumference
+    assert result.rms_log_error < 0.05  # the one-dimensional model leaves 0.59
+    # a narrow band around the thickness mode says almost nothing about motion along the circumference
     assert any("only together: disk.c12E" in sentence for sentence in result.says)
-    # half of what a soft ceramic has: it stands in for what is left, and is not said silently
+    # half of a soft ceramic's value: it compensates for the remaining misfit, and the result must say so
     assert any("Unusually far from" in sentence and "disk.eps11S" in sentence for sentence in result.says)
     tensor = Tensor6mm(*(complex(c.re, c.im) for c in (result.constants[f"disk.{name}"] for name in CONSTANTS)))
     assert passivity_margin(tensor.law) > 0
@@ -172,7 +172,7 @@ def test_disks_and_recordings_out_of_reach_are_refused(given, says):
         Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * C)),)}))
 
 
-def test_a_lead_is_fitted_beside_the_finite_diameter_of_a_disk_of_finite_elements(lab_cases):
+def test_a_lead_is_fitted_to_a_finite_element_disk(lab_cases):
     folder = lab_cases / "finite-disk-lead"
     truth = json.loads((lab_cases / "truth.json").read_text())["finite-disk-lead"]
     sweep = read_recording(folder / "disk.csv")

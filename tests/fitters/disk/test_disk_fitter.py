@@ -33,13 +33,13 @@ def both_modes(build):
     return replace(disk, arm=replace(disk.arm, alpha=0.69, d33f=1.35e-10, laws=laws))
 
 
-def test_constants_of_both_modes_come_back(build, swept):
+def test_constants_of_both_modes_are_recovered(build, swept):
     model = both_modes(build)
     sweeps = tuple(swept(model, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
     result = DiskFitter().fit(FitTask(build, {"disk": sweeps}))
     assert 0.8 < result.chi2_per_dof < 1.2
     v = build.layer("disk").values
-    # the fitter's references lie within a per cent of these: 1e-4 of a constant by its loss's dispersion
+    # the fitter's reference frequencies differ by up to 1 %: by the loss's dispersion, 1e-4 of a constant
     for name in ("c33D", "h33", "eps33S", "s11E", "s12E", "d31"):
         truth, found = v[name].value, result.constants[f"disk.{name}"]
         assert found.re == pytest.approx(truth.real, rel=1e-3), name
@@ -60,8 +60,8 @@ def test_one_mode_alone_is_refused(build, swept):
 
 
 @pytest.mark.parametrize(("material", "off"), [("test ceramic", 0.06), ("PIC255", -0.12), ("NCE51", 0.15)])
-def test_sizes_that_are_all_uncertain_do_not_drift(disk_build, swept, material, off):
-    """Sizes scale every constant by a power; losses that a half-made fit wants negative find back."""
+def test_sizes_that_are_all_uncertain_stay_near_their_values(disk_build, swept, material, off):
+    """Sizes scale every constant by a power; losses that an intermediate step makes negative recover."""
     told = disk_build(material, (16.0, 0.512, 7700.0), (0.05, 0.01, 100.0))
     truth = disk_build(material, (16.04, 0.505, 7790.0), (0.0, 0.0, 0.0))
     model = both_modes(truth)
@@ -83,7 +83,7 @@ def test_held_and_bounded_constants(build, swept):
     known = amended(build, Amendments(prior=(("disk.density", density.re, 80.0),), hold=("disk.c33D",)))
     held = DiskFitter().fit(FitTask(known, sweeps)).constants
     assert complex(held["disk.c33D"].re, held["disk.c33D"].im) == pytest.approx(c33D.value)
-    assert held["disk.density"].u_re < 8  # fp tells density where stiffness and thickness are known
+    assert held["disk.density"].u_re < 8  # fp determines the density where stiffness and thickness are known
     low = (("disk.c33D", 0.9 * c33D.re, 1.1 * c33D.re),)
     assert DiskFitter().fit(FitTask(amended(build, Amendments(bound=low)), sweeps)).constants["disk.c33D"].free
     with pytest.raises(FitError, match=r"cannot bound 'disk\.s11E': `disk` moves it together"):

@@ -1,4 +1,4 @@
-"""Wherever an optimiser goes, radial constants are those of a stable and passive material, and slopes are right."""
+"""For any coordinates, radial constants are those of a stable and passive material, and derivatives are correct."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ both_x = st.tuples(
 
 
 _NORMAL = 1e-290
-"""Of a constant smaller than that, the difference of two neighbours is a subnormal number and has lost its digits."""
+"""Below this size, the difference of two neighbouring constants is a subnormal number without accurate digits."""
 
 
 def constants(values: NDArray[np.float64]) -> list[complex]:
@@ -34,7 +34,7 @@ def constants(values: NDArray[np.float64]) -> list[complex]:
 
 
 def check_slopes(block: Block, x: NDArray[np.float64], s11E: int) -> None:
-    """`s11E`: its place among the constants; s12E is next, a difference of numbers of that size."""
+    """Index of `s11E` among the constants; s12E is next, a difference of numbers of that size."""
     values, J = block.forward(x)
     sizes = np.abs(constants(values))
     sizes[s11E + 1] = max(sizes[s11E], sizes[s11E + 1])
@@ -55,7 +55,7 @@ def test_radial_constants_are_stable_and_passive(x: NDArray[np.float64]) -> None
 
 
 @given(radial_x)
-def test_slopes_of_radial_constants(x: NDArray[np.float64]) -> None:
+def test_derivatives_of_radial_constants(x: NDArray[np.float64]) -> None:
     check_slopes(RADIAL, x, 0)
 
 
@@ -64,13 +64,13 @@ def test_constants_of_both_modes_are_passive(x: NDArray[np.float64]) -> None:
     c33D, h33, eps33S, s11E, s12E, d31 = constants(BOTH.forward(x)[0])
     assert passivity_margin(Thickness(c33D, h33, eps33S).law) >= -1e-9
     eps33p = 1 / (1 / eps33S - h33**2 / c33D)
-    if s11E.real > abs(s12E.real) and eps33p.real > 0:  # stable, too
+    if s11E.real > abs(s12E.real) and eps33p.real > 0:  # stable as well
         found = Radial(s11E, s12E, d31, eps33p + 2 * d31**2 / (s11E + s12E))
         assert passivity_margin(found.law) >= -1e-7
 
 
 @given(both_x)
-def test_slopes_of_constants_of_both_modes(x: NDArray[np.float64]) -> None:
+def test_derivatives_of_constants_of_both_modes(x: NDArray[np.float64]) -> None:
     check_slopes(BOTH, x, 3)
 
 
@@ -81,5 +81,5 @@ def test_slopes_of_constants_of_both_modes(x: NDArray[np.float64]) -> None:
         (BOTH, [25.7, -4.5, 2.0, 0.3, -18.6, -4.2, 25.2, -4.4, 24.6, -4.3, -10.0, 0.4]),
     ],
 )
-def test_there_and_back(block: Block, x: list[float]) -> None:
+def test_coordinates_round_trip(block: Block, x: list[float]) -> None:
     np.testing.assert_allclose(block.inverse(block.forward(np.array(x))[0]), x, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Fitter `radial` on a real disk, on disks with known constants, and on recordings it does not apply to."""
+"""Fitter `radial` on a real disk, on disks with known constants, and on unsuitable recordings."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from pzctl.models.disk.round_disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.stack import CausalConstantQ
 
-REFERENCE = 197.26e3  # the first resonance, where the fitter puts the constants
+REFERENCE = 197.26e3  # the first resonance, to which the fitter refers the constants
 BAND = np.arange(120e3, 650e3, 1e3)
 KNOWN = """s11E_1e-12_m2_N = { re = 17.5, im = -0.3, u = 1.0 }
 s12E_1e-12_m2_N = { re = -6.2, im = 0.15, u = 0.5 }
@@ -38,17 +38,17 @@ def test_both_radial_modes_of_a_real_disk(disk_build, recordings):
         for material in ("PZT-5A", "Pz27")
     ]
     for result in results:
-        per_part = result.rms_log_error / np.sqrt(2)  # of Re and Im alike; a thin disk leaves 1.08 %
+        per_part = result.rms_log_error / np.sqrt(2)  # of Re and Im together; the thin-disk model leaves 1.08 %
         assert per_part < 0.0045
         assert any(line.startswith("Passivity check passed: ") for line in result.says)
         assert any("does not describe this recording to its noise" in line for line in result.says)
-    # what is taken for known beforehand does not decide the answer
+    # the prior does not decide the answer
     for name in ("s11E", "s12E", "d31", "kp", "sigma_p"):
         one, two = (result.constants[f"disk.{name}"] for result in results)
         assert abs(one.re - two.re) < 2 * one.u_re, name
 
 
-def test_constants_come_back_within_their_uncertainty(disk_build, swept):
+def test_constants_are_recovered_within_their_uncertainty(disk_build, swept):
     build = disk_build("PZT-5A", (10.0, 0.5, 7800.0), (0.0, 0.0, 0.0), KNOWN)
     result = RadialLeastSquares().fit(FitTask(build, {"disk": (swept(thick_disk(build), BAND, 2e-4),)}))
     assert 0.8 < result.chi2_per_dof < 1.2
@@ -70,7 +70,7 @@ def test_one_mode_is_enough_where_poissons_ratio_is_known(disk_build, swept):
         RadialLeastSquares().fit(FitTask(unknown, {"disk": (sweep,)}))
 
 
-def test_held_constants_stay(disk_build, swept):
+def test_held_constants_keep_their_values(disk_build, swept):
     build = disk_build("PZT-5A", (10.0, 0.5, 7800.0), (0.0, 0.0, 0.0), KNOWN)
     task = FitTask(
         build, {"disk": (swept(thick_disk(build), BAND),)}, ("disk.s11E", "disk.s12E", "disk.d31", "disk.eps33T")
@@ -94,7 +94,7 @@ def test_radial_modes_and_a_wrong_diameter_are_said_not_fitted(disk_build, swept
         FitError, match=r"ends at 0\.649 MHz, far below the thickness resonance .* use the fitter `radial`"
     ):
         Mason().fit(FitTask(disk_build("PZT-5A", (10.0, 0.5, 7800.0)), {"disk": (sweep,)}))
-    # the overtone lies where the first mode of so small a disk would be
+    # the overtone lies where the first mode of a much smaller disk would be
     small = disk_build("PZT-5A", (5.5, 0.5, 7800.0), more="eps33S_r = 1300")
     with pytest.raises(FitError, match=r"first is expected near 3.. kHz .* 5\.5 mm: a diameter of (9\.|10).* explain"):
         RadialLeastSquares().fit(FitTask(small, {"disk": (sweep,)}))

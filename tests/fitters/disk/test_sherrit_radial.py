@@ -1,4 +1,4 @@
-"""Sherrit's radial method: the constants of table A.1 from their own spectrum, passivity, and what it refuses."""
+"""Sherrit's radial method: the constants of table A.1 from their own spectrum, passivity, and refusals."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def build(disk_build):
     return disk_build("PZT-5A", (10.0, 0.5, 7800.0), (0.0, 0.0, 0.0))
 
 
-def test_table_a1_comes_back_at_200_hz(build, swept):
+def test_table_a1_is_recovered_at_200_hz(build, swept):
     result = SherritRadial().fit(FitTask(build, {"disk": (swept(spectrum(build), BAND),)}))
     for name in ("s11E", "s12E", "d31", "eps33T"):
         truth, found = getattr(SHERRIT_RADIAL, name), result.constants[f"disk.{name}"]
@@ -36,7 +36,7 @@ def test_table_a1_comes_back_at_200_hz(build, swept):
     assert any("Points per linewidth: fs1" in line for line in result.says)  # 15: said, not refused
 
 
-def test_bands_may_come_as_several_files(build, swept):
+def test_bands_may_be_in_several_files(build, swept):
     model = spectrum(build)
     bands = (np.arange(60e3, 80e3, 500.0), np.arange(170e3, 260e3, 100.0), np.arange(470e3, 550e3, 200.0))
     sweeps = tuple(swept(model, band, seed=k) for k, band in enumerate(bands))
@@ -44,7 +44,7 @@ def test_bands_may_come_as_several_files(build, swept):
     assert found.re == pytest.approx(SHERRIT_RADIAL.s11E.real, rel=0.002)
 
 
-def test_constants_that_are_not_passive_are_said_to_be_so(build, swept):
+def test_constants_that_are_not_passive_are_reported(build, swept):
     S = SHERRIT_RADIAL
     active = Radial(S.s11E, S.s12E.real * (1 + 0.055j), S.d31, S.eps33T)  # Im(s11E - s12E) > 0, as in the thesis
     result = SherritRadial().fit(FitTask(build, {"disk": (swept(spectrum(build, active), BAND),)}))

@@ -1,4 +1,4 @@
-"""Sherrit's thickness-mode method gives back the constants of a plate, and says when it cannot."""
+"""Sherrit's thickness-mode method recovers the constants of a plate, and says when it cannot."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ BAND = np.concatenate([np.arange(3.3e6, 4.8e6, 1e3), np.linspace(8e6, 9.5e6, 101
 
 
 @pytest.mark.parametrize(("noise", "re", "im"), [(1e-6, 5e-4, 5e-3), (1e-3, 1e-3, 0.03)])
-def test_constants_come_back(disk_build, swept, noise, re, im):
+def test_constants_are_recovered(disk_build, swept, noise, re, im):
     build = disk_build("test ceramic", (16.0, 0.512, 7700.0), (0.0, 0.0, 0.0))
     sweep = swept(stack_of(build, build.steps[0]), BAND, noise)
     result = SherritThickness().fit(FitTask(build, {"disk": (sweep,)}))
@@ -31,7 +31,7 @@ def test_sizes_enter_the_uncertainty(disk_build, swept):
     assert c33D.u_re / c33D.re == pytest.approx(0.02, rel=0.15)  # c33D goes as thickness squared
 
 
-def test_the_thesiss_own_grid_is_too_coarse_for_a_sharp_ceramic(disk_build, swept):
+def test_the_grid_of_the_thesis_is_too_coarse_for_a_sharp_ceramic(disk_build, swept):
     build = disk_build("test ceramic", (16.0, 0.512, 7700.0))
     sweep = swept(stack_of(build, build.steps[0]), np.linspace(1e6, 9e6, 801))
     with pytest.raises(FitError, match="points in its linewidth"):

@@ -1,4 +1,4 @@
-"""Wherever an optimiser goes, the constants stay physical, and the derivatives are right."""
+"""For any coordinates, the constants are physical and the derivatives are correct."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Uncertainty, budget and gluing steps of `mason`, each against an independent way to the same number."""
+"""Uncertainty, budget and gluing steps of `mason`, each compared with an independent calculation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -72,7 +72,7 @@ def cost(build: Build, sweep: Sweep) -> float:
 
 
 @pytest.mark.parametrize(("level", "rise"), [("p68", 1.0), ("p95", 3.841)])
-def test_at_the_ends_of_a_profile_the_misfit_has_risen_as_it_should(level: str, rise: float) -> None:
+def test_the_misfit_at_the_ends_of_a_profile_has_the_right_increase(level: str, rise: float) -> None:
     task = disk(Options(uncertainty="profile"))
     assert task.build is not None
     interval = Mason().fit(task).constants["disk.h33"].interval_re
@@ -84,7 +84,7 @@ def test_at_the_ends_of_a_profile_the_misfit_has_risen_as_it_should(level: str, 
         assert at_end - least == pytest.approx(rise, rel=0.25)
 
 
-def test_bootstrap_and_covariance_agree_where_all_is_quadratic() -> None:
+def test_bootstrap_and_covariance_agree_for_a_quadratic_misfit() -> None:
     told, drawn = Mason().fit(disk()), Mason().fit(disk(Options(uncertainty="bootstrap")))
     for name in ("disk.c33D", "disk.eps33S", "disk.h33"):
         first, second = told.constants[name], drawn.constants[name]
@@ -98,7 +98,7 @@ def test_bootstrap_and_covariance_agree_where_all_is_quadratic() -> None:
     assert kt.interval_re.p95[0] < kt.interval_re.p68[0] < kt.re < kt.interval_re.p68[1] < kt.interval_re.p95[1]
 
 
-def test_the_budget_adds_up_and_foretells_what_a_wrong_area_does() -> None:
+def test_the_budget_adds_up_and_predicts_the_error_of_a_wrong_area() -> None:
     task = disk()
     assert task.build is not None
     result = Mason().fit(task)
@@ -117,7 +117,7 @@ def test_the_budget_adds_up_and_foretells_what_a_wrong_area_does() -> None:
     assert abs(moved) == pytest.approx(budget.re["disk.eps33S"].assumptions, rel=0.3)
 
 
-def test_step_by_step_with_the_whole_posterior_is_as_good_as_jointly(glued: Callable[[Options], FitResult]) -> None:
+def test_sequential_fits_with_the_full_posterior_equal_a_joint_fit(glued: Callable[[Options], FitResult]) -> None:
     joint, steps = glued(Options()), glued(Options(procedure="sequential"))
     assert steps.converged
     for name, constant in joint.constants.items():
@@ -126,7 +126,7 @@ def test_step_by_step_with_the_whole_posterior_is_as_good_as_jointly(glued: Call
             assert steps.constants[name].u_re == pytest.approx(constant.u_re, rel=0.1 if name != "ml1.q" else 1.0)
 
 
-def test_frozen_constants_are_said_and_not_moved(glued: Callable[[Options], FitResult]) -> None:
+def test_frozen_constants_are_listed_and_keep_their_values(glued: Callable[[Options], FitResult]) -> None:
     frozen = glued(Options(procedure="frozen"))
     joint = glued(Options())
     assert any("frozen" in sentence for sentence in frozen.says)
@@ -134,7 +134,7 @@ def test_frozen_constants_are_said_and_not_moved(glued: Callable[[Options], FitR
     assert abs(frozen.constants["ml1.z"].u_re or 0) < 0.1 * (joint.constants["ml1.z"].u_re or 0)
 
 
-def test_what_cannot_be_told_apart_is_said(glued: Callable[[Options], FitResult]) -> None:
+def test_inseparable_constants_are_reported(glued: Callable[[Options], FitResult]) -> None:
     says = glued(Options()).says
     assert any(s.startswith("ml1.c and ml1.thickness cannot be separated") and "ml1.delay =" in s for s in says)
     assert any(s.startswith("glue1.thickness depends on glue1.z and glue1.c") and "compliance" in s for s in says)
@@ -152,7 +152,7 @@ def test_a_layer_ground_between_two_steps_has_two_thicknesses(procedure: str) ->
 
 
 @pytest.mark.parametrize("fitter", [Mason(), NloptGlobal(), MasonNelderMead()], ids=lambda fitter: fitter.name)
-def test_every_fitter_of_a_stack_knows_grinding_and_what_follows_from_each_thickness(fitter: Fitter) -> None:
+def test_every_stack_fitter_supports_grinding_and_derives_values_per_thickness(fitter: Fitter) -> None:
     sweeps = {"disk": (plate(0.5e-3),), "ground": (plate(0.45e-3, 2),)}
     result = fitter.fit(FitTask(parse_build(DISK), sweeps))
     whole, ground = result.constants["disk.thickness"], result.constants["disk.thickness@ground"]
@@ -162,11 +162,11 @@ def test_every_fitter_of_a_stack_knows_grinding_and_what_follows_from_each_thick
     if fitter.name != "mason-nelder-mead":
         assert before.u_re is not None
         assert after.u_re is not None
-        # the resonance is seen; that it rests on an uncertain thickness does not matter
+        # the resonance is measured directly; the uncertain thickness does not matter
         assert abs(after.re - np.sqrt(145e9 / 7700) / 0.9e-3) < 4 * after.u_re < 1e-3 * after.re
 
 
-def test_a_fitter_of_the_bare_disk_takes_the_thickness_of_its_step() -> None:
+def test_a_bare_disk_fitter_uses_the_thickness_of_its_step() -> None:
     found = SherritThickness().fit(FitTask(parse_build(DISK), {"ground": (plate(0.45e-3, points=3201),)}))
     assert found.constants["disk.thickness"].re == pytest.approx(0.47e-3)
 
@@ -179,7 +179,7 @@ def test_other_objectives_find_the_same_coupling(objective: str) -> None:
     assert kt.re == pytest.approx((1.95e9 * (1 - 0.002j) * np.sqrt(TRUE.eps33S / TRUE.c33D)).real, rel=3e-3)
 
 
-def test_what_is_held_stands_where_the_build_has_it_not_where_the_peaks_are() -> None:
+def test_a_held_constant_keeps_the_builds_value_not_that_of_the_peaks() -> None:
     build = parse_build(DISK)
     held = amended(build, Amendments(hold=("disk.c33D",)))
     found = Mason().fit(FitTask(held, {"disk": (plate(0.5e-3),)})).constants["disk.c33D"]

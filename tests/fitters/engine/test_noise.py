@@ -1,4 +1,4 @@
-"""Noise is found in the recording, beside the sharpest resonances."""
+"""Noise is estimated from the recording, even with the sharpest resonances."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def disk_sweep(noise: float, seed: int, drift: float = 0.0) -> Sweep:
 
 
 @pytest.mark.parametrize("noise", [1e-5, 2e-4, 3e-3])
-def test_smoothness_is_blind_to_resonances(noise: float) -> None:
+def test_the_smoothness_estimate_ignores_resonances(noise: float) -> None:
     found = [noise_from_smoothness(disk_sweep(noise, seed)) for seed in range(8)]
     assert np.median(np.array(found)) == pytest.approx(noise, rel=0.05)
 
@@ -36,7 +36,7 @@ def test_noise_that_grows_where_the_impedance_is_small() -> None:
     assert np.all(np.abs(np.mean(ratios, axis=0) - 1) < 0.15)
 
 
-def test_repeats_are_blind_to_drift() -> None:
+def test_the_estimate_from_repeats_ignores_drift() -> None:
     found = noise_from_repeats([disk_sweep(2e-4, 1), disk_sweep(2e-4, 2, drift=1e-4)])
     assert found is not None
     assert np.median(found[0]) == pytest.approx(2e-4, rel=0.1)

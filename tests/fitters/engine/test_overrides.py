@@ -1,4 +1,4 @@
-"""Constants held, tied, bounded and given priors for one fit; and the sentence for what cannot be."""
+"""Constants held, tied, bounded or given priors for one fit; and error sentences."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def fit(cases: Path, build: Build, wanted: Amendments) -> FitResult:
     return Mason().fit(FitTask(amended(build, wanted), sweeps))
 
 
-def test_held_is_not_moved_and_tied_is_one(cases: Path, build: Build) -> None:
+def test_held_constants_stay_and_tied_constants_are_equal(cases: Path, build: Build) -> None:
     wanted = Amendments(hold=("disk.density",), tie=(("glue1.q", "ml1.q"),))
     result = fit(cases, build, wanted)
     assert result.constants["disk.density"].u_re == 0
@@ -32,7 +32,7 @@ def test_held_is_not_moved_and_tied_is_one(cases: Path, build: Build) -> None:
     assert result.constants["glue1.q"].u_re == result.constants["ml1.q"].u_re != 0
 
 
-def test_bounds_are_never_left(cases: Path, build: Build) -> None:
+def test_constants_stay_within_their_bounds(cases: Path, build: Build) -> None:
     free = fit(cases, build, Amendments()).constants["ml1.c"].re
     wanted = Amendments(bound=(("ml1.c", free * 1.01, free * 1.2),))
     assert free * 1.01 <= fit(cases, build, wanted).constants["ml1.c"].re <= free * 1.2

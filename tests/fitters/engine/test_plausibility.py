@@ -1,4 +1,4 @@
-"""Recordings that determine nothing are said, not fitted; and answers that no ceramic could give."""
+"""Recordings that determine nothing are refused, and implausible results are reported."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +25,7 @@ def good(cases: Path) -> Sweep:
 
 
 def fit(cases: Path, sweep: Sweep, area: float = 1.0, *, given: bool = False) -> FitResult:
-    """Fit with another area; `given`: with a permittivity that the build file gives, and knows badly."""
+    """Fit with another area; `given`: with a permittivity that the build file states with a large uncertainty."""
     build = read_build(cases / "null" / "build.toml")
     assert build.diameter is not None
     diameter = replace(build.diameter, re=build.diameter.re * area**0.5)
@@ -77,7 +77,7 @@ def named(sentence: str) -> float:
 
 
 @pytest.mark.parametrize("area", [0.72, 1.52])
-def test_a_doubtful_diameter_is_said_with_the_right_one(cases: Path, good: Sweep, area: float) -> None:
+def test_a_doubtful_diameter_is_reported_with_the_correct_one(cases: Path, good: Sweep, area: float) -> None:
     (said,) = [sentence for sentence in fit(cases, good, area).says if "a diameter of" in sentence]
     assert named(said) == pytest.approx(right_diameter(cases), rel=0.05)
     assert not any("a diameter of" in sentence for sentence in fit(cases, good).says)
@@ -131,7 +131,7 @@ layers = ["disk", "glue1", "ml1"]
 
 
 def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]]) -> FitResult:
-    """Fit disk and first layer of the simulated bench; `change` makes of both curves the factor of f, and ml1's."""
+    """Fit disk and first layer of the simulated bench; `change` returns factors by f for both curves, and ml1's."""
     f, rng = np.linspace(1e6, 12e6, 400), np.random.default_rng(3)
     noise = 1 + 3e-5 * (rng.standard_normal((2, f.size)) + 1j * rng.standard_normal((2, f.size)))
     disk, glued = (sample(0).stack(step).impedance(f) * n for step, n in zip(("disk", "ml1"), noise, strict=True))
@@ -139,7 +139,7 @@ def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]])
     return Mason().fit(FitTask(parse_build(GLUED), {"disk": (Sweep(f, disk),), "ml1": (Sweep(factor * f, glued),)}))
 
 
-def test_a_layer_of_another_material_is_found_and_said() -> None:
+def test_a_layer_of_another_material_is_reported() -> None:
     result = fit_glued(lambda _, glued: (1.0, glued))
     assert result.chi2_per_dof < 1.3
     assert result.constants["ml1.z"].re == pytest.approx(sample(0).truth()["ml1.z"]["re"], rel=0.2)
@@ -148,7 +148,7 @@ def test_a_layer_of_another_material_is_found_and_said() -> None:
     assert "u from the 2.42e+06 of epoxy" in said
 
 
-def test_a_fit_that_ran_away_says_so_and_why_and_stays_physical() -> None:
+def test_a_diverged_fit_states_its_cause_and_stays_physical() -> None:
     result = fit_glued(lambda _, glued: (1.3, glued))
     says = " ".join(result.says)
     assert "The fit ran away: ml1." in says
@@ -158,11 +158,11 @@ def test_a_fit_that_ran_away_says_so_and_why_and_stays_physical() -> None:
         assert result.constants[name].re >= 0.5
 
 
-def test_a_layer_that_was_not_glued_on_is_said() -> None:
+def test_a_layer_that_was_not_glued_on_is_reported() -> None:
     assert any("'ml1' is not on the device" in s for s in fit_glued(lambda disk, _: (1.0, disk)).says)
 
 
-def test_radial_overtones_are_blamed_where_they_are_seen_and_the_fitter_for_them_is_named(recordings: Path) -> None:
+def test_visible_radial_overtones_are_named_with_the_fitter_for_them(recordings: Path) -> None:
     sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
     only = GLUED.partition('[[layers]]\nname = "glue1"')[0].replace("0.512", "2.013").replace("16", "20")
     tail = '[load]\nback = "air"\nfront = "air"\n[[steps]]\nname = "disk"\nlayers = ["disk"]\n'

@@ -1,4 +1,4 @@
-"""A rough start of a disk goes to its free plate's minimum in a few steps, or stays where it is."""
+"""A rough start of a disk moves to its free plate's minimum in a few steps, or stays unchanged."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def test_the_constants_of_a_free_plate_are_found(noise: float) -> None:
             assert abs(fine / true - 1) < 1e-9 + 3 * noise < abs(rough / true - 1)
 
 
-def test_what_is_no_free_plate_leaves_the_start_as_it_was() -> None:
+def test_without_a_free_plate_the_start_is_unchanged() -> None:
     sweep = recorded(2e-4)
     (start,) = distinct(disk_starts(sweep, *PLATE), 1)
     wire = Sweep(F, 1.0 + 1e-7j * F)

@@ -1,4 +1,4 @@
-"""The balance as a datum: mass = area * sum of density * thickness, with its correlations."""
+"""The weighed mass as a datum: mass = area * sum of density * thickness, with its correlations."""
 
 import math
 from dataclasses import replace
@@ -66,7 +66,7 @@ def fitted(build: Build, fitter: str = "mason") -> FitResult:
 
 
 def test_a_mass_decides_the_density_and_halves_the_uncertainty_of_the_stiffness() -> None:
-    """Stiffness goes with density * thickness**2, so with mass * thickness: a thickness counts once and not twice."""
+    """Stiffness is proportional to density * thickness**2, so to mass * thickness: thickness enters once, not twice."""
     mass = DENSITY * AREA * THICKNESS
     without, with_mass = fitted(parse_build(BUILD)), fitted(weighed(mass, 2e-4 * mass))
     density = with_mass.constants["disk.density"]
@@ -95,7 +95,7 @@ def test_the_jacobian_of_a_mass_is_its_derivative() -> None:
 
 
 def test_the_mass_of_a_glued_stack_ties_its_layers() -> None:
-    build = weighed(0.0, 1.0)  # any mass: only its prediction is asked below
+    build = weighed(0.0, 1.0)  # any mass: only its prediction is used below
     task = FitTask(build, {step: (recorded(build, step),) for step in ("disk", "ml1")})
     total = weighings_of(weighed(1.0, 1.0, "ml1"), ["ml1"])[0].predicted(
         {**nominal_parameters(build), "disk.density": DENSITY}
@@ -108,7 +108,7 @@ def test_the_mass_of_a_glued_stack_ties_its_layers() -> None:
 
 
 @pytest.mark.parametrize("fitter", ["radial", "disk"])
-def test_the_fitters_of_a_bare_disk_know_the_mass(fitter: str) -> None:
+def test_the_bare_disk_fitters_use_the_mass(fitter: str) -> None:
     build = weighed(8e-4, 1e-6)
     disk = bare_disk(FitTask(build, {"disk": (recorded(build),)}), fitter, round_one=True, frees=True)
     assert "mass@disk" in [prior.parameter for prior in disk_priors(disk, ())]
@@ -125,6 +125,6 @@ def test_a_mass_in_a_build_file_survives_the_journal_and_needs_an_uncertainty() 
         parse_build(text.replace("{ value = 0.789, u = 0.001 }", "0.789"))
 
 
-def test_mason_without_a_mass_is_as_it_was() -> None:
+def test_mason_without_a_mass_is_unchanged() -> None:
     result = Mason().fit(FitTask(parse_build(BUILD), {"disk": (recorded(parse_build(BUILD)),)}))
     assert result.constants["disk.density"].re == pytest.approx(7700, rel=2e-3), "the library's"

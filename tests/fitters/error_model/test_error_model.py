@@ -1,4 +1,4 @@
-"""The error model against dense linear algebra, the process it expands, and disks whose constants are known."""
+"""The error model compared with dense linear algebra, with the process that it expands, and on known disks."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +42,7 @@ def dense(points: PointErrors, colour: float, rough: tuple[float, float]) -> Rea
     st.integers(0, 10**6),
 )
 @settings(max_examples=20, deadline=None)
-def test_products_in_units_of_coloured_noise_and_rough_error_are_those_of_the_dense_covariance(
+def test_whitened_products_equal_those_of_the_dense_covariance(
     colour: float, rough: tuple[float, float], seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -57,14 +57,14 @@ def test_products_in_units_of_coloured_noise_and_rough_error_are_those_of_the_de
     assert log_det == pytest.approx(2 * float(np.linalg.slogdet(K)[1]), rel=1e-8)
 
 
-def test_a_few_smooth_functions_are_the_process() -> None:
+def test_a_few_smooth_functions_represent_the_process() -> None:
     u = np.linspace(0.0, 1.5, 40)
     B = smooth(u, (0.0, 1.5), 0.8, 12)
     d = np.sqrt(5) * np.abs(np.subtract.outer(u, u)) / 0.8
     np.testing.assert_allclose(B @ B.T, (1 + d + d**2 / 3) * np.exp(-d), atol=2e-3)
 
 
-def test_a_matrix_that_rounding_has_spoilt_still_has_a_factor() -> None:
+def test_a_matrix_that_is_indefinite_by_rounding_can_be_factorised() -> None:
     column = np.full((4, 1), 1e9)
     L, log_det = factored(column @ column.T, np.ones(4))
     assert np.all(np.isfinite(L))
@@ -77,7 +77,7 @@ TRUE = tuple((name, complex(getattr(DISK.layers[0], name))) for name in ("c33D",
 
 
 def recorded(seed: int, gain: float) -> Sweep:
-    """Return a perfect disk swept by an analyzer whose gain and phase are off smoothly, with noise of 2e-4."""
+    """Return a perfect disk swept by an analyzer with smooth gain and phase errors and noise of 2e-4."""
     rng = np.random.default_rng(seed)
     f = np.linspace(2e6, 10e6, 401)
     Z = DISK.impedance(f)
@@ -99,8 +99,8 @@ def fit_of(sweep: Sweep) -> MarginalFit:
 
 
 @pytest.mark.parametrize("gain", [0.0, 2e-4, 8e-4])
-def test_intervals_of_losses_cover_when_the_analyzer_is_off_within_its_specification(gain: float) -> None:
-    """Losses take the error of the phase; a dozen seeds, of which one in twenty may miss."""
+def test_intervals_of_losses_cover_analyzer_errors_within_specification(gain: float) -> None:
+    """The phase error biases losses; of a dozen seeds, one in twenty may miss."""
     covered: list[bool] = []
     for seed in range(12):
         constants = Mason().fit(FitTask(BUILD, {"disk": (recorded(seed, gain),)})).constants
@@ -111,7 +111,7 @@ def test_intervals_of_losses_cover_when_the_analyzer_is_off_within_its_specifica
     assert np.mean(covered) > 0.85
 
 
-def test_what_each_source_contributes_adds_up_and_the_instrument_shows() -> None:
+def test_contributions_of_sources_add_up_and_include_the_instrument() -> None:
     found = fit_of(recorded(3, 8e-4))
     spread = spread_of(found)
     assert tuple(spread.by) == SOURCES
@@ -121,7 +121,7 @@ def test_what_each_source_contributes_adds_up_and_the_instrument_shows() -> None
     assert u["instrument"][at] > 3 * u["noise"][at]
 
 
-def test_the_accuracy_that_a_recording_states_replaces_that_of_a_4294a() -> None:
+def test_the_accuracy_stated_in_a_recording_replaces_a_4294as() -> None:
     build, sweep = read_build(CASES / "null" / "build.toml"), read_recording(CASES / "null" / "disk.csv")
     gain = np.exp(4e-3 * np.log(sweep.frequency / 3e6))
     off = replace(sweep, impedance=sweep.impedance * gain)

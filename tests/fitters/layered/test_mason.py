@@ -1,4 +1,4 @@
-"""Fitter `mason` on devices of an independent world, on free plates by their textbook formula, and on bad input."""
+"""Fitter `mason` on devices of an independent simulation, on free plates by a textbook formula, and on bad input."""
 
 import json
 from dataclasses import replace
@@ -62,7 +62,7 @@ def case(folder: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", ["null", "glue-null"])
-def test_constants_of_an_independent_world(cases: Path, name: str) -> None:
+def test_constants_of_an_independent_simulation(cases: Path, name: str) -> None:
     task, truth = case(cases, name)
     result = Mason().fit(task)
     assert 0.85 < result.chi2_per_dof < 1.15
@@ -100,7 +100,7 @@ def test_a_plate_far_from_the_data_sheet(c33D: complex, kt: complex, eps33S: com
     np.testing.assert_allclose(result.derived["disk.kt"].re, kt.real if isinstance(kt, complex) else kt, rtol=0.005)
 
 
-def test_only_what_is_freed_moves() -> None:
+def test_only_freed_constants_change() -> None:
     result = fit(plate(145e9 * (1 + 1j / 80), 0.47, 8.1e-9 * (1 - 0.017j)), free=("disk.c33D", "disk.h33"))
     assert result.constants["disk.c33D"].free
     assert not result.constants["disk.eps33S"].free
@@ -117,7 +117,7 @@ def test_a_constant_of_a_later_step_can_be_freed_alone(
         assert {name for name, constant in result.constants.items() if constant.free} == {*free}
 
 
-def test_a_name_that_is_not_there() -> None:
+def test_an_unknown_name() -> None:
     with pytest.raises(FitError, match=r"cannot free 'disk.c33E'.*disk.c33D"):
         fit(plate(145e9 * (1 + 1j / 80), 0.47, 8.1e-9 * (1 - 0.017j)), free=("disk.c33E",))
 

@@ -1,4 +1,4 @@
-"""The global search finds the truth from data sheets that are 30 % wrong, and says how it knows."""
+"""The global search finds the truth from data sheets that are 30 % wrong, and reports its evidence."""
 
 import re
 
@@ -80,7 +80,7 @@ def test_bounds_are_physical_and_wide(truth):
         low, high = np.exp(bounds[name])
         value = begun.get(name, begun.get(f"{name}.re"))
         assert low <= 0.7 * value < 1.3 * value <= high
-    assert bounds["disk.h33"][0] > 0  # the impedance depends on its square: one sign is enough
+    assert bounds["disk.h33"][0] > 0  # the impedance depends on its square, so one sign is enough
     box.check()
 
 

@@ -1,4 +1,4 @@
-"""What NLopt does to its users does not reach ours."""
+"""The wrapper hides the pitfalls of NLopt."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def cost(x):
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_every_algorithm_searches_inside_the_box_and_again_the_same(algorithm):
+def test_every_algorithm_stays_within_bounds_and_is_reproducible(algorithm):
     box = Box(BOX.names, BOX.low, np.array([5.0, 5.0]), BOX.start)
     found = [search(algorithm, cost, slope, box, 4000, 30.0, seed=3) for _ in range(2)]
     assert found[0].value < 0.1
@@ -30,7 +30,7 @@ def test_every_algorithm_searches_inside_the_box_and_again_the_same(algorithm):
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_an_error_in_the_objective_comes_out_as_itself(algorithm):
+def test_an_error_in_the_objective_is_passed_through(algorithm):
     calls = []
 
     def broken(x):
@@ -41,11 +41,11 @@ def test_an_error_in_the_objective_comes_out_as_itself(algorithm):
 
     with pytest.raises(KeyError, match=r"ml1\.z"):
         search(algorithm, lambda x: broken(x)[0], broken, BOX, 1000, 30.0, seed=1)
-    assert len(calls) == 6  # nothing was evaluated after it
+    assert len(calls) == 6  # nothing was evaluated afterwards
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_holes_in_the_objective_are_gone_around(algorithm):
+def test_undefined_regions_of_the_objective_are_avoided(algorithm):
     def holed(x):
         value, gradient = slope(x)
         return (np.nan, gradient) if x[0] < 0 else (value, gradient)
@@ -56,7 +56,7 @@ def test_holes_in_the_objective_are_gone_around(algorithm):
 
 
 def test_a_perfect_answer_is_not_a_failure():
-    # reached exactly, where NLopt may end with "round-off limited" and no answer
+    # the minimum is reached exactly, where NLopt may end with "round-off limited" and no answer
     found = search("MLSL+LBFGS", lambda x: abs(x[0]), lambda x: (float(x @ x), 2 * x), BOX, 500, 10.0, seed=1)
     assert found.value < 1e-12
 

@@ -1,4 +1,4 @@
-"""A bare disk taken in hand with the models of `radial` and `disk`."""
+"""A manual fit of a bare disk with the models of `radial` and `disk`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -47,7 +47,7 @@ def device(build: Build) -> BothModes:
 
 @pytest.fixture
 def thin(build: Build, device: BothModes) -> RadialDisk:
-    """The same disk as `radial` has it."""
+    """The same disk in the constants of `radial`."""
     made = RadialDisk.of("disk", device.radial, build.area.re, 0.512e-3, 7700.0)
     law = CausalConstantQ(FIRST)
     arm = replace(made.arm, alpha=0.69, d33f=1.35e-10, laws=device.arm.laws)
@@ -56,14 +56,14 @@ def thin(build: Build, device: BothModes) -> RadialDisk:
 
 @pytest.fixture
 def task(build: Build, device: BothModes, thin: RadialDisk, fitter: str, swept: Callable[..., Sweep]) -> FitTask:
-    """Both bands, the first of them twice: repeats stay apart in hand, where a fitter averages them."""
+    """Both bands, the first of them twice: a manual fit keeps repeats separate, while a fitter averages them."""
     model = thin if fitter == "radial" else device
     sweeps = [swept(model, band, 2e-4, seed=k) for k, band in enumerate((BANDS[0], *BANDS))]
     return FitTask(build, {"disk": tuple(sweeps)})
 
 
 @pytest.mark.parametrize("fitter", FITTERS)
-def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_the_curve(task: FitTask, fitter: str) -> None:
+def test_a_manual_fit_starts_at_the_fits_result_and_a_slider_moves_the_curve(task: FitTask, fitter: str) -> None:
     result = FITTERS[fitter].fit(task)
     hand = ManualFit.after(task, result)
     look = hand.look()
@@ -81,7 +81,7 @@ def test_in_hand_it_begins_where_the_fit_ended_and_a_slider_moves_the_curve(task
 
 
 @pytest.mark.parametrize("fitter", FITTERS)
-def test_what_is_held_stays_exactly_and_what_is_free_finds_back(task: FitTask, fitter: str) -> None:
+def test_held_constants_stay_exact_and_free_ones_recover(task: FitTask, fitter: str) -> None:
     hand = ManualFit.after(task, FITTERS[fitter].fit(task))
     there = {handle.name: handle.value for handle in hand.look().handles}
     off = {"disk.s11E": 1.01 * there["disk.s11E"], "disk.d31": 0.97 * there["disk.d31"]}
@@ -95,7 +95,7 @@ def test_what_is_held_stays_exactly_and_what_is_free_finds_back(task: FitTask, f
 
 
 @pytest.mark.parametrize("fitter", ["radial"])
-def test_with_all_usual_ones_free_it_is_the_fitters_own_fit(task: FitTask) -> None:
+def test_with_the_usual_constants_free_it_equals_the_fitters_fit(task: FitTask) -> None:
     own = RadialLeastSquares().fit(task)
     result, _ = ManualFit(task, "radial").fit()
     for name in ("disk.s11E", "disk.s12E", "disk.d31", "disk.eps33T"):
@@ -127,7 +127,7 @@ def test_an_effect_at_the_terminals_is_found_with_its_size(
     assert result.constants[name].unit == "F"
 
 
-def test_derivatives_behind_the_terminals_are_those_of_differences(build: Build, device: BothModes) -> None:
+def test_derivatives_with_terminal_effects_equal_finite_differences(build: Build, device: BothModes) -> None:
     nominal = stack_of(build, build.steps[0])
     f: NDArray[np.float64] = BANDS[0][::37]
     for effect in outside_effects():

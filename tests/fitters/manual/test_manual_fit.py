@@ -1,4 +1,4 @@
-"""A fit by hand: the curve at chosen values, then a fit with exactly the choices made."""
+"""A manual fit: the curve at chosen values, then a fit with exactly these choices."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,7 +37,7 @@ def test_the_curve_is_the_model_at_the_chosen_values(task: FitTask, build: Build
     np.testing.assert_allclose(curve.fitted, stack.impedance(FREQUENCY), rtol=1e-6)
 
 
-def test_only_what_is_free_moves_and_it_begins_where_it_was_put(task: FitTask) -> None:
+def test_only_free_constants_move_starting_from_the_chosen_values(task: FitTask) -> None:
     hand = ManualFit(task)
     result, there = hand.fit(Choices(free=("disk.c33D",), values={"disk.h33": 1.9e9, "disk.c33D.loss": 0.02}))
     assert there.values["disk.h33"] == pytest.approx(1.9e9, rel=1e-9)
@@ -47,7 +47,7 @@ def test_only_what_is_free_moves_and_it_begins_where_it_was_put(task: FitTask) -
     assert hand.look(there).chi2_per_dof == pytest.approx(result.chi2_per_dof, rel=0.01)
 
 
-def test_an_effect_chosen_by_hand_is_found_and_told_with_its_size(task: FitTask) -> None:
+def test_an_effect_chosen_by_hand_is_fitted_with_its_size(task: FitTask) -> None:
     hand = ManualFit.after(task, Mason().fit(task))
     assert hand.look().chi2_per_dof > 5, "without the lead the disk is not described"
     result, there = hand.fit(Choices(effects=(LEAD,)))
@@ -57,7 +57,7 @@ def test_an_effect_chosen_by_hand_is_found_and_told_with_its_size(task: FitTask)
     assert hand.look(there).chi2_per_dof == pytest.approx(result.chi2_per_dof, rel=0.05)
 
 
-def test_a_band_takes_part_and_the_rest_does_not(task: FitTask) -> None:
+def test_only_the_chosen_band_is_fitted(task: FitTask) -> None:
     (sweep,) = task.sweeps["disk"]
     spoiled = sweep.impedance * np.where(sweep.frequency > 8e6, 1.5, 1.0)
     hand = ManualFit(replace(task, sweeps={"disk": (replace(sweep, impedance=spoiled),)}))

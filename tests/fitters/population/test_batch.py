@@ -1,4 +1,4 @@
-"""Batches: the same answers on all cores, on a Dask cluster and one by one; a sample that fails stops nobody else."""
+"""Batches: the same answers on all cores, on a Dask cluster and one by one; a failing sample stops no other."""
 
 import os
 import sys
@@ -22,7 +22,7 @@ AREA = Quantity(2.0106e-4)
 
 
 def disk(name: str, c33D: complex, seed: int) -> BatchJob:
-    """A bare Pz27 disk whose stiffness is its own, with relative noise of 1e-3."""
+    """A bare Pz27 disk with its own stiffness and relative noise of 1e-3."""
     pz27 = {key: find("Pz27").values[key] for key in ("density", "c33D", "h33", "eps33S")}
     values = {"thickness": Quantity(5.12e-4, u=1e-6), **pz27}
     layer = Piezo("disk", 5.12e-4, 7700.0, c33D, pz27["h33"].value, pz27["eps33S"].value)
@@ -36,7 +36,7 @@ def disk(name: str, c33D: complex, seed: int) -> BatchJob:
 
 
 def flat(name: str) -> BatchJob:
-    """A resistor where a disk should be."""
+    """A resistor in place of a disk."""
     job = disk(name, 1.5e11 * (1 + 0.01j), 0)
     f = job.task.sweeps["disk"][0].frequency
     return BatchJob(name, FitTask(job.task.build, {"disk": (Sweep(f, np.full(f.size, 50.0 + 0j)),)}))
@@ -46,7 +46,7 @@ JOBS = [disk("S1", 1.50e11 * (1 + 0.010j), 1), flat("broken"), disk("S3", 1.55e1
 
 
 def content(part: Any) -> Any:
-    """A result as nested plain values that compare to the last bit; without `seconds`."""
+    """A result as nested plain values, without `seconds`, to be compared to the last bit."""
     if isinstance(part, np.ndarray):
         return part.tobytes()
     if hasattr(part, "__dataclass_fields__"):
@@ -132,7 +132,7 @@ class Odd:
 
 @pytest.fixture
 def odd_fitter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A third party's fitter, installed for this test's processes."""
+    """A third party's fitter, installed for the processes of this test."""
     (tmp_path / "odd_fitter.py").write_text(FITTER)
     info = tmp_path / "odd_fitter-1.dist-info"
     info.mkdir()

@@ -1,4 +1,4 @@
-"""Verdicts with a guard band, and control charts: what a test engineer relies on when a lot is released."""
+"""Verdicts with a guard band, and control charts, which a test engineer relies on to release a lot."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def fitted(**constants: Constant) -> FitResult:
         (151e9, 2e9, "pass"),
     ],
 )
-def test_a_value_passes_only_beyond_the_guard_band(c33D: float, u: float, verdict: str) -> None:
+def test_a_value_passes_only_inside_the_guard_band(c33D: float, u: float, verdict: str) -> None:
     """ISO 14253-1:2017: 95 %, so 1.645 u from a single limit."""
     build = parse_build(BUILD + LIMITS.splitlines()[0] + "\nc33D_GPa = { min = 146, max = 156 }")
     found = judged(fitted(c33D=Constant(c33D, 0, u, 0, "Pa")), build)
@@ -48,7 +48,7 @@ def test_a_value_passes_only_beyond_the_guard_band(c33D: float, u: float, verdic
     assert found.limits[0].guard == pytest.approx(1.645 * u, rel=1e-3)
 
 
-def test_the_whole_is_as_good_as_its_worst_and_what_was_not_measured_never_passes() -> None:
+def test_the_worst_verdict_decides_and_unmeasured_limits_never_pass() -> None:
     build = parse_build(BUILD + LIMITS)
     good, kt = Constant(151e9, 0, 1e9, 0, "Pa"), Constant(0.47, 0, 0.001, 0, "1")
 
@@ -95,7 +95,7 @@ def values(x: "list[float] | np.ndarray[tuple[int], np.dtype[np.float64]]") -> l
     return [ChartValue(f"S{k}", f"2026-01-{k + 1:02}", float(v), 0.1) for k, v in enumerate(x)]
 
 
-def test_charts_name_the_sample_that_left_and_how() -> None:
+def test_charts_name_the_outlying_sample_and_the_rule() -> None:
     x = np.random.default_rng(7).normal(100.0, 1.0, 25)
     quiet = control_chart(values(x))
     assert quiet.left == ()
@@ -121,7 +121,7 @@ def test_an_ewma_chart_in_control_gives_a_false_alarm_in_about_500_samples() -> 
     assert 20 < bursts < 80
 
 
-def test_capability_is_that_of_the_textbook() -> None:
+def test_capability_equals_the_textbook_value() -> None:
     x = np.random.default_rng(1).normal(10.0, 0.1, 400)
     capable = control_chart(values(x), limit=Limit(9.5, 10.4)).capability
     assert capable is not None
@@ -135,7 +135,7 @@ def test_capability_is_that_of_the_textbook() -> None:
     assert outside.cp is None
 
 
-def test_what_gives_no_chart_is_one_sentence() -> None:
+def test_a_chart_that_cannot_be_made_is_one_sentence() -> None:
     with pytest.raises(ChartError, match="2 sample\\(s\\) to set the control limits by; at least 3"):
         control_chart(values([1.0, 2.0]))
     with pytest.raises(ChartError, match="all samples have the same value"):

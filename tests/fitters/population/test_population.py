@@ -1,4 +1,4 @@
-"""Populations: the thesis's printed tables, direct formulas, and what small or awkward samples must not hide."""
+"""Populations: the thesis's printed tables, direct formulas, and small or awkward sets of samples."""
 
 import math
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ TABLE_4_8 = {
     "kp": (0.5843 + 0.0023j, 0.5954 + 0.0067j, 0.5320 + 0.0233j),
     "eps33P": (1.0444 - 6.1164e-3j, 1.0272 - 1.2796e-3j, 1.1737 - 1.8252e-2j),
 }
-"""E. S. Tjelde, NTNU 2012: samples 4, 8 and 12, in the magnitudes printed."""
+"""E. S. Tjelde, NTNU 2012: samples 4, 8 and 12, as printed."""
 
 TABLE_4_9 = {
     "s11E": ((1.4112, 0.0010, 0.0324), (-0.0236, 0.0001, 0.0106)),
@@ -77,7 +77,7 @@ values = st.lists(st.floats(-100, 100), min_size=2, max_size=12).map(np.array)
 
 
 @given(values)
-def test_without_uncertainty_all_of_the_scatter_is_between_samples(x: np.ndarray) -> None:
+def test_without_uncertainties_all_scatter_is_between_samples(x: np.ndarray) -> None:
     found = random_effects(x, np.zeros_like(x))
     n, s = x.size, float(np.std(x, ddof=1))
     assert found.tau == pytest.approx(s, rel=1e-9, abs=1e-12)
@@ -89,7 +89,7 @@ def test_without_uncertainty_all_of_the_scatter_is_between_samples(x: np.ndarray
 
 @given(values, st.floats(1e-3, 1e3))
 def test_equal_uncertainties_have_a_closed_form(x: np.ndarray, u: float) -> None:
-    """tau^2 = s^2 - u^2, or 0; the mean is the plain one."""
+    """tau^2 = s^2 - u^2, or 0; the mean is unweighted."""
     found = random_effects(x, np.full_like(x, u))
     tau2 = max(0.0, float(np.var(x, ddof=1)) - u**2)
     assert found.tau**2 == pytest.approx(tau2, rel=1e-6, abs=1e-9 * u**2)
@@ -98,7 +98,7 @@ def test_equal_uncertainties_have_a_closed_form(x: np.ndarray, u: float) -> None
 
 
 @given(values, st.data())
-def test_paule_mandel_condition_holds_for_any_uncertainties_in_any_unit(x: np.ndarray, data: st.DataObject) -> None:
+def test_the_paule_mandel_condition_holds_for_any_uncertainties_and_units(x: np.ndarray, data: st.DataObject) -> None:
     u = np.array(data.draw(st.lists(st.floats(0.1, 50), min_size=x.size, max_size=x.size)))
     found, scaled = random_effects(x, u), random_effects(1e11 * x, 1e11 * u)
     weight = 1 / (u**2 + found.tau**2)
@@ -109,7 +109,7 @@ def test_paule_mandel_condition_holds_for_any_uncertainties_in_any_unit(x: np.nd
     assert scaled.tau == pytest.approx(1e11 * found.tau, rel=1e-5, abs=1e-6 * 1e11 * float(np.max(u)))
 
 
-def test_the_interval_of_tau_holds_the_truth_as_often_as_it_says() -> None:
+def test_the_interval_of_tau_has_its_stated_coverage() -> None:
     rng = np.random.default_rng(7)
     u = np.array([0.2, 0.5, 1.0, 2.0])
     drawn = [random_effects(rng.normal(0, np.sqrt(1 + u**2)), u) for _ in range(400)]
@@ -142,20 +142,20 @@ def test_an_outlier_is_named_and_stays_in_the_table() -> None:
     assert part.mean == pytest.approx(8.02 / 6)
 
 
-def test_a_large_uncertainty_is_no_outlier() -> None:
+def test_a_large_uncertainty_is_not_an_outlier() -> None:
     x, exact = np.array([1.0, 1.01, 0.99, 1.0, 1.02, 3.0]), np.full(6, 0.01)
     assert outliers(x, exact).keys() == {5}
     assert outliers(x, np.array([*exact[:5], 2.0])) == {}
 
 
-def test_a_single_sample_has_no_scatter_and_says_so() -> None:
+def test_a_single_sample_has_no_scatter() -> None:
     found = real([1.0], 0.1)
     part = found.constants["a"].re
     assert (part.variance, part.sd, part.effects, part.within) == (None, None, None, pytest.approx(0.1))
     assert any("a single sample: there is no scatter" in sentence for sentence in found.says)
 
 
-def test_without_uncertainties_nothing_is_separated_and_it_says_so() -> None:
+def test_without_uncertainties_no_scatter_is_separated_and_a_note_says_so() -> None:
     found = real([1.0, 2.0, 4.0], None)
     part = found.constants["a"].re
     assert part.within is None
@@ -164,7 +164,7 @@ def test_without_uncertainties_nothing_is_separated_and_it_says_so() -> None:
     assert any("gives no uncertainties" in sentence for sentence in found.says)
 
 
-def test_what_was_held_is_left_out_and_said() -> None:
+def test_held_constants_are_omitted_with_a_note() -> None:
     held, fitted = Constant(2450.0, 0.0, 0.0, 0.0, "m/s", free=False), Constant(2.0, 0.1, 0.1, 0.0, "Pa")
     one, two = fit({"glue.c": held, "a": fitted}), fit({"glue.c": held, "a": replace(fitted, u_re=0.0)})
     found = population({"S1": one, "S2": two, "S3": one}, {})
@@ -175,12 +175,12 @@ def test_what_was_held_is_left_out_and_said() -> None:
     assert "a: without S2, where it was held or not determined" in found.says
 
 
-def test_what_a_silent_fitter_held_is_seen_by_its_being_the_same_everywhere() -> None:
+def test_equal_values_in_all_samples_count_as_held() -> None:
     fits = {f"S{k}": fit({"c": Constant(2450.0, 0, None, 0, "m/s")}) for k in range(3)}
     assert "held or not determined, so not in the table: c" in population(fits, {}).says
 
 
-def test_fits_that_did_not_converge_take_no_part() -> None:
+def test_fits_that_did_not_converge_are_excluded() -> None:
     good = fit({"a": Constant(1.0, 0, 0.1, 0, "Pa")})
     bad = replace(fit({"a": Constant(99.0, 0, 0.1, 0, "Pa")}), converged=False)
     found = population({"S1": good, "S2": bad, "S3": good}, {})
@@ -192,18 +192,18 @@ def test_fits_that_did_not_converge_take_no_part() -> None:
     assert "taken, though the fit did not converge: S2" in population({"S2": baseline}, {}).says
 
 
-def test_an_uncertainty_that_the_samples_share_is_seen_and_said() -> None:
+def test_a_shared_uncertainty_is_detected_and_noted() -> None:
     found = real([7700.0, 7701.0, 7699.0, 7700.5, 7699.5], 75.0)
     assert any("a: the samples agree better than chance allows" in sentence for sentence in found.says)
     assert not any("agree better" in sentence for sentence in real([7700.0, 7750.0, 7600.0], 75.0).says)
 
 
-def test_a_misfit_is_said() -> None:
+def test_a_misfit_is_noted() -> None:
     good = fit({"a": Constant(1.0, 0, 0.1, 0, "Pa")})
     says = population({"S1": good, "S2": replace(good, chi2_per_dof=8.0)}, {}).says
     assert any("the model does not describe S2" in sentence for sentence in says)
 
 
 @pytest.mark.parametrize("value", [Constant(math.inf, 0, 1.0, 0, "1"), Constant(1.0, 0, math.inf, 0, "1")])
-def test_what_is_infinite_or_not_determined_is_left_out(value: Constant) -> None:
+def test_infinite_and_undetermined_values_are_omitted(value: Constant) -> None:
     assert population({"S1": fit({"Qm": value})}, {}).constants == {}

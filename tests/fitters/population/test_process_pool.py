@@ -1,4 +1,4 @@
-"""The pool of processes: an end by Ctrl-C or by an error leaves no process and no thread behind."""
+"""The process pool leaves no process and no thread behind after Ctrl-C or an error."""
 
 import multiprocessing
 import threading

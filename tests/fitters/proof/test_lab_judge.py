@@ -1,4 +1,4 @@
-"""What counts as right in the lab world, and how runs are counted, pooled and sealed."""
+"""The scoring of diagnoses in the lab world, and how runs are counted, pooled and sealed."""
 
 import hashlib
 import json
@@ -65,7 +65,7 @@ CASES["null"][0]["also"] = ({"effect": "analyzer-error", "where": ["sweep"], "st
 JUDGED = {name: LabCase(name, *case) for name, case in CASES.items()}
 
 
-def test_every_name_said_has_one_class() -> None:
+def test_every_named_effect_has_one_class() -> None:
     classes = {name: [one for _, one in case.classes] for name, case in JUDGED.items()}
     assert classes == {
         "first": ["right"],
@@ -82,17 +82,17 @@ def test_every_name_said_has_one_class() -> None:
     }
 
 
-def test_another_name_that_is_as_right_counts_and_a_place_may_be_open_in_front() -> None:
+def test_an_equivalent_name_counts_and_the_face_may_be_open() -> None:
     cable = planted("cable", "terminals", accept=("lead-inductance",))
     assert matches(found("lead-inductance", "terminals"), cable)
     assert matches(found("bond-void", "interface:glue1|ml1"), VOID)
     assert not matches(found("bond-void", "interface:ml1|glue2"), VOID)
 
 
-def test_figures_count_each_case_where_it_belongs() -> None:
+def test_metrics_count_each_case_in_its_category() -> None:
     shares = lab_figures(list(JUDGED.values())).shares
     counts = {name: (one.hits, one.of) for name, one in shares.items()}
-    # dominated: first extra second alike doubtful error; `place` holds no dominating one
+    # cases with a dominating effect: first extra second alike doubtful error; `place` has none
     assert counts["dominating effect first"] == (2, 6)
     assert counts["dominating effect first, or in the class said first"] == (3, 6)
     assert counts["every name said right, of cases with a name"] == (3, 5)
@@ -123,7 +123,7 @@ def test_wilson_intervals_are_the_published_ones() -> None:
     assert HitShare(1, 2) + HitShare(3, 4) == HitShare(4, 6)
 
 
-def test_a_constant_has_no_skill_and_knowing_has_all() -> None:
+def test_a_constant_forecast_has_no_skill_and_a_perfect_one_has_all() -> None:
     flags = [True] * 9 + [False]
     constant = calibration([(0.9, flag) for flag in flags])
     assert constant.log_skill == pytest.approx(0, abs=1e-9)
@@ -141,7 +141,7 @@ def seal(folder: Path) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def test_every_sealed_run_stays_in_the_list_and_all_are_pooled(tmp_path: Path) -> None:
+def test_every_sealed_run_is_listed_and_pooled(tmp_path: Path) -> None:
     published, listed = seal(tmp_path), tmp_path / "docs" / "runs.json"
     broken_off = SealedRun("lab", 1001, 5, "v1", "0" * 64, "2026-01-01T00:00")
     enter(listed, broken_off)
@@ -160,14 +160,14 @@ def test_every_sealed_run_stays_in_the_list_and_all_are_pooled(tmp_path: Path) -
         complete(listed, "another", {}, 1.0)
 
 
-def test_a_truth_that_was_changed_is_none(tmp_path: Path) -> None:
+def test_a_changed_truth_is_rejected(tmp_path: Path) -> None:
     published = seal(tmp_path)
     (tmp_path / "truth.json").write_text("{}")
     with pytest.raises(ProofError, match="it was changed"):
         main(tmp_path, published, "", None)
 
 
-def test_what_a_part_adds_is_judged_beside_the_recording_without_it() -> None:
+def test_a_planted_effect_is_judged_against_the_unchanged_recording() -> None:
     part = {"effect": "cable", "where": "terminals", "parameter": "inductance", "size": 1e-8, "source": "x"}
     part |= {"alike": {"lead-inductance": "inductance"}, "moves": 0.1}
     own = answer(found("lead-inductance", "terminals", 0.9, inductance=5e-9), found("leakage", "terminals"))

@@ -1,4 +1,4 @@
-"""Peaks are those that SciPy finds: it is too slow to import for every fit, and the judge here."""
+"""Peaks equal those of SciPy, which is too slow to import for every fit and serves as the reference here."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Sentences about values that no model takes: what, where, what was found, what is allowed."""
+"""Error sentences for values that models refuse: what, where, what was found, what is allowed."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -24,7 +24,7 @@ paths = st.builds(
 )  # fmt: skip
 
 
-def test_as_constructed_there_is_no_fixture():
+def test_by_default_there_is_no_fixture():
     assert Fixture(DEVICE).impedance(F) == pytest.approx(DEVICE.impedance(F), rel=1e-15)
 
 
@@ -34,7 +34,7 @@ def test_lead_and_stray_are_the_textbook_circuit():
     assert seen == pytest.approx(1 / (1 / (DEVICE.impedance(F) + 0.3 + jw * 30e-9) + jw * 2e-12 + 2e-6), rel=1e-13)
 
 
-def test_the_cable_is_scikit_rfs_line():
+def test_the_cable_equals_a_line_of_scikit_rf():
     medium = skrf.media.DefinedGammaZ0(
         skrf.Frequency.from_f(F, unit="hz"), z0=75.0, gamma=2j * np.pi * F / 2e8 + 1e-3 * (1 + 1j) * np.sqrt(F / 1e6)
     )
@@ -55,12 +55,12 @@ def test_residue_is_the_handbooks_first_order_formula():
 
 
 @given(paths)
-def test_a_passive_path_makes_no_energy(fixture):
+def test_a_passive_path_does_not_generate_energy(fixture):
     assert (1 / fixture.impedance(F)).real.min() >= 0
 
 
 @given(paths)
-def test_open_short_load_takes_any_path_away(fixture):
+def test_open_short_load_removes_any_path(fixture):
     def seen(C):
         return Fixture(Lumped(C), *list(vars(fixture).values())[1:]).impedance(F)
 
@@ -71,7 +71,7 @@ def test_open_short_load_takes_any_path_away(fixture):
     assert found == pytest.approx(DEVICE.impedance(F), rel=1e-6)
 
 
-def test_open_short_takes_series_and_shunt_away():
+def test_open_short_removes_series_and_shunt():
     path = {"open": Shunt(5e-12, 1e-6), "short": Series(40e-9, 0.2, 0.05)}
     opened = Fixture(Lumped(1e-30), **path).impedance(F)
     shorted = Fixture(Lumped(1e6), **path).impedance(F)

@@ -4,12 +4,12 @@ import pytest
 from pzctl.models.circuits.lumped import Branch, Lumped, LumpedError
 
 
-def test_resonance_and_quality_are_those_it_was_made_from():
+def test_resonance_and_quality_are_those_of_its_construction():
     branch = Branch.from_resonance(4e6, 80, 1e-10)
     assert (branch.fs, branch.Q, branch.C) == pytest.approx((4e6, 80, 1e-10))
 
 
-def test_at_series_resonance_only_the_resistances_are_left():
+def test_at_series_resonance_only_the_resistances_remain():
     branch = Branch.from_resonance(4e6, 80, 1e-10)
     circuit = Lumped(1e-15, (branch,), R=2.0)
     assert circuit.impedance(np.array([4e6]))[0] == pytest.approx(2.0 + branch.R, rel=1e-4)

@@ -20,13 +20,13 @@ def capacitance(disk, f):
 
 
 def drop_by_kramers_kronig(disk, a, b):
-    """C'(a) - C'(b) from the losses alone: -(2/pi) P int x C''(x) [1/(x^2 - a^2) - 1/(x^2 - b^2)] dx."""
+    """C'(a) - C'(b) from the losses only: -(2/pi) P int x C''(x) [1/(x^2 - a^2) - 1/(x^2 - b^2)] dx."""
     u = np.linspace(np.log(10), np.log(1e9), 1_000_001)
     x = np.exp(u)
     loss = capacitance(disk, x).imag
 
     def integral(at):
-        own = capacitance(disk, np.array([at])).imag[0]  # P int dx/(x^2 - a^2) vanishes: take a C''(a) away
+        own = capacitance(disk, np.array([at])).imag[0]  # P int dx/(x^2 - a^2) vanishes, so a C''(a) may be subtracted
         return np.trapezoid((x * loss - at * own) / (x**2 - at**2) * x, u)
 
     return -2 / np.pi * (integral(a) - integral(b))
@@ -40,27 +40,27 @@ def test_causal_laws_make_a_causal_disk(b):
     assert drop_by_kramers_kronig(CAUSAL, a, b) == pytest.approx(drop, rel=2e-3)
 
 
-def test_constant_loss_does_not():
+def test_constant_loss_is_not_causal():
     a, b = 3e4, 1.5e6
     drop = (capacitance(DISK, np.array([a])) - capacitance(DISK, np.array([b]))).real[0]
     assert abs(drop_by_kramers_kronig(DISK, a, b) / drop - 1) > 0.02
 
 
 @pytest.mark.parametrize("value", [2e-9 - 3e-11j, -2e-9 + 3e-11j, -2e9 - 1e7j])
-def test_a_negative_constant_goes_as_its_negative(value):
+def test_a_negative_constant_mirrors_the_positive_one(value):
     f = np.array([1e4, 2e5, 3e6])
     there, slopes = continued(LAW, value, f)
     opposite, _ = continued(LAW, -value, f)
     assert there == pytest.approx(-opposite, rel=1e-14)
     assert there[1] == pytest.approx(value, rel=1e-14)
-    assert np.diff(np.abs(there)).max() * np.diff(np.abs(there)).min() > 0  # rises or falls throughout
+    assert np.diff(np.abs(there)).max() * np.diff(np.abs(there)).min() > 0  # monotonic
     h = 1e-6 * abs(value)
     for part, unit in (("re", 1), ("im", 1j)):
         difference = (continued(LAW, value + h * unit, f)[0] - continued(LAW, value - h * unit, f)[0]) / (2 * h)
         assert slopes[part] == pytest.approx(difference, rel=1e-8)
 
 
-def test_a_constant_of_zero_has_slopes_too():
+def test_a_constant_of_zero_has_derivatives():
     values, slopes = continued(CONSTANT, 0j, np.array([1e5, 2e5]))
     assert values.tolist() == [0, 0]
     assert slopes["re"].tolist() == [1, 1]

@@ -47,7 +47,7 @@ def test_radial_round_trips_through_every_form(r):
 
 
 @given(radial)
-def test_the_two_planar_couplings_are_two_numbers(r):
+def test_the_two_planar_couplings_differ(r):
     assert r.kp_IEEE**2 == pytest.approx((1 + r.sigma_p) / 2 * r.kp**2 / (1 - r.kp**2), rel=1e-10)
     assert r.eps33p == pytest.approx(r.eps33T * (1 - r.kp**2), rel=1e-10)
 
@@ -118,7 +118,7 @@ def test_clamped_permittivity_carries_both_couplings_exactly(losses):
     assert clamped_permittivity(t.radial.eps33T, t.radial.kp, t.thickness.kt) == pytest.approx(t.eps33S, rel=1e-10)
 
 
-def test_the_thesis_formula_misses_the_planar_coupling():
+def test_the_formula_of_the_thesis_omits_the_planar_coupling():
     t = full_tensor([0.0] * 10)
     assert (t.radial.eps33T * (1 - t.thickness.kt**2)).real / EPS0 == pytest.approx(1403, abs=1)
     assert clamped_permittivity(t.radial.eps33T, t.radial.kp, t.thickness.kt).real / EPS0 == pytest.approx(914)
@@ -130,7 +130,7 @@ def test_published_couplings_of_sherrits_sample():
     assert SHERRIT_RADIAL.sigma_p == pytest.approx(0.3753 * (1 - 0.00664j), abs=1e-4)
 
 
-def test_quality_and_loss_tangent_are_read_off():
+def test_quality_and_loss_tangent_follow_from_constants():
     pz27 = find("Pz27").values
     t = Thickness(*(pz27[name].value for name in ("c33D", "h33", "eps33S")))
     assert (t.Qm, t.tan_delta) == pytest.approx((80, 0.017))

@@ -31,7 +31,7 @@ PIEZO = [m for m in MATERIALS if m.kind == "piezo"]
 
 
 @pytest.mark.parametrize("material", PIEZO, ids=lambda m: m.name)
-def test_the_library_makes_no_energy(material):
+def test_the_library_is_passive(material):
     if {"c33D", "h33", "eps33S"} <= set(material.values):
         assert is_passive(Thickness(*constants(material, "c33D h33 eps33S")).law)
     if {"s11E", "s12E", "d31", "eps33T"} <= set(material.values):
@@ -41,7 +41,7 @@ def test_the_library_makes_no_energy(material):
         assert is_passive(Tensor6mm(*constants(material, names)).law)
 
 
-def test_the_thesis_table_4_7_with_4_3_makes_energy():
+def test_table_4_7_with_4_3_of_the_thesis_is_not_passive():
     # c'' as printed has the sign of exp(-jwt), eps'' that of exp(+jwt)
     eps = (859.8075 - 9.7584j) * 8.854e-12
     printed = Thickness(1.5139e11 * (1 - 0.0095j), 19.8617e8 + 0.098e8j, eps)
@@ -49,7 +49,7 @@ def test_the_thesis_table_4_7_with_4_3_makes_energy():
 
 
 @given(anywhere(6))
-def test_thickness_coordinates_never_leave_passivity(x):
+def test_thickness_coordinates_always_give_passive_constants(x):
     values, _ = thickness_from_coordinates(x)
     made = Thickness(*values)
     assert is_passive(made.law)
@@ -57,7 +57,7 @@ def test_thickness_coordinates_never_leave_passivity(x):
 
 
 @given(anywhere(8))
-def test_radial_coordinates_never_leave_passivity(x):
+def test_radial_coordinates_always_give_passive_constants(x):
     values, _ = radial_from_coordinates(x)
     made = Radial(*values)
     assert is_passive(made.law)
@@ -66,7 +66,7 @@ def test_radial_coordinates_never_leave_passivity(x):
 
 @given(anywhere(20))
 @example(x=np.full(20, 5e-324))
-def test_tensor_coordinates_never_leave_passivity(x):
+def test_tensor_coordinates_always_give_passive_constants(x):
     made = tensor_from_coordinates(x)
     assert is_passive(made.law)
 
@@ -84,7 +84,7 @@ def test_derivatives_by_the_coordinates_are_exact(size, seed):
         assert slopes[:, k] == pytest.approx(difference, rel=1e-7, abs=1e-7 * np.abs(slopes).max())
 
 
-def test_real_constants_survive_the_way_there_and_back():
+def test_real_constants_round_trip():
     values, _ = radial_from_coordinates(radial_coordinates(SHERRIT_RADIAL))
     assert values == pytest.approx(
         [SHERRIT_RADIAL.s11E, SHERRIT_RADIAL.s12E, SHERRIT_RADIAL.d31, SHERRIT_RADIAL.eps33T]

@@ -20,7 +20,7 @@ def test_the_polynomials_follow_the_roots(sigma):
     assert constants.c11p.real == pytest.approx(1, abs=1.5e-4)
 
 
-def test_radial_constants_come_back_from_their_spectrum():
+def test_radial_constants_are_recovered_from_their_spectrum():
     disk = RadialDisk.of("disk", SHERRIT_RADIAL, AREA, 0.5e-3, DENSITY)
     first, second = np.arange(130e3, 300e3, 2.0), np.arange(430e3, 580e3, 2.0)
     Z = disk.impedance(first)
@@ -42,7 +42,7 @@ def test_radial_constants_come_back_from_their_spectrum():
 
 # Accuracy of the closed form itself grows with Q as the reference states.
 @pytest.mark.parametrize(("Q", "of_c", "of_kt2"), [(80, 2e-4, 2e-3), (20, 3e-3, 2.5e-2)])
-def test_thickness_constants_come_back_from_their_spectrum(Q, of_c, of_kt2):
+def test_thickness_constants_are_recovered_from_their_spectrum(Q, of_c, of_kt2):
     truth = Thickness(1.5e11 * (1 + 1j / Q), 1.98e9, 8.1e-9 * (1 - 0.012j))
     layer = Piezo("disk", 0.5e-3, DENSITY, truth.c33D, truth.h33, truth.eps33S)
     plate = Stack((layer,), VACUUM, VACUUM, AREA)

@@ -1,4 +1,4 @@
-"""The radial mode against a direct solution of its differential equation, published numbers and its limits."""
+"""The radial mode compared with a direct solution of its differential equation, published numbers and its limits."""
 
 import mpmath
 import numpy as np
@@ -48,9 +48,9 @@ def test_the_closed_form_solves_the_differential_equation():
 
 
 @given(seed=st.integers(0, 10**6))
-def test_it_makes_no_energy_whatever_the_passive_constants(seed):
+def test_passive_constants_give_a_passive_disk(seed):
     x = np.random.default_rng(seed).uniform(-1, 1, 8)
-    x[4:7] -= 2  # losses of tenths, not of ones
+    x[4:7] -= 2  # loss tangents of tenths, not of one
     scale = np.array([1e-11, 1e-11, np.sqrt(1e-11 * 1e-8), 1e-8])
     constants = Radial(*(radial_from_coordinates(x)[0] * scale))
     disk = RadialDisk.of("disk", constants, AREA, THICKNESS, DENSITY)
@@ -79,7 +79,7 @@ def test_resonances_are_the_tabulated_roots(sigma, roots, digit):
         assert Y[0].imag > 0 > Y[1].imag
 
 
-def test_bessel_quotient_keeps_its_digits_from_40_hz_to_heavy_loss():
+def test_the_bessel_quotient_is_accurate_from_40_hz_to_heavy_loss():
     sigma = 0.31 + 0.02j
     for eta in (1e-4, 0.5 + 0.01j, 3.8317059702, 40 - 0.3j, 300 - 900j):
         found = RadialResonance.at(np.array([eta + 0j]), np.array([sigma]))
@@ -93,7 +93,7 @@ def test_bessel_quotient_keeps_its_digits_from_40_hz_to_heavy_loss():
         assert found.by_log_eta[0] == pytest.approx(slope, rel=1e-9, abs=1e-12 * abs(exact))
 
 
-def test_finite_thickness_moves_the_modes_as_plate_theory_and_finite_elements_have_it():
+def test_finite_thickness_shifts_modes_as_in_plate_theory_and_finite_elements():
     v = find("PZT-5A").values
     constants = Radial(*(v[key].value.real for key in ("s11E", "s12E", "d31", "eps33T")))
     thin = RadialDisk.of("disk", constants, AREA, THICKNESS, DENSITY)
@@ -117,7 +117,7 @@ def test_finite_thickness_moves_the_modes_as_plate_theory_and_finite_elements_ha
 
 
 @given(seed=st.integers(0, 10**6), f=st.floats(1e5, 1e7))
-def test_mass_of_motion_through_the_thickness_makes_no_energy(seed, f):
+def test_the_inertia_of_thickening_does_not_generate_energy(seed, f):
     x = np.random.default_rng(seed).uniform(-1, 1, 8)
     x[4:7] -= 2
     scale = np.array([1e-11, 1e-11, np.sqrt(1e-11 * 1e-8), 1e-8])
@@ -134,35 +134,35 @@ def both():
     return BothModes.of(Stack((plate,), VACUUM, VACUUM, AREA), "disk", radial), radial
 
 
-def test_both_modes_join_with_one_set_of_capacitances():
+def test_both_modes_share_one_set_of_capacitances():
     disk, radial = both()
     assert disk.radial.eps33T == pytest.approx(radial.eps33T, rel=1e-9)
     C = 1 / (2j * np.pi * 40 * disk.impedance(np.array([40.0]))[0])
     assert pytest.approx(radial.eps33T * AREA / THICKNESS, rel=1e-5) == C
 
 
-def test_both_modes_make_no_energy():
+def test_both_modes_together_are_passive():
     disk, _ = both()
     disk = disk.replace({"disk.alpha": 0.66, "disk.d33f": 1.4e-10})
     assert (1 / disk.impedance(np.geomspace(1e3, 3e7, 20001))).real.min() > 0
 
 
-def test_both_modes_show_each_mode_in_its_band():
+def test_both_modes_reproduce_each_mode_in_its_band():
     disk, radial = both()
     thin = RadialDisk.of("disk", radial, AREA, THICKNESS, 7700)
     low, high = np.linspace(1e5, 3e5, 401), np.array([20e6, 30e6])
-    # the thickness mode's own stiffness is felt as (f/fp)^2: 7e-4 of the capacitance at 300 kHz
+    # the thickness mode contributes (f/fp)^2: 7e-4 of the capacitance at 300 kHz
     assert np.abs(np.log(disk.impedance(low) / thin.impedance(low))).max() < 0.02
     assert np.abs(disk.impedance(high) / disk.stack.impedance(high) - 1).max() < 0.05
 
 
-def test_causal_laws_keep_the_reference_value_and_move_the_rest():
+def test_causal_laws_keep_the_value_at_the_reference_frequency():
     law = CausalConstantQ(2e5)
     causal = RadialDisk.of("disk", SHERRIT_RADIAL, AREA, THICKNESS, DENSITY)
     causal = RadialDisk(type(causal.arm)(**{**vars(causal.arm), "laws": {"s12E": law, "d31": law}}), causal.eps33T)
     at, off = np.array([2e5]), np.array([2e6])
     assert causal.impedance(at) == pytest.approx(DISK.impedance(at), rel=1e-12)
-    # a compliance falls with frequency in size, whatever its sign: (2/pi) 0.02496 per e-fold
+    # the magnitude of a compliance falls with frequency, whatever its sign: (2/pi) 0.02496 per e-fold
     s12, _ = causal.arm.constants(off)["s12E"]
     assert s12[0] == pytest.approx(SHERRIT_RADIAL.s12E * 10 ** (-2 / np.pi * np.arctan(0.02496)), rel=1e-9)
 
@@ -174,7 +174,7 @@ def test_a_disk_that_cannot_exist_is_refused():
         RadialDisk.of("disk", Radial(1e-12, -2e-12, -1e-10, 1e-8), AREA, THICKNESS, DENSITY)
 
 
-def test_a_real_disk_is_described_to_a_percent(recordings):
+def test_a_real_disk_is_described_to_one_percent(recordings):
     # 35 mm x 2 mm; constants of a thin-disk fit, no fit here
     tables = [np.loadtxt(recordings / "disk-35x2" / f"radial-mode-{k}.csv", delimiter=",", skiprows=1) for k in (1, 2)]
     f, size, degrees = np.concatenate(tables).T

@@ -1,4 +1,4 @@
-"""The disk in r and z against what is known otherwise: plate, thin disk, rod, statics, a strong-form solution."""
+"""The disk in r and z compared with independent results: plate, thin disk, rod, statics, a strong-form solution."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def disk(reduced, ratio=5.0, thickness=2e-3, tensor=TENSOR, law=CAUSAL):
     return Disk2D("disk", tensor, area, thickness, DENSITY, reduced, law)
 
 
-def test_without_motion_in_the_plane_the_disk_is_the_plate_of_one_dimension():
+def test_without_in_plane_motion_the_disk_is_a_one_dimensional_plate():
     line = LineElements(np.linspace(0, 1, 3), 4)
     clamped = FullDisk(assemble(line, LineElements(np.array([0.0, 0.5, 1.0]), 10), move_in_plane=False))
     plate = TENSOR.thickness
@@ -50,7 +50,7 @@ def test_without_motion_in_the_plane_the_disk_is_the_plate_of_one_dimension():
     np.testing.assert_allclose(Y * stack.impedance(f), 1, atol=1e-6)
 
 
-def test_far_below_resonance_the_capacitance_is_that_of_the_free_permittivity():
+def test_far_below_resonance_the_capacitance_has_the_free_permittivity():
     shape = Shape(1e-2, 2e-3, DENSITY)
     found = FullDisk.of(10).capacitance(shape, C, np.array([1.0]))[0]
     assert found == pytest.approx(TENSOR.radial.eps33T * np.pi * 1e-4 / 2e-3, rel=1e-8)
@@ -61,7 +61,7 @@ def resonance(full, shape, low, high):
     return brentq(lambda f: 1 / full.capacitance(shape, C.real + 0j, np.array([f]))[0].real, low, high, xtol=1e-2)
 
 
-def test_towards_a_thin_disk_the_resonance_becomes_that_of_bessel_as_thickness_squared():
+def test_the_thin_disk_limit_is_reached_as_thickness_squared():
     lossless = Tensor6mm(*C.real).radial
     sigma, speed = lossless.sigma_p.real, np.sqrt(lossless.c11p.real / DENSITY)
     eta = brentq(lambda x: x * j0(x) / j1(x) - 1 + sigma, 1.8, 2.3)
@@ -89,7 +89,7 @@ def test_a_slender_rod_has_the_length_mode_of_k33():
         x = brentq(lambda x: k2 * np.tan(x) - x, 0.5, np.pi / 2 - 1e-6)
         return series / (parallel * 2 * x / np.pi) - 1
 
-    # what is left is the mass of motion across (Rayleigh) and the field beside the axis, both as radius squared
+    # the remaining difference is lateral inertia (Rayleigh) and the field beside the axis, both as radius squared
     assert abs(off(0.25e-3)) < 1e-3
     assert off(0.5e-3) / off(0.25e-3) == pytest.approx(4, rel=0.1)
 
@@ -104,8 +104,8 @@ def chebyshev(n):
 def strong_form(shape, constants, frequency, nr, nz):
     """Y/(jw) by collocation of the differential equations and boundary conditions on a Chebyshev tensor grid.
 
-    Nothing in common with finite elements: no variation, no quadrature of energy. Odd nr: no point on the axis, the
-    functions' parity in r and z folds the grid to a quarter.
+    It shares nothing with finite elements: no variational form, no quadrature of energy. Odd nr: no point on the axis,
+    the functions' parity in r and z folds the grid to a quarter.
     """
     c11, c12, c13, c33, c44, e31, e33, e15, p11, p33 = constants
     a, b = shape.radius, shape.thickness / 2
@@ -198,7 +198,7 @@ def test_a_general_finite_element_package_agrees(ratio, name):
     assert places[0] == pytest.approx(places[1], rel=1e-6)
 
 
-def test_a_finer_mesh_changes_nothing(five):
+def test_a_finer_mesh_does_not_change_the_result(five):
     shape, f = Shape(5e-3, 2e-3, DENSITY), np.array([0.3e6, 1.0e6, 1.6e6])
     ratio = FullDisk.of(5, finer=1).capacitance(shape, C, f) / five[0].capacitance(shape, C, f)
     np.testing.assert_allclose(ratio, 1, atol=5e-6)
@@ -206,7 +206,7 @@ def test_a_finer_mesh_changes_nothing(five):
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=8, deadline=None)
-def test_the_reduced_disk_is_the_full_one_for_any_pzt_of_its_box(five, seed):
+def test_the_reduced_disk_equals_the_full_one_within_its_box(five, seed):
     full, reduced = five
     rng = np.random.default_rng(seed)
     tan = np.where(np.arange(10) < 5, rng.uniform(0.005, 0.02), np.where(np.arange(10) < 8, 0.0, -0.015))
@@ -237,7 +237,7 @@ def test_constants_that_are_not_finite_are_refused(five):
         disk(five[1]).replace({"disk.c33E.re": np.nan}).impedance(np.linspace(1e5, 1e6, 11))
 
 
-def test_the_estimate_is_above_the_error_and_enrichment_follows_it(five):
+def test_the_estimate_bounds_the_error_and_guides_enrichment(five):
     full, reduced = five
     far = np.tile(C.real * np.array([1.9, 1.6, 1.7, 0.6, 2.2, 2.5, 0.5, 2, 3, 0.4]) * (1 + 0.01j), (5, 1))
     f, shape = np.array([0.2e6, 0.7e6, 1.1e6, 1.4e6, 1.6e6]), Shape(5.4e-3, 2e-3, DENSITY)
@@ -268,27 +268,27 @@ def test_sizes_scale(five):
     np.testing.assert_allclose(two.impedance(f / 2), one.impedance(f), rtol=1e-9)
 
 
-def test_slopes_give_the_same_capacitance(five):
+def test_derivatives_come_with_the_same_capacitance(five):
     f = np.linspace(0.1e6, 1.5e6, 50)
     c, shape = np.tile(C, (50, 1)), Shape(5e-3, 2e-3, DENSITY)
     np.testing.assert_allclose(slopes(five[1], shape, c, f).capacitance, capacitance(five[1], shape, c, f), rtol=1e-12)
 
 
-def test_a_rough_curve_is_right_to_a_thousandth_or_so(five):
+def test_a_rough_curve_is_accurate_to_about_a_thousandth(five):
     f = np.linspace(0.1e6, 1.5e6, 301)
     exact = disk(five[1])
     rough = replace(exact, rough=True).impedance(f) / exact.impedance(f)
     assert 1e-7 < np.abs(rough - 1).max() < 5e-3
 
 
-def test_few_frequencies_give_what_many_give(five):
+def test_results_do_not_depend_on_the_number_of_frequencies(five):
     model, f = disk(five[1]), np.linspace(0.1e6, 1.5e6, 301)
     many = model.impedance(f)
     for k in ([150], [150, 151], [299, 20, 150]):
         np.testing.assert_allclose(model.impedance(f[k]), many[k], rtol=2e-3)
 
 
-def test_the_reduced_disk_with_short_electrodes_is_the_whole_section_with_them():
+def test_the_reduced_disk_equals_the_full_section_with_short_electrodes():
     ratio, electrode, f, some = 2.0, 0.85, np.linspace(0.1e6, 1.5e6, 201), slice(5, None, 60)
     full = FullDisk.of(ratio, electrode=electrode)
     reduced = ReducedDisk.of(

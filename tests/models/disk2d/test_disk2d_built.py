@@ -1,4 +1,4 @@
-"""The disk with layers, short electrodes, and masses on it, against one dimension, conformal mapping, and itself."""
+"""The disk with layers, short electrodes and masses, compared with one dimension, conformal mapping, and itself."""
 
 from dataclasses import replace
 
@@ -31,19 +31,19 @@ def plate(layers, mass=0.0, law=None):
     return Stack((*made[:1], ceramic, *made[1:], *ends), VACUUM, VACUUM, np.pi * BARE.radius**2)
 
 
-def test_with_nothing_on_it_the_whole_section_is_the_half():
+def test_a_bare_full_section_equals_the_half_section():
     constants = np.array([getattr(TENSOR, name) for name in CONSTANTS])
     half = FullDisk.of(1).capacitance(Shape(1e-3, T, DENSITY), constants, F)
     np.testing.assert_allclose(2j * np.pi * F * half * BARE.impedance(F), 1, atol=1e-9)
 
 
-def test_without_motion_in_the_plane_layers_are_those_of_the_stack():
+def test_without_in_plane_motion_layers_equal_the_stacks():
     clamped = replace(BARE, back=(BACKING,), front=(GLUE, MATCHING), clamped=True)
     f = np.linspace(0.1e6, 1.6e6, 4)
     np.testing.assert_allclose(clamped.impedance(f) / plate((BACKING, GLUE, MATCHING)).impedance(f), 1, atol=1e-6)
 
 
-def test_without_motion_in_the_plane_mass_all_over_a_face_is_that_of_the_stack():
+def test_without_in_plane_motion_a_face_mass_equals_the_stacks():
     area = np.pi * BARE.radius**2
     mass = RingMass(Ring("front", 0.0, 1.0), 0.3 * area)
     loaded = replace(BARE, masses=(mass,), clamped=True).impedance(F)
@@ -51,13 +51,13 @@ def test_without_motion_in_the_plane_mass_all_over_a_face_is_that_of_the_stack()
     assert np.abs(loaded / replace(BARE, clamped=True).impedance(F) - 1).max() > 0.01
 
 
-def test_a_spot_and_the_ring_around_it_are_mass_all_over():
+def test_a_spot_and_its_ring_equal_a_uniform_mass():
     whole = replace(BARE, masses=(RingMass(Ring("back", 0.0, 1.0), 4e-6),))
     parts = (RingMass(Ring("back", 0.0, 0.5), 1e-6), RingMass(Ring("back", 0.5, 1.0), 3e-6))
     np.testing.assert_allclose(replace(BARE, masses=parts).impedance(F) / whole.impedance(F), 1, atol=1e-4)
 
 
-def test_a_thin_soft_layer_is_its_mass_in_all_directions():
+def test_a_thin_soft_layer_acts_as_a_mass_in_all_directions():
     film = Bonded("film", 1e-6, 20e3 * 300.0, 300.0, 1e3, 0.3)
     mass = RingMass(Ring("front", 0.0, 1.0), 20e3 * 1e-6 * np.pi * BARE.radius**2)
     with_film, with_mass = (replace(BARE, **kind).impedance(F) for kind in ({"front": (film,)}, {"masses": (mass,)}))
@@ -66,7 +66,7 @@ def test_a_thin_soft_layer_is_its_mass_in_all_directions():
     assert np.abs(with_film / with_mass - 1).max() < 0.01 * moved
 
 
-def test_a_layer_in_two_parts_is_the_layer():
+def test_a_layer_in_two_parts_equals_the_whole():
     parts = (replace(MATCHING, thickness=0.25e-3), replace(MATCHING, thickness=0.3e-3))
     one, two = (replace(BARE, front=layers).impedance(F) for layers in ((MATCHING,), parts))
     np.testing.assert_allclose(one / two, 1, atol=5e-4)
@@ -79,7 +79,7 @@ def test_electrodes_to_the_rim_are_the_limit_of_short_ones():
 
 
 def test_far_below_resonance_short_electrodes_have_the_fringe_of_conformal_mapping():
-    # stiff and without piezoelectricity: a dielectric slab; its field reaches t/pi ln 2 sqrt(eps11/eps33) beside them
+    # stiff and without piezoelectricity: a dielectric slab; its field reaches t/pi ln 2 sqrt(eps11/eps33) beyond them
     dead = Tensor6mm(1e11, 3e10, 3e10, 1e11, 3e10, 0.0, 0.0, 0.0, 2e-9, 8e-9)
     disk = BuiltDisk(dead, 3e-3, T, DENSITY, electrode=0.7)
     f = np.array([1e3])
@@ -88,7 +88,7 @@ def test_far_below_resonance_short_electrodes_have_the_fringe_of_conformal_mappi
     assert reach == pytest.approx(T * np.log(2) / np.pi / 2, rel=0.03)
 
 
-def test_a_finer_mesh_changes_next_to_nothing():
+def test_a_finer_mesh_hardly_changes_the_result():
     built = replace(BARE, front=(MATCHING,))
     np.testing.assert_allclose(replace(built, finer=1).impedance(F) / built.impedance(F), 1, atol=3e-4)
 
@@ -98,7 +98,7 @@ def test_losses_of_layers_are_causal():
     there = replace(BARE, front=(MATCHING,))
     np.testing.assert_allclose(
         replace(there, law=law).impedance(F[:1]) / there.impedance(F[:1]), 1, atol=1e-12
-    )  # at its reference the law is no other
+    )  # at its reference frequency the law is the same
     assert np.abs(replace(there, law=law).impedance(F[1:]) / there.impedance(F[1:]) - 1)[0] > 1e-3
 
 
@@ -117,6 +117,6 @@ def test_shear_speed_or_poissons_ratio():
         (lambda: replace(BARE, masses=(RingMass(Ring("back", 0.5, 0.2), 1e-6),)), "from 0.5 to 0.2"),
     ],
 )
-def test_what_cannot_be_is_refused(make, says):
+def test_impossible_layers_are_refused(make, says):
     with pytest.raises(StackError, match=says):
         make()

@@ -1,4 +1,4 @@
-"""Radial modes of a disk of finite thickness against a direct solution in both dimensions.
+"""Radial modes of a disk of finite thickness compared with a direct solution in both dimensions.
 
 Ritz's method for the free, electroded disk of class 6mm: displacements and potential as Legendre polynomials of r^2
 and z, the energies integrated by Gauss's rule. It shares no equation with the radial model.
@@ -52,7 +52,7 @@ def ritz(thickness, frequency, nr=14, nz=5):
         both(none_u, grid(P, dQ[:, odd]) / b),
         both(grid(xc * P, dQ[:, even]) / b, grid(dP, Q[:, odd]) / a),
     )
-    lid = (1 - z**2)[:, None]  # the potential within, which vanishes on the electrodes
+    lid = (1 - z**2)[:, None]  # the inner potential, which vanishes on the electrodes
     fields = (
         grid(dP, lid * Q[:, odd]) / a,
         grid(P, lid * dQ[:, odd] - 2 * z[:, None] * Q[:, odd]) / b,
@@ -64,7 +64,7 @@ def ritz(thickness, frequency, nr=14, nz=5):
     M = DENSITY * sum((u.T * w) @ u for u in (both(U, none_w), both(none_u, W)))
     coupling = sum(e[k, i] * (strains[i].T * w) @ fields[k] for k in range(2) for i in range(4))
     inner = -sum(eps[k] * (fields[k].T * w) @ fields[k] for k in range(2))
-    volt = np.full(len(w), 1 / thickness)  # field of one volt
+    volt = np.full(len(w), 1 / thickness)  # field at one volt
     force = sum(e[1, i] * (strains[i].T * w) @ volt for i in range(4))
     charge = -eps[1] * (fields[1].T * w) @ volt
     K = K - coupling @ np.linalg.solve(inner, coupling.T)
@@ -75,7 +75,7 @@ def ritz(thickness, frequency, nr=14, nz=5):
 
 
 def models(thickness):
-    """The radial disk and the disk with both modes: thin, and with the mass of thickening."""
+    """The radial disk and the disk with both modes: thin, and with the inertia of thickening."""
     radial = TENSOR.radial
     thin = RadialDisk.of("disk", radial, AREA, thickness, DENSITY)
     plate = TENSOR.thickness
@@ -93,16 +93,16 @@ def misfits(thickness, frequency, nr=14, nz=5):
     }
 
 
-# The first three radial modes; what is left falls with the fourth power of thickness over diameter.
+# The first three radial modes; the remaining error falls with the fourth power of thickness over diameter.
 @pytest.mark.parametrize(("ratio", "most"), [(20, 0.006), (40, 0.0006)])
-def test_mass_of_thickening_explains_the_disk_of_finite_thickness(ratio, most):
+def test_the_inertia_of_thickening_explains_finite_thickness(ratio, most):
     misfit = misfits(2 * RADIUS / ratio, np.linspace(1e5, 8e5, 71))
     assert misfit["radial"] < most
     assert misfit["both"] < most
     assert misfit["thin"] > 20 * misfit["radial"]
 
 
-def test_above_the_thickness_mode_the_disk_is_a_plate_again():
+def test_above_the_thickness_mode_the_disk_is_a_plate():
     fp = TENSOR.thickness.speed(DENSITY).real / (2 * 0.5e-3)
     assert misfits(0.5e-3, np.linspace(1.3 * fp, 1.8 * fp, 4), nr=48, nz=7)["both"] < 0.004
 

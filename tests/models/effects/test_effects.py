@@ -1,4 +1,4 @@
-"""The catalogue: what must hold for every effect at every place, whatever the stack."""
+"""The catalogue: properties of every effect at every place in any stack."""
 
 import shutil
 import subprocess
@@ -34,7 +34,7 @@ def around(value: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def stacks(draw: st.DrawFn) -> Stack:
-    """A disk with none to four layers before and behind it, passive, sometimes on a backing."""
+    """A passive disk with up to four layers in front of it and behind it, sometimes on a backing."""
     law = draw(st.sampled_from([None, CausalConstantQ(4e6)]))
     laws = {} if law is None else {"c_law": law, "h_law": law, "eps_law": law}
     c33D = draw(around(1.45e11)) * complex(1, draw(st.floats(0.005, 0.03)))
@@ -84,7 +84,7 @@ def test_every_effect_of_the_design_is_there_and_speaks() -> None:
 
 @settings(deadline=None, max_examples=60)
 @given(stacks())
-def test_at_null_the_model_is_the_one_without_the_effect(stack: Stack) -> None:
+def test_at_its_null_value_an_effect_changes_nothing(stack: Stack) -> None:
     Z = stack.impedance(F)
     for effect in catalogue():
         for where in effect.places(stack):
@@ -95,7 +95,7 @@ def test_at_null_the_model_is_the_one_without_the_effect(stack: Stack) -> None:
 
 @settings(deadline=None, max_examples=15)
 @given(stacks())
-def test_every_effect_is_felt_at_null_by_its_first_knob(stack: Stack) -> None:
+def test_the_first_parameter_of_every_effect_has_a_derivative_at_null(stack: Stack) -> None:
     for effect in catalogue():
         for where in effect.places(stack):
             for knob in effect.effect_parameters(stack, where):
@@ -111,7 +111,7 @@ def test_every_effect_is_felt_at_null_by_its_first_knob(stack: Stack) -> None:
 
 
 def differences(device: Device, name: str) -> tuple[np.ndarray, float]:
-    """d ln Z / d name by a sixth-order difference, and its rounding."""
+    """d ln Z / d name by a sixth-order difference, and its rounding error."""
     value = device.parameters()[name]
     h = 1e-4 * (1e6 if name == "disk.h33.im" else abs(value))
     Z = device.impedance(F)
@@ -121,7 +121,7 @@ def differences(device: Device, name: str) -> tuple[np.ndarray, float]:
 
 @settings(deadline=None, max_examples=25)
 @given(devices())
-def test_derivatives_by_the_stacks_parameters_are_exact_whatever_was_added(device: Device) -> None:
+def test_derivatives_by_the_stacks_parameters_are_exact_with_any_effects(device: Device) -> None:
     names = list(device.bare.parameters())
     _, J = device.jacobian(F, names)
     for name, row in zip(names, J, strict=True):
@@ -140,8 +140,8 @@ def test_the_order_in_which_effects_are_added_does_not_matter(device: Device, ra
 
 @settings(deadline=None, max_examples=100)
 @given(devices([effect for effect in LINEAR if effect.name not in ("spurious-resonance", "dielectric-dispersion")]))
-def test_what_is_added_gives_no_energy(device: Device) -> None:
-    """A residue turned by a phase, or a permittivity bent against causality, may: those two describe, not explain."""
+def test_effects_do_not_generate_energy(device: Device) -> None:
+    """Exceptions are a residue with a phase and a non-causal permittivity, which only describe data."""
     Z = device.impedance(WIDE)
     assert np.all(np.isfinite(Z))
     assert np.all(Z.real >= -1e-10 * np.abs(Z))
@@ -149,7 +149,7 @@ def test_what_is_added_gives_no_energy(device: Device) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(devices(catalogue()), st.sampled_from([-1e30, 1e30]))
-def test_no_value_whatever_breaks_a_device(device: Device, extreme: float) -> None:
+def test_no_parameter_value_breaks_a_device(device: Device, extreme: float) -> None:
     own = device.bare.parameters()
     bounded = {
         one.prefix + knob.name
@@ -162,7 +162,7 @@ def test_no_value_whatever_breaks_a_device(device: Device, extreme: float) -> No
 
 
 def test_a_new_effect_is_one_new_file(tmp_path: Path) -> None:
-    """In a copy of the package: a file more, and the catalogue has it."""
+    """In a copy of the package, one more file adds the effect to the catalogue."""
     root = Path(pzctl.__path__[0])
     copy = tmp_path / "pzctl"
     shutil.copytree(root / "models", copy / "models", ignore=shutil.ignore_patterns("__pycache__"))
@@ -173,6 +173,6 @@ def test_a_new_effect_is_one_new_file(tmp_path: Path) -> None:
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
         "from pzctl.models.effects import find_effect as f; print(f('moonlight').name, f('leakage').name)"
     )
-    # -I: neither PYTHONPATH nor PYTHONSAFEPATH of this run may lead the child to another copy of the package.
+    # -I: PYTHONPATH and PYTHONSAFEPATH of this run must not make the child import another copy of the package.
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=False)
     assert run.stdout.split() == ["moonlight", "leakage"], run.stderr

@@ -1,4 +1,4 @@
-"""Each effect's physics against something that shares no code with it: circuits, wave equations, integrals, laws."""
+"""Each effect's physics compared with independent code: circuits, wave equations, integrals, laws."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def shooting(h, f: float, mass_back: float = 0.0, mass_front: float = 0.0, front
     return complex((driven[2] + share * free[2]) / (1j * w * D * AREA))
 
 
-def test_terminals_are_the_circuits_they_are_named_after() -> None:
+def test_terminal_effects_are_the_circuits_of_their_names() -> None:
     Z = BARE.impedance(F)
     wire = added("series-resistance", "terminals", resistance=0.3, skin=0.1).impedance(F)
     close(wire, Z + 0.3 + 0.1 * (1 + 1j) * np.sqrt(F / 1e6))
@@ -58,7 +58,7 @@ def test_terminals_are_the_circuits_they_are_named_after() -> None:
     close(added("leakage", "terminals", conductance=1e-5).impedance(F), 1 / (1 / Z + 1e-5))
 
 
-def test_a_cable_is_its_ladder_of_short_pieces() -> None:
+def test_a_cable_equals_a_ladder_of_short_pieces() -> None:
     length, Z0, n = 0.8, 60.0, 20000
     Z = BARE.impedance(F)
     L, C = Z0 / 2e8 * length / n, length / n / (Z0 * 2e8)
@@ -68,8 +68,8 @@ def test_a_cable_is_its_ladder_of_short_pieces() -> None:
     close(added("cable", "terminals", inductance=Z0 * length / 2e8, impedance=Z0).impedance(F), Z, 1e-7)
 
 
-def test_leads_and_stray_stand_where_they_do_in_the_world() -> None:
-    """Beside the device, then the wire, then the cable, whatever was found first."""
+def test_leads_stray_and_cable_are_in_physical_order() -> None:
+    """In parallel with the device, then the wire, then the cable, in whatever order they were found."""
     device = Device(BARE)
     for name, knob, value in (
         ("cable", "inductance", 1.25e-7),
@@ -102,7 +102,7 @@ def test_masses_and_a_liquid_solve_the_wave_equation() -> None:
     close(device.impedance(F), np.array(expected), 2e-7)
 
 
-def test_a_light_mass_lowers_the_antiresonance_as_sauerbrey_says() -> None:
+def test_a_light_mass_lowers_the_antiresonance_by_sauerbreys_equation() -> None:
     stack = Stack((Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1e-5j), 1.98e9, 8.09e-9),), VACUUM, VACUUM, AREA)
     m = 1e-4 * 7700 * 0.5e-3
     f = np.linspace(4.32e6, 4.34e6, 40001)
@@ -112,13 +112,13 @@ def test_a_light_mass_lowers_the_antiresonance_as_sauerbrey_says() -> None:
     assert after / before - 1 == pytest.approx(-1e-4, rel=0.02)
 
 
-def test_a_jig_is_a_support_of_the_same_resistance_and_spring() -> None:
+def test_a_jig_equals_a_support_of_the_same_resistance_and_spring() -> None:
     Z = added("face-load", "face:back", Stack((DISK,), VACUUM, AIR, AREA), resistance=5e4, stiffness=1e12)
     close(Z.impedance(F), Stack((DISK,), Support("jig", 5e4, 1e12), AIR, AREA).impedance(F))
 
 
-def test_an_echoing_backing_is_a_long_layer_with_a_free_rear() -> None:
-    """A constant Q makes exp(-w delay/2Q) of the amplitude; its loss turns its impedance, too."""
+def test_a_finite_backing_equals_a_long_layer_with_a_free_rear() -> None:
+    """A constant Q multiplies the amplitude by exp(-w delay/2Q); its loss also makes the impedance complex."""
     z, c, q, length = 5e6, 2000.0, 40.0, 3e-3
     f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
     delay = 2 * length / c
@@ -137,7 +137,7 @@ def test_an_echoing_backing_is_a_long_layer_with_a_free_rear() -> None:
     close(Z, expected, 1e-9)
 
 
-def test_parts_of_the_face_stand_side_by_side() -> None:
+def test_parts_of_the_face_act_in_parallel() -> None:
     Z, free = GLUED.impedance(F), BARE.impedance(F)
     for where in ("interface:disk|glue1", "layer:glue1"):
         close(added("bond-void", where, GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / free))
@@ -148,7 +148,7 @@ def test_parts_of_the_face_stand_side_by_side() -> None:
     close(dot, 1 / (0.97 / Z + 0.03 / loaded))
 
 
-def test_a_void_takes_with_it_what_lies_beyond() -> None:
+def test_a_void_also_removes_the_layers_beyond_it() -> None:
     device = added("electrode-mass", "face:front", GLUED, mass=0.05)
     device = device.with_effect(find_effect("bond-void"), "interface:disk|glue1", {"fraction": 0.2})
     heavy = Stack((DISK, GLUE, ML1, Mass("ink", 0.05)), AIR, WATER, AREA).impedance(F)
@@ -156,7 +156,7 @@ def test_a_void_takes_with_it_what_lies_beyond() -> None:
 
 
 @pytest.mark.parametrize(("w", "shape"), [(0.004, 1.0), (0.02, 1.0), (0.01, 0.6), (0.01, 1.5), (0.01, 6.0)])
-def test_strips_are_the_integral_over_the_thickness(w: float, shape: float) -> None:
+def test_strips_equal_the_integral_over_the_thickness(w: float, shape: float) -> None:
     Z = added("thickness-variation", "layer:disk", variance=w**2 / (2 * shape + 1), shape=shape).impedance(F)
 
     def strip(angle: float) -> np.ndarray:  # x = cos(angle): no density has a pole there
@@ -168,7 +168,7 @@ def test_strips_are_the_integral_over_the_thickness(w: float, shape: float) -> N
     close(Z, mean[-1] / mean[:-1], 1e-7)
 
 
-def test_dispersion_is_that_of_the_causal_laws() -> None:
+def test_dispersion_equals_that_of_the_causal_laws() -> None:
     f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
 
     def lawful(disk: Piezo, **laws) -> Stack:
@@ -185,7 +185,7 @@ def test_dispersion_is_that_of_the_causal_laws() -> None:
     close(Z, lawful(DISK, eps_law=CausalConstantQ(f0)).impedance(F))
 
 
-def test_a_spurious_resonance_is_a_series_circuit_beside_the_device() -> None:
+def test_a_spurious_resonance_is_a_series_circuit_parallel_to_the_device() -> None:
     f_k, q, strength = 3.9e6, 50.0, 2e-3
     C0 = DISK.eps33S.real * AREA / DISK.thickness
     C, w_k = strength * C0, 2 * np.pi * f_k
@@ -208,7 +208,7 @@ def test_the_comb_of_a_finite_disk_has_the_spacing_of_its_diameter() -> None:
     assert ripples[20e-3] == pytest.approx(3000.0 / 20e-3, rel=0.02)
 
 
-def test_a_sweep_that_lags_reads_the_past() -> None:
+def test_a_lagging_sweep_reads_earlier_values() -> None:
     for direction, sign in (("up", -1), ("down", 1)):
         late = added("sweep-lag", "sweep", conditions=Conditions(direction), lag=2000.0, memory=0.0).impedance(F)
         close(late, BARE.impedance(F + sign * 2000.0))
@@ -217,7 +217,7 @@ def test_a_sweep_that_lags_reads_the_past() -> None:
         close(settling, 1 / Y, 1e-6)
 
 
-def test_polarity_turns_signs_and_the_derivatives_with_them() -> None:
+def test_polarity_inverts_the_impedance_and_its_derivatives() -> None:
     Z, J = BARE.jacobian(F, ["disk.thickness"])
     for inverted, conjugated in ((0, 1), (1, 0), (1, 1)):
         device = added("polarity", "terminals", inverted=inverted, conjugated=conjugated)
@@ -227,8 +227,8 @@ def test_polarity_turns_signs_and_the_derivatives_with_them() -> None:
         close(slopes, turn(J))
 
 
-def test_the_drive_bends_the_series_resonance_and_finds_its_own_strain() -> None:
-    """Point by point with a root finder, from the field of the disk's own current; the antiresonance hardly moves."""
+def test_drive_nonlinearity_lowers_the_series_resonance_self_consistently() -> None:
+    """Compared with a root finder at each point, from the disk's own field; the antiresonance hardly moves."""
     a, r, level = 2000.0, 0.4, 0.5
     f = np.linspace(3.4e6, 4.6e6, 25)
     Z = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=level), softening=a, loss=r).impedance(
@@ -253,8 +253,8 @@ def test_the_drive_bends_the_series_resonance_and_finds_its_own_strain() -> None
     close(halved, BARE.impedance(f), 1e-6)
 
 
-def test_a_drift_turns_round_with_the_sweep() -> None:
-    """It begins with the device as it was; to first order, up and down together show the whole drift everywhere."""
+def test_a_drift_is_reversed_by_the_sweep_direction() -> None:
+    """It begins with the unchanged device; to first order, up and down together show the whole drift everywhere."""
     Z = BARE.impedance(F)
     up, down = (
         np.log(added("temperature-drift", "sweep", conditions=Conditions(d), relative=1e-5).impedance(F) / Z)
@@ -268,7 +268,7 @@ def test_a_drift_turns_round_with_the_sweep() -> None:
     assert up[-1] == pytest.approx(whole[-1], rel=1e-3)
 
 
-def test_a_strong_drift_shows_each_point_the_device_of_its_moment() -> None:
+def test_a_strong_drift_uses_the_device_at_each_points_time() -> None:
     f = np.linspace(3.8e6, 4.6e6, 401)
     drifted = Device(BARE).with_effect(find_effect("temperature-drift"), "sweep", {"relative": 2e-3}).impedance(f)
     for k in range(0, 401, 50):

@@ -1,4 +1,4 @@
-"""Learned corrections: where they act, that their laws are passive, and what the simplest of them amount to."""
+"""Learned corrections: they act at their places, their laws are passive, and the simplest equal catalogue effects."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def _less_at_reference(law: Law, values: dict[str, float], sign: int) -> float:
         ("shunt", "inertance", "stray-capacitance", "capacitance"),
     ],
 )
-def test_the_simplest_laws_at_the_terminals_are_parts_of_the_catalogue(quantity, law, effect, parameter) -> None:
+def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, law, effect, parameter) -> None:
     place = Place("terminals", quantity)
     learned = learned_law(place, law, GLUED)
     size = 0.3 * learned.natural

@@ -13,7 +13,7 @@ def radial_of(material):
     return Radial(*(material.values[name].value for name in ("s11E", "s12E", "d31", "eps33T")))
 
 
-def test_pz27_is_the_data_sheet_of_the_thesis():
+def test_pz27_equals_the_data_sheet_of_the_thesis():
     pz27 = find("pz-27")
     assert pz27.name == "Pz27"
     assert pz27.values["eps33S"].re == pytest.approx(913.73 * EPS0)
@@ -23,7 +23,7 @@ def test_pz27_is_the_data_sheet_of_the_thesis():
     assert radial_of(pz27).kp.real == pytest.approx(0.59, abs=0.005)
 
 
-# kt, kp, sigma_p as the sources themselves or their checked derivations state them
+# kt, kp, sigma_p as stated by the sources or derived from them
 @pytest.mark.parametrize(
     ("name", "kt", "kp", "sigma"),
     [("Pz27 Bergen", 0.469, 0.585, 0.361), ("PIC255", 0.487, 0.664, 0.418)],
@@ -35,7 +35,7 @@ def test_couplings_of_full_sets(name, kt, kp, sigma):
     assert radial_of(material).sigma_p.real == pytest.approx(sigma, abs=1e-3)
 
 
-def test_sherrits_sample_has_both_of_its_couplings():
+def test_sherrits_sample_has_both_couplings():
     sample = radial_of(find("Sherrit radial"))
     assert sample.kp.real == pytest.approx(0.5827, abs=2e-4)
     assert sample.kp_IEEE.real == pytest.approx(0.5945, abs=2e-4)

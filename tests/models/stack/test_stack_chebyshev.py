@@ -1,4 +1,4 @@
-"""The stack against a direct solution of its differential equations, which knows no closed form.
+"""The stack compared with a direct solution of its differential equations without closed forms.
 
 In every layer (c33 u')' = -w^2 rho u is collocated at Chebyshev points; stress T = c33D u' - h33 D and displacement
 are continuous at the interfaces, T = -/+ jw Z u at the loads, E = -h33 u' + D/eps33S gives the voltage.
@@ -25,7 +25,7 @@ def chebyshev(n: int) -> np.ndarray:
 
 
 class Collocation:
-    """One stack at one frequency; unknown are u at all points, every D, u of the back face, and the voltage."""
+    """One stack at one frequency; the unknowns are u at all points, every D, u of the back face, and the voltage."""
 
     def __init__(self, stack: Stack, f: float) -> None:
         self.stack, self.w, self.n = stack, 2 * np.pi * f, POINTS + 1
@@ -109,7 +109,7 @@ def stiffness(layer: Piezo | Elastic) -> complex:
 
 
 def refined(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve with residuals in long double: differentiating twice costs a collocation five digits otherwise."""
+    """Solve with residuals in long double; otherwise the second derivative costs the collocation five digits."""
     scale = np.abs(matrix).max(axis=0)
     factors = linalg.lu_factor((matrix / scale).astype(complex))
     x = np.zeros(right.size, np.clongdouble)
@@ -119,7 +119,7 @@ def refined(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 CHARGE = 1e-3
-"""C/m2: the unit of D in the unknowns, so that they are of like size."""
+"""C/m2: the unit of D in the unknowns, so that all have similar size."""
 
 
 def around(value: float, spread: float = 0.3) -> st.SearchStrategy[float]:

@@ -43,7 +43,7 @@ def worst(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.max(np.abs(found / expected - 1)))
 
 
-def test_a_thin_layer_is_a_spring_between_halves_of_its_mass_to_third_order() -> None:
+def test_to_third_order_a_thin_layer_is_a_spring_between_half_masses() -> None:
     def error(t: float) -> float:
         glue = Elastic("glue", t, 2.8e6, 2442.0, 13.0)
         half, spring = glue.density * t / 2, Spring("s", 2.8e6 * 2442.0 / t, 13.0)
@@ -54,7 +54,7 @@ def test_a_thin_layer_is_a_spring_between_halves_of_its_mass_to_third_order() ->
     assert error(2e-6) / error(1e-6) == pytest.approx(8, rel=0.1)
 
 
-def test_a_disk_cut_in_two_is_the_disk() -> None:
+def test_a_disk_cut_in_two_equals_the_disk() -> None:
     halves = named(DISK, "a", thickness=0.2e-3), named(DISK, "b", thickness=0.312e-3)
     assert worst(Stack(halves, WATER, AIR).impedance(F), Stack((DISK,), WATER, AIR).impedance(F)) < 1e-12
 
@@ -66,15 +66,17 @@ def test_two_like_layers_in_parallel_have_a_quarter_of_the_impedance_in_series()
 
 
 def test_opposite_polarity_leaves_the_even_resonance_only() -> None:
-    """Two halves poled against each other: the plate's odd half waves are not driven, its full wave is."""
+    """Two halves of opposite polarity: the plate's odd half waves are not driven, its full wave is."""
     halves = named(DISK, "a", thickness=0.25e-3), named(DISK, "b", thickness=0.25e-3, polarity=-1)
     f = np.linspace(2e6, 12e6, 2001)
-    R = Stack(halves, VACUUM, VACUUM).impedance(f).real * f  # peaks where the plate is a whole number of half waves
+    R = (
+        Stack(halves, VACUUM, VACUUM).impedance(f).real * f
+    )  # peaks where the plate's thickness is a whole number of half waves
     speed = np.sqrt(DISK.c33D.real / DISK.density)
     assert f[np.argmax(R)] == pytest.approx(2 * speed / (2 * 0.5e-3), rel=0.01)
 
 
-def test_passive_layers_are_scikit_rfs_cascade_of_the_same_lines() -> None:
+def test_passive_layers_equal_a_cascade_of_lines_in_scikit_rf() -> None:
     layers = [
         Elastic("a", 11e-6, 2.8e6, 2442.0, 13.0),
         Elastic("b", 1.4e-4, 1e7, 2455.0, 60.0),
@@ -96,24 +98,24 @@ def test_passive_layers_are_scikit_rfs_cascade_of_the_same_lines() -> None:
     assert worst(Stack((DISK, *layers), AIR, WATER).impedance(F), expected) < 1e-11
 
 
-def test_a_layer_without_end_is_a_half_space() -> None:
+def test_an_infinite_layer_is_a_half_space() -> None:
     backing = Elastic("backing", 0.2, 6e6, 1900.0, 8.0)
     Zc = 6e6 * np.sqrt(1 + 1j / 8)
     expected = Stack((DISK,), AnyLoad("backing", lambda f: np.full(f.shape, Zc)), WATER).impedance(F)
     assert worst(Stack((backing, DISK), AIR, WATER).impedance(F), expected) < 1e-12
 
 
-def test_a_support_is_what_springs_and_masses_say() -> None:
+def test_a_support_equals_springs_and_masses() -> None:
     stack = Stack((DISK,), VACUUM, Support("jig", 2e4, 0.0, 0.03))
     assert worst(stack.impedance(F), Stack((DISK, Mass("m", 0.03)), VACUUM, HalfSpace("r", 2e4)).impedance(F)) < 1e-13
-    soft = Stack((DISK,), VACUUM, Support("jig", stiffness=1e12))  # a spring to something that does not move
+    soft = Stack((DISK,), VACUUM, Support("jig", stiffness=1e12))  # a spring to a fixed support
     assert (
         worst(soft.impedance(F), Stack((DISK, Spring("s", 1e12)), VACUUM, HalfSpace("wall", 1e20)).impedance(F)) < 1e-7
     )
 
 
 @given(st.floats(-4, 4).map(lambda e: 10.0**e))
-def test_piston_radiation_is_rayleighs(x: float) -> None:
+def test_piston_radiation_equals_rayleighs(x: float) -> None:
     with mp.workdps(40):
         found, slope = piston(np.array([x]))[0], piston_slope(np.array([x]))[0]
 
@@ -144,7 +146,7 @@ def test_a_load_function_that_gives_nonsense_is_named() -> None:
         Stack((DISK,), AIR, AnyLoad("mine", lambda f: f[:-1] * 1j)).impedance(F)
 
 
-def test_loss_laws_agree_where_they_must() -> None:
+def test_loss_laws_agree_in_their_common_limits() -> None:
     M = 1e10 * (1 + 1j / 80)
     f = np.array([0.125e6, 1e6, 3e6])
     causal = CausalConstantQ(1e6).over(M, f)

@@ -1,4 +1,4 @@
-"""The stack against the same physics in many digits: the textbook's cosh and sinh, and differences for derivatives.
+"""The stack compared with high-precision arithmetic: the textbook's cosh and sinh, and differences for derivatives.
 
 The reference carries (pressure, velocity) from face to face through the layers with hundreds of digits, so that its
 own cancellations do not matter, and solves for the end condition and the wiring at the end.
@@ -151,14 +151,14 @@ FREQUENCIES = np.array([40.0, 1e3, 0.97e5, 1.234e6, 3.99e6, 4.217e6, 12.7e6, 41e
 
 @pytest.fixture(autouse=True)
 def digits(request: pytest.FixtureRequest):
-    """Enough that a cosh of 1e150 in the thick backing leaves more than fifty; elsewhere none is beyond 1e60."""
+    """Digits: a cosh of 1e150 in the thick backing still leaves more than fifty; elsewhere cosh stays below 1e60."""
     with mp.workdps(400 if "backing" in request.node.name else 160):
         yield
 
 
 @pytest.mark.parametrize("name", STACKS)
-def test_no_digit_is_lost_from_40_hz_to_110_mhz(name: str) -> None:
-    """Rounding of the phase alone costs |theta| Q 2^-53 near a resonance."""
+def test_the_impedance_is_accurate_from_40_hz_to_110_mhz(name: str) -> None:
+    """Rounding of the phase by itself costs |theta| Q 2^-53 near a resonance."""
     stack = STACKS[name]
     found = stack.impedance(FREQUENCIES)
     for f, Z in zip(FREQUENCIES, found, strict=True):
@@ -177,7 +177,7 @@ def test_every_derivative_is_exact(name: str) -> None:
             exact = complex(slope(stack, f, parameter))
             rounding = 1e-15 / abs(
                 stack.parameters()[parameter] or 1
-            )  # of d ln Z / d ln p: density matters 1e-11 at 40 Hz
+            )  # error of d ln Z / d ln p: density contributes only 1e-11 at 40 Hz
             assert abs(J[p, k] - exact) <= 1e-8 * abs(exact) + rounding, f"{parameter} at {f:g} Hz"
 
 

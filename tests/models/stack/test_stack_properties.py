@@ -1,4 +1,4 @@
-"""What must hold for any stack: it looks the same from both sides, gives no energy, and answers nothing too early."""
+"""Properties of any stack: it is the same from both sides, passive, and causal."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def decades(low: float, high: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def piezos(draw: st.DrawFn, name: str, law: LossLaw = CONSTANT) -> Piezo:
-    """A passive one: |h''| stays below the bound of Holland's loss matrix."""
+    """Constants of a passive layer: |h''| stays below the bound of Holland's loss matrix."""
     stiffness, eps = draw(st.floats(5e10, 2e11)), draw(st.floats(2e-9, 2e-8))
     loss_c, loss_eps = draw(st.floats(0.002, 0.05)), draw(st.floats(0.002, 0.05))
     coupling = draw(st.floats(0.05, 0.75))
@@ -91,7 +91,7 @@ def test_a_stack_has_the_same_impedance_turned_around(stack: Stack) -> None:
 
 @settings(deadline=None, max_examples=200)
 @given(stacks())
-def test_a_passive_stack_gives_no_energy(stack: Stack) -> None:
+def test_a_passive_stack_does_not_generate_energy(stack: Stack) -> None:
     Z = stack.impedance(F)
     assert np.all(Z.real >= -1e-13 * np.abs(Z))
 
@@ -99,7 +99,7 @@ def test_a_passive_stack_gives_no_energy(stack: Stack) -> None:
 @settings(deadline=None, max_examples=100)
 @given(stacks(), st.floats(0.3, 3))
 def test_scaling_lengths_scales_frequencies(stack: Stack, scale: float) -> None:
-    """Twice as thick at half the frequency is the same wave pattern: Z per area is multiplied by scale twice."""
+    """Twice the thickness at half the frequency has the same wave pattern: Z per area is multiplied by scale twice."""
     assert stack_scales(replace(stack, back=HalfSpace("b", 1e6), front=HalfSpace("f", 0.0)), scale) < 1e-9
 
 
@@ -117,7 +117,7 @@ def stack_scales(stack: Stack, scale: float) -> float:
 def pulse(stack: Stack) -> np.ndarray:
     """The reflection of a short pulse by the stack on a line of 50 ohm per mm2, sampled in time; negative times last.
 
-    The pulse itself starts at t = 0: eight equal real poles, a filter that cannot answer early either.
+    The pulse itself starts at t = 0: eight equal real poles, which are a causal filter.
     """
     df, n = 4e3, 1 << 15
     f = df * np.arange(1, n)
@@ -128,14 +128,14 @@ def pulse(stack: Stack) -> np.ndarray:
 
 
 def early(stack: Stack) -> float:
-    """The largest answer in the last quarter of the period, which is before t = 0, against the largest of all."""
+    """The largest response in the last quarter of the period, which is before t = 0, over the largest of all."""
     h = np.abs(pulse(stack))
     return float(h[-h.size // 4 :].max() / h.max())
 
 
 @st.composite
 def damped(draw: st.DrawFn, laws: st.SearchStrategy[LossLaw]) -> Stack:
-    """A stack that has stopped ringing after a tenth of the period; kt is real, so that it stays below 1 everywhere."""
+    """A stack that stops ringing after a tenth of the period; kt is real, so that it stays below 1 everywhere."""
     law, thickness = draw(laws), st.floats(1e-4, 1e-3)
     disk = draw(piezos("disk", law))
     h33 = draw(st.floats(0.1, 0.7)) * complex(np.sqrt(disk.c33D / disk.eps33S))
@@ -152,12 +152,12 @@ CAUSAL = st.one_of(
 
 @settings(deadline=None, max_examples=40)
 @given(damped(CAUSAL))
-def test_a_stack_of_causal_layers_does_not_answer_before_it_is_asked(stack: Stack) -> None:
+def test_a_stack_of_causal_layers_does_not_respond_before_the_pulse(stack: Stack) -> None:
     assert early(stack) < 1e-6
 
 
-def test_constant_loss_does_answer_before_it_is_asked() -> None:
-    """Why the causal laws exist, and the proof that the test above can fail."""
+def test_constant_loss_responds_before_the_pulse() -> None:
+    """This is why causal laws exist, and shows that the test above can fail."""
     disk = Piezo("disk", 0.5e-3, 7700.0, 1.4e11 * (1 + 0.08j), 1.9e9 * (1 + 0.01j), 8e-9 * (1 - 0.08j))
     layer = Elastic("ml1", 0.4e-3, 6e6, 2400.0, 6.0)
     assert early(Stack((disk, layer), HalfSpace("backing", 5e6), HalfSpace("water", 1.5e6))) > 1e-4

@@ -1,4 +1,4 @@
-"""The stack against what textbooks say in closed form."""
+"""The stack compared with closed forms from textbooks."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def thickness_vibrator(disk: Piezo) -> np.ndarray:
 
 
 def mason(disk: Piezo, Z1: np.ndarray | complex, Z2: np.ndarray | complex) -> np.ndarray:
-    """Z of Mason's three-port with specific acoustic loads, as the textbook writes it."""
+    """Z of Mason's three-port with specific acoustic loads, in the textbook's form."""
     v = np.sqrt(disk.c33D / disk.density)
     Za, phase = disk.density * v, OMEGA * disk.thickness / v
     M11, M12 = Za / (1j * np.tan(phase)), Za / (1j * np.sin(phase))
@@ -35,16 +35,16 @@ def assert_same(found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-1
     assert np.max(np.abs(found / expected - 1)) < tolerance
 
 
-def test_free_plate_is_the_thickness_vibrator() -> None:
+def test_a_free_plate_is_the_thickness_vibrator() -> None:
     assert_same((VACUUM | DISK | VACUUM).with_area(AREA).impedance(F), thickness_vibrator(DISK))
 
 
-def test_loaded_plate_is_masons_three_port() -> None:
+def test_a_loaded_plate_is_masons_three_port() -> None:
     stack = (HalfSpace("backing", 5e6) | DISK | HalfSpace("water", 1.48e6)).with_area(AREA)
     assert_same(stack.impedance(F), mason(DISK, 5e6, 1.48e6))
 
 
-def test_half_wave_layer_is_invisible_and_quarter_wave_layer_transforms() -> None:
+def test_a_half_wave_layer_is_invisible_and_a_quarter_wave_layer_transforms() -> None:
     f = np.array([3e6])
     water = HalfSpace("water", 1.48e6)
     half = Elastic("layer", thickness=2500 / 3e6 / 2, z=4e6, c=2500)
@@ -63,7 +63,7 @@ def test_a_layer_of_the_loads_own_material_changes_nothing() -> None:
     assert_same((AIR | DISK | layer | water).with_area(AREA).impedance(F), mason(DISK, AIR.z, 1.48e6))
 
 
-def test_a_stack_written_as_a_row_is_the_stack() -> None:
+def test_a_stack_written_as_a_row_equals_the_stack() -> None:
     glue = Elastic("glue1", thickness=11e-6, z=2.8e6, c=2442, q=13)
     assert (AIR | DISK | glue | VACUUM).with_area(AREA) == Stack((DISK, glue), AIR, VACUUM, AREA)
 

@@ -1,4 +1,4 @@
-"""Stacks side by side, evaluated together, against each for itself."""
+"""Parallel stacks evaluated together, compared with each of them separately."""
 
 from dataclasses import replace
 from typing import Literal
@@ -25,7 +25,7 @@ STACK: Stack = (AIR | DISK | GLUE | LAYER | AIR).with_area(2e-4)
         [{"ml1.thickness": 1e-4}],
     ],
 )
-def test_together_they_are_what_each_is_alone(changes: list[dict[str, float]]) -> None:
+def test_stacks_evaluated_together_equal_separate_ones(changes: list[dict[str, float]]) -> None:
     check([STACK.replace(change) for change in changes])
 
 
@@ -44,7 +44,7 @@ def test_strips_of_different_layers_and_loads_are_summed() -> None:
 
 
 def check(stacks: list[Stack]) -> None:
-    """Check the sum of these stacks against each evaluated alone."""
+    """Compare the sum of these stacks with each evaluated separately."""
     fractions = [1 / (2 + k) for k in range(len(stacks))]
     alone = sum(part / stack.impedance(FREQUENCY) for part, stack in zip(fractions, stacks, strict=True))
     np.testing.assert_allclose(parallel_admittance(stacks, fractions, FREQUENCY), alone, rtol=1e-12)

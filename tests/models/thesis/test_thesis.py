@@ -12,7 +12,7 @@ def test_the_page_is_up_to_date():
     assert DOCS.read_text(encoding="utf-8") == page()
 
 
-def test_the_thesis_formulas_give_the_printed_digits_and_the_right_ones_give_sherrit():
+def test_the_formulas_of_the_thesis_give_its_digits_and_corrected_ones_sherrits():
     sample, sherrit = printed.TABLE_A_1, printed.SHERRIT_A_1
     wrong, right = rebuilt.thesis_formulas(sample), rebuilt.corrected(sample)
     assert wrong["s11E"].real == pytest.approx(1.4628e-11, rel=3e-5)
@@ -52,12 +52,12 @@ def test_table_4_1_has_the_right_deviations():
         assert 100 * abs(row.simulated / row.datasheet - 1) == pytest.approx(row.percent, abs=0.006), row.name
 
 
-def test_sherrits_constants_come_back_from_their_spectrum():
+def test_sherrits_constants_are_recovered_from_their_spectrum():
     for row in rebuilt.recovered_radial():
         assert row.found.real == pytest.approx(row.truth.real, rel=1e-3), row.name
 
 
-def test_every_erratum_says_all_four_things():
+def test_every_erratum_has_all_four_parts():
     assert len(errata()) > 25
     for erratum in errata():
         assert all(text and "|" not in text for text in vars(erratum).values()), erratum.where

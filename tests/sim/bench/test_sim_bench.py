@@ -1,4 +1,4 @@
-"""The virtual bench: gluing, jig and compensation, noise, and what the device does while it is measured."""
+"""The virtual bench: gluing, jig and compensation, noise, and effects during a sweep."""
 
 import socket
 
@@ -43,7 +43,7 @@ def quiet(**effects):
 # the story ---------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_measured_is_the_truth_that_the_bench_tells(lab_with):
+def test_a_measurement_equals_the_truth_of_the_bench(lab_with):
     lab = lab_with(noise=False, jig="ideal", seed=5)
     wire = lab.wire()
     for step in STEPS:
@@ -118,7 +118,7 @@ def test_the_helper_says_when_nobody_answers():
         bench_command("127.0.0.1", port, command="status")
 
 
-def test_the_disk_has_its_radial_modes_where_they_are_wanted(lab):
+def test_the_disk_has_radial_modes_on_request(lab):
     wire = lab.wire()
     wire.say("*RST;STAR 80E3;STOP 1.5E6;POIN 801;SING;*OPC?")
     wire.line()
@@ -149,7 +149,7 @@ jigs = st.builds(
 
 
 @given(jigs, st.complex_numbers(min_magnitude=0.5, max_magnitude=1e4).filter(lambda z: z.real > 0))
-def test_open_and_short_take_out_any_jig(jig, z):
+def test_open_and_short_remove_any_jig(jig, z):
     f = np.linspace(40.0, 15e6, 7)
     fixture = Correction()
     fixture.store("A", f, jig.through(f, np.zeros(7, complex)))
@@ -184,7 +184,7 @@ def test_open_short_load_over_the_wire(lab_with):
     assert np.max(abs(wire.impedance() / truth - 1)) > 0.5
 
 
-def test_standards_that_make_no_sense_give_huge_numbers_and_no_silence(lab):
+def test_nonsensical_standards_give_huge_numbers(lab):
     wire = lab.wire()
     wire.say("*RST;STAR 1 MHZ;STOP 6 MHZ;CALP USER")
     lab.bench("jig", name="ideal")
@@ -195,7 +195,7 @@ def test_standards_that_make_no_sense_give_huge_numbers_and_no_silence(lab):
     assert wire.ask("*IDN?").startswith("HEWLETT")
 
 
-def test_fixed_points_correct_between_them(lab_with):
+def test_corrections_at_fixed_points_are_interpolated(lab_with):
     lab = lab_with(noise=False, jig="coax")
     wire = lab.wire()
     wire.say("*RST;STAR 1 MHZ;STOP 6 MHZ")
@@ -211,7 +211,7 @@ def test_fixed_points_correct_between_them(lab_with):
 
 
 @pytest.mark.parametrize(("bandwidth", "average", "sigma"), [(1, 1, 2e-4), (5, 1, 4e-5), (5, 16, 1e-5)])
-def test_noise_is_that_of_real_exports(bandwidth, average, sigma):
+def test_noise_equals_that_of_real_exports(bandwidth, average, sigma):
     axis = axis_of(10e3, 100e3, 801, bandwidth=bandwidth, average=average)
     bench = Bench(jig=JIGS["ideal"])
     clean = quiet()
@@ -234,7 +234,7 @@ def test_noise_grows_at_the_extremes_and_with_a_weak_signal():
         (3e6, 1, 1e4, 1.20), (10e6, 5, 1e4, 1.05), (10e6, 5, 1e5, 1.50),
     ],
 )  # fmt: skip
-def test_accuracy_is_that_of_the_manual(f, bandwidth, z, percent):
+def test_accuracy_equals_that_of_the_manual(f, bandwidth, z, percent):
     t = terms(np.array([f]), np.array([float(bandwidth)]), np.array([0.5]))
     assert t.percent(np.array([complex(z)]))[0] == pytest.approx(percent, abs=0.011)
 
@@ -306,12 +306,12 @@ SIZES = {
 }
 
 
-def test_all_that_can_be_hidden_is_of_the_catalogue():
+def test_every_hidden_effect_is_in_the_catalogue():
     assert set(KINDS) == set(SIZES) <= {effect.name for effect in catalogue()}
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_what_is_hidden_changes_the_sweep_and_is_told_as_truth(lab_with, name):
+def test_hidden_effects_change_the_sweep_and_are_in_the_truth(lab_with, name):
     def swept(**options):
         lab = lab_with(noise=False, **options)
         wire = lab.wire()

@@ -1,4 +1,4 @@
-"""The world of the blind cases against textbook results for plates, lines, disks and filters."""
+"""The simulation of the blind cases compared with textbook results for plates, lines, disks and filters."""
 
 import hashlib
 import json

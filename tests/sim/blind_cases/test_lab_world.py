@@ -1,4 +1,4 @@
-"""The lab world against what is known of plates, lines, sheets, filters and noise; what it promises of its plants."""
+"""The lab world compared with known results for plates, lines, sheets, filters and noise; properties of its plants."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def impedance(s: Specimen, flaws: Flaws = NOTHING, step: str = "disk", f: np.nda
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3])
-def test_with_everything_off_it_is_the_plate_of_layers_of_the_models(steps: int) -> None:
+def test_without_flaws_it_equals_the_models_stack(steps: int) -> None:
     s = specimen_of(3, steps, backed=True)
     ceramic = s.ceramic
     row = HalfSpace("back", s.back) | Piezo(
@@ -53,7 +53,7 @@ def test_with_everything_off_it_is_the_plate_of_layers_of_the_models(steps: int)
         row = row | Elastic(coat.name, thickness=coat.thickness, z=coat.z, c=coat.c, q=coat.q)
     theirs = (row | HalfSpace("air", AIR)).with_area(s.area).impedance(grid(s))
     ours = impedance(s, step=s.steps[-1])
-    # a lossy layer has a complex z or a complex c there; what is the same is its stiffness
+    # a lossy layer has a complex z or a complex c; its stiffness is the same
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)
 
 
@@ -86,12 +86,16 @@ def test_plants_are_passive_and_vanish_with_their_size(plant: Plant, s: Specimen
         bare = recorded(plant, s, 0.0)
         whole, little, least = (np.abs(np.log(recorded(plant, s, k) / bare)).max() for k in (1.0, 1e-4, 1e-6))
         assert whole > 1e-7
-        at_zero = plant.effect in ("bond-layer", "finite-backing", "loss-dispersion")  # with its loss, another device
+        at_zero = plant.effect in (
+            "bond-layer",
+            "finite-backing",
+            "loss-dispersion",
+        )  # its loss makes it another device
         assert at_zero or least <= little
         assert at_zero or least < 2e-3 * whole + 1e-9
 
 
-def test_a_short_cable_is_the_textbooks_line() -> None:
+def test_a_short_cable_equals_the_textbooks_line() -> None:
     s = specimen_of(2)
     f = grid(s)
     Y = admittance(f, s, NOTHING, "disk")
@@ -101,11 +105,11 @@ def test_a_short_cable_is_the_textbooks_line() -> None:
     np.testing.assert_allclose(at_analyzer(f, Y, wiring, FixtureResidue(), s.ceramic.f0), textbook, rtol=1e-6)
 
 
-def test_a_thin_electrode_fed_in_a_dot_adds_the_resistance_of_its_joule_heat() -> None:
+def test_the_resistance_of_an_electrode_equals_its_joule_heat() -> None:
     s, ohm, b = specimen_of(2), 1e-6, 0.1
     f = grid(s)
     plain, fed = (1 / admittance(f, s, flaws, "disk") for flaws in (NOTHING, Flaws(sheet=(ohm, b))))
-    # what flows outwards at r is 1 - r^2 of the current: R = integral of ohm (1 - r^2)^2 / (2 pi r)
+    # 1 - r^2 of the current flows outwards at r: R = integral of ohm (1 - r^2)^2 / (2 pi r)
     heat = ohm / (2 * np.pi) * (-np.log(b) - (1 - b**2) + (1 - b**4) / 4)
     far = np.abs(plain) < 1e3
     np.testing.assert_allclose((fed - plain)[far].real, heat, rtol=1e-2)
@@ -122,14 +126,14 @@ def test_causal_loss_is_a_power_of_jw_and_so_analytic(n: float) -> None:
 
 
 @pytest.mark.parametrize("shape", ["gauss", "triangle", "skew"])
-def test_a_spread_of_thickness_has_the_mean_and_the_deviation_it_says(shape: str) -> None:
+def test_a_spread_of_thickness_has_the_stated_mean_and_deviation(shape: str) -> None:
     factors, weights = _spread(specimen_of(2), Flaws(spread=(("disk", 0.01, shape),)))
     x, w = factors["disk"][:, 0] - 1, np.asarray(weights)[:, 0]
     assert w @ x == pytest.approx(0, abs=1e-12)
     assert np.sqrt(w @ x**2) == pytest.approx(0.01, rel=1e-9)
 
 
-def test_a_detector_of_two_poles_shows_twice_its_time_constant_late() -> None:
+def test_a_detector_with_two_poles_lags_by_twice_its_time_constant() -> None:
     s = specimen_of(4)
     f = np.linspace(0.8, 1.2, 801) * s.ceramic.f0
     take = Take("disk", f, seconds=100.0)
@@ -139,7 +143,7 @@ def test_a_detector_of_two_poles_shows_twice_its_time_constant_late() -> None:
     np.testing.assert_allclose(late[9:], earlier[9:], rtol=1e-3)
 
 
-def test_noise_has_the_size_and_the_colour_that_the_analyzer_says() -> None:
+def test_noise_has_the_size_and_correlation_of_the_analyzer() -> None:
     analyzer = ErringAnalyzer((1e6, 2e6), noise=3e-4, colour=0.7)
     z = np.full(20001, 100 + 0j)
     error = analyzer.noisy(z, np.random.default_rng(1)) / 100 - 1
@@ -157,7 +161,7 @@ def test_analyzers_err_within_their_specification() -> None:
         assert np.sqrt(np.mean(error.imag**2)) < 1.02e-3
 
 
-def test_electrodes_hide_in_the_constants_a_lead_does_not_and_a_gain_belongs_to_the_analyzer() -> None:
+def test_constants_absorb_electrodes_but_not_a_lead_and_the_analyzer_absorbs_a_gain() -> None:
     s = specimen_of(2)
     rng = np.random.default_rng(0)
     take = plan(rng, s, ())[0]
@@ -183,7 +187,7 @@ def test_electrodes_hide_in_the_constants_a_lead_does_not_and_a_gain_belongs_to_
         assert least <= left / np.sqrt(np.mean(np.abs(shift) ** 2)) <= most
 
 
-def test_what_dominates_is_what_moves_most_and_roles_follow_from_moves() -> None:
+def test_the_plant_with_the_largest_change_dominates_and_roles_follow() -> None:
     cases: list[LabSession] = [draw_case(11, index) for index in range(14)]
     for case in cases:
         effects = [k for k, plant in enumerate(case.hideout.plants) if not plant.minor]
@@ -195,7 +199,7 @@ def test_what_dominates_is_what_moves_most_and_roles_follow_from_moves() -> None
     assert {case.kind for case in cases} >= {"instrument", "one"}
 
 
-def test_cases_are_the_same_for_ever_and_say_nothing_of_what_is_planted(tmp_path: Path) -> None:
+def test_cases_are_reproducible_and_do_not_reveal_their_plants(tmp_path: Path) -> None:
     for index in range(4):
         first, again = (make_case(tmp_path / name, 3, index) for name in ("a", "b"))
         assert first == again

@@ -16,10 +16,10 @@ NEEDS = {
     "phase": "TRAC B",
     "scalar": "",
 }
-"""What makes each condition hold."""
+"""Commands that make each condition hold."""
 
 
-def test_the_table_is_the_manual_s() -> None:
+def test_the_table_equals_the_manuals() -> None:
     assert len(ROWS) == 455
     unknown = [
         f"{row.mnemonic}{'?' * asks}"
@@ -40,7 +40,7 @@ def is_setting(row: Row) -> bool:
     )
 
 
-def test_every_setting_starts_as_printed_and_keeps_what_it_is_given(wire) -> None:
+def test_every_setting_has_its_default_and_keeps_set_values(wire) -> None:
     wire.say("HOLD")
     for row in SETTINGS:
         wire.say("*RST;*CLS;" + ";".join(NEEDS[need] for need in row.needs if need in NEEDS))
@@ -57,7 +57,7 @@ def initial(row: Row) -> str:
 
 
 def examples(row: Row) -> list[tuple[str, str]]:
-    """What is sent and what must come back: every token, both ends of a range, and what lies beyond them."""
+    """Sent and expected values: every token, both ends of a range, and values beyond them."""
     if row.kind == "switch":
         return [("ON", "1"), ("0", "0")]
     if row.kind == "token":
@@ -69,7 +69,7 @@ def examples(row: Row) -> list[tuple[str, str]]:
     return [(low, low), (high, high), (f"{float(high) * 2}", high)]
 
 
-def test_what_can_only_be_asked_is_no_command(wire) -> None:
+def test_queries_without_a_command_form(wire) -> None:
     for row in ROWS.values():
         if row.query == "only" and not row.mnemonic.startswith(":"):
             wire.say(row.mnemonic)

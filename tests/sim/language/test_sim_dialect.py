@@ -1,4 +1,4 @@
-"""The instrument's words, over its own socket: the checklist of section 9 of the reference."""
+"""The instrument's commands over its own socket: the checklist of section 9 of the reference."""
 
 import time
 
@@ -25,7 +25,7 @@ def test_defaults_after_reset(wire):
     assert wire.numbers("OUTPSWPRM?").size == 201, "FORM4 is back"
 
 
-def test_preset_sweeps_on(wire):
+def test_preset_continues_sweeping(wire):
     wire.say("PRES")
     assert wire.ask("CONT?") == "1"
     assert wire.ask("*OPC?") == "1", "CONT has no end to wait for"
@@ -33,7 +33,7 @@ def test_preset_sweeps_on(wire):
     assert wire.ask("CONT?") == "0"
 
 
-def test_tolerates_what_people_send(wire):
+def test_tolerates_common_spellings(wire):
     wire.say(b"star 1mhz; STOP 2000000 hz ;poin 11\r\n")
     assert [float(x) for x in (wire.ask("STAR?"), wire.ask("stop?"))] == [1e6, 2e6]
     assert wire.ask("TRAC B;TRAC?") == "B"
@@ -58,7 +58,7 @@ def test_tolerates_what_people_send(wire):
         ("STAR 1000000.0004", "STAR?", 1000000.0),
     ],
 )
-def test_out_of_range_is_clamped_without_a_word(wire, command, query, value):
+def test_values_out_of_range_are_clamped_silently(wire, command, query, value):
     wire.say(command)
     assert float(wire.ask(query)) == pytest.approx(value, abs=1e-9)
     assert wire.errors() == []
@@ -85,7 +85,7 @@ def test_out_of_range_is_clamped_without_a_word(wire, command, query, value):
         ('TITL "open', -151, 5),
     ],
 )
-def test_what_is_refused_stands_in_the_queue_and_changes_nothing(wire, message, number, event_bit):
+def test_a_refused_command_queues_an_error_and_changes_nothing(wire, message, number, event_bit):
     wire.say(message)
     assert wire.ask("MEAS?") == "IMPH"
     assert int(wire.ask("*ESR?")) & ~1 == 1 << event_bit
@@ -103,7 +103,7 @@ def test_the_queue_holds_ten_errors_oldest_first(wire):
     assert wire.ask("OUTPERRO?") == '0,"No error"'
 
 
-def test_start_takes_stop_along_and_center_moves_both(wire):
+def test_start_moves_stop_along_and_center_moves_both(wire):
     wire.say("STAR 5 MHZ;STOP 1 MHZ")
     assert float(wire.ask("STAR?")) == float(wire.ask("STOP?")) == 1e6
     wire.say("CENT 3 MHZ;SPAN 2 MHZ")
@@ -184,7 +184,7 @@ def test_a_sweep_takes_its_time(lab_with):
     assert lab.bench("status")["bench_seconds"] == pytest.approx(model / 0.05, rel=1e-2)
 
 
-def test_hold_ends_a_sweep_that_waits_and_opc_with_it(lab):
+def test_hold_ends_a_waiting_sweep_and_its_opc(lab):
     wire, other = lab.wire(), lab.wire()
     wire.say("*RST;*CLS;TRGS BUS;SING;*OPC?")
     assert int(other.ask("ESB?")) & 2, "waits for its trigger"
@@ -226,7 +226,7 @@ def test_averaging_needs_groups(lab_with):
     assert noise("SING") / noise("NUMG 16") == pytest.approx(4, rel=0.15)
 
 
-def test_a_new_axis_leaves_no_old_data(wire):
+def test_a_new_axis_discards_old_data(wire):
     wire.say("SING")
     assert np.all(wire.impedance() != 0)
     wire.say("POIN 51")
@@ -264,7 +264,7 @@ def test_a_list_has_at_most_801_points_and_18_segments(wire):
     assert wire.errors() == ['77,"TOO MANY SEGMENTS OR POINTS"']
 
 
-def test_a_segment_begins_as_the_one_before_ends(wire):
+def test_a_segment_starts_with_the_settings_of_the_previous_one(wire):
     wire.say("STAR 1 MHZ;POWE 0.2;BWFACT 3;PAVER ON;PAVERFACT 9;SWPT LIST")
     assert wire.errors() == ['124,"LIST TABLE EMPTY OR INSUFFICIENT TABLE"']
     first = wire.ask("SADD;STOP 2 MHZ;PAVERFACT?"), wire.ask("POIN?"), wire.ask("BWFACT?"), float(wire.ask("STAR?"))
@@ -276,7 +276,7 @@ def test_a_segment_begins_as_the_one_before_ends(wire):
     assert wire.ask("SEGM?") == "0", "nobody edits it"
 
 
-def test_a_foreign_command_scratches_an_open_segment(wire):
+def test_an_unrelated_command_discards_an_open_segment(wire):
     wire.say("SADD;STOP 1 MHZ;CLEL;SADD;SDEL;EDITLIST;SEGM 1")
     assert wire.errors() == ['75,"COMMAND IGNORED -SEGMENT NOT DONE YET"'] * 5
     assert wire.ask("SWED DOWN;SWED?") == "DOWN"
@@ -344,7 +344,7 @@ def test_an_adapter_is_set_up_in_steps_that_say_when_they_are_done(wire):
     assert wire.errors() == []
 
 
-def test_a_user_calibration_is_in_force_with_its_last_standard(lab, wire):
+def test_a_user_calibration_takes_effect_with_its_last_standard(lab, wire):
     wire.say("CALA")
     assert wire.errors() == ['12,"CALIBRATION NOT USABLE"']
     wire.say("E4TP APC7;CALP USER;ESNB 256")
@@ -364,7 +364,7 @@ def test_a_user_calibration_is_in_force_with_its_last_standard(lab, wire):
     assert wire.errors() == ['11,"CALIBRATION REQUIRED"']
 
 
-def test_fixed_points_are_a_hundred_and_the_open_s_capacitance_is_in_femtofarad(lab, wire):
+def test_there_are_a_hundred_fixed_points_and_the_open_is_in_femtofarad(lab, wire):
     lab.bench("effects", noise=False)
     lab.bench("jig", name="ideal", capacitance=1e-12)
     lab.bench("connect", what="open")

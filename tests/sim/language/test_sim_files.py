@@ -65,7 +65,7 @@ def test_a_binary_file_has_its_preamble_and_both_traces(swept):
     np.testing.assert_allclose(first, abs(swept.impedance()), rtol=1e-6)
 
 
-def test_a_memory_of_another_axis_is_gone_with_it(wire):
+def test_a_memory_trace_is_discarded_with_its_axis(wire):
     wire.say("EDITLIST;SADD;STAR 1 MHZ;STOP 2 MHZ;POIN 5;SDON;EDITDONE;SWPT LIST;SING;DATMEM;SAVDSTA 's'")
     wire.say("EDITLIST;SADD;STAR 3 MHZ;STOP 4 MHZ;POIN 3;SDON;EDITDONE;SAVDASC 'longer'")
     assert wire.errors() == []
@@ -89,7 +89,7 @@ def test_names_are_listed_and_an_existing_one_is_not_overwritten(swept):
     assert swept.ask("FNUM?") == "0"
 
 
-def test_a_saved_state_comes_back_without_its_bias(wire):
+def test_a_saved_state_is_restored_without_its_bias(wire):
     wire.say("EDITLIST;SADD;STAR 1 MHZ;STOP 2 MHZ;POIN 11;SDON;EDITDONE;SWPT LIST;POWE 0.2;MEAS CPD")
     wire.say('DCV 1;DCO ON;TRAC B;TITL "x;y";SAVDSTA "lab";*RST;RECD "lab.STA"')
     expected = {"SWPT?": "LIST", "POIN?": "11", "MEAS?": "CPD", "TRAC?": "B", "TITL?": '"x;y"', "DCO?": "0"}
@@ -98,7 +98,7 @@ def test_a_saved_state_comes_back_without_its_bias(wire):
     assert wire.errors() == []
 
 
-def test_a_file_is_written_by_the_computer_and_is_no_state(wire):
+def test_a_file_written_by_the_computer_is_not_a_state(wire):
     wire.say('WOPEN "up.STA"')
     wire.say(b"WRITE #16DCO 1\n\n")
     wire.say('CLOSE;RECD "up.STA"')
@@ -107,7 +107,7 @@ def test_a_file_is_written_by_the_computer_and_is_no_state(wire):
     assert wire.ask("DCO?") == "0"
 
 
-def test_directories_and_names_as_the_manual_has_them(wire):
+def test_directories_and_names_follow_the_manual(wire):
     assert (wire.ask("STOD?"), wire.ask("CWD?")) == ("DISK", "\\")
     wire.say('STOD MEMO;CRED "TEST";SAVDSTA "LONGNAME12";SAVDTIF "\\TEST\\agt4294a.tiff"')
     assert [wire.ask(f"FNAME? {k}") for k in (1, 2)] == ["LONGNAME.STA", "TEST\\"]

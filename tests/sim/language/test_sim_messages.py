@@ -1,4 +1,4 @@
-"""From bytes to commands: no bytes whatsoever do more than an error of the instrument."""
+"""From bytes to commands: arbitrary bytes cause an instrument error at most."""
 
 import pytest
 from hypothesis import given
@@ -21,7 +21,7 @@ def units(message):
     return list(parse(message))
 
 
-def test_reads_what_people_send():
+def test_reads_common_messages():
     assert units(b"PRES;*CLS") == [Unit("PRES", False), Unit("*CLS", False)]
     assert units(b"spld on; meas imph ;trac?") == [
         Unit("SPLD", False, (b"on",)),
@@ -32,7 +32,7 @@ def test_reads_what_people_send():
     assert units(b" ;; \r") == []
 
 
-def test_a_newline_within_a_block_ends_nothing():
+def test_a_newline_within_a_block_does_not_end_the_message():
     message = b"WRITE #213ab\ncd;efghijk"
     assert list(Framer().feed(message + b"\n*IDN?\r\n")) == [message, b"*IDN?"]
     assert units(message)[0].arguments == (b"#213ab\ncd;efghijk",)

@@ -1,4 +1,4 @@
-"""Programs of others, and the manual's own examples, from their first message to their last."""
+"""Complete message sequences of other programs and of the manual's examples."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ BLOCKS = (*WIDTH, "OUTPCOMC1", "OUTPCOMC2", "OUTPCOMC3", "OUTPCERR", "OUTPLIMF",
 
 
 class Player:
-    """Sends messages as a program does and holds the answers to what must come back."""
+    """Sends a program's messages and compares the answers with the expected ones."""
 
     def __init__(self, wire) -> None:
         self.wire = wire

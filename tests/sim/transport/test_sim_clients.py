@@ -1,4 +1,4 @@
-"""Other people's ways to a 4294A: pymeasure's driver, pyvisa, a plain `nc`, a connection for every command."""
+"""Other clients of a 4294A: pymeasure's driver, pyvisa, a plain `nc`, a connection for every command."""
 
 import math
 import socket
@@ -61,7 +61,7 @@ def test_pyvisa_reads_binary_blocks_and_stays_in_step(lab, visa):
 
 
 def nc(port: int, script: str) -> bytes:
-    """What `printf script | nc host port` prints."""
+    """The output of `printf script | nc host port`."""
     with socket.create_connection(("127.0.0.1", port), 10) as link:
         link.sendall(script.encode())
         link.shutdown(socket.SHUT_WR)

@@ -1,4 +1,4 @@
-"""Faults on demand: each goes wrong in its own way, at the exchange that was said, and once."""
+"""Faults on demand: each strikes once, at the chosen exchange."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_block_counts_wrong(lab):
     assert wire.stream.read(8) == b"#6%06d" % (11 * 16 + 16)
 
 
-def test_a_hang_holds_everybody_until_it_is_cleared(lab):
+def test_a_hang_blocks_all_clients_until_it_is_cleared(lab):
     wire, other = lab.wire(timeout=0.2), lab.wire(timeout=0.2)
     lab.bench("fault", kind="hang")
     for client in (wire, other):
@@ -79,7 +79,7 @@ def test_power_fails_in_the_middle_of_a_sweep(lab_with):
     assert lab.bench("status")["bench_seconds"] == 0, "the sweep never ended"
 
 
-def test_somebody_at_the_front_panel_changes_a_sweep_that_runs(lab_with):
+def test_a_front_panel_change_during_a_sweep(lab_with):
     lab = lab_with(time_scale=0.02)
     wire = lab.wire()
     wire.say("*RST;*CLS;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING")

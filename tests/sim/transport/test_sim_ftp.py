@@ -1,4 +1,4 @@
-"""The FTP server, as people use a real one's: Python's own ftplib, anonymous, files made when they are fetched."""
+"""The FTP server used with Python's ftplib: anonymous login, files generated when they are fetched."""
 
 import ftplib
 import io
@@ -47,7 +47,7 @@ def test_screen_data_and_saved_files_are_fetched(lab, ftp, tmp_path):
     assert sorted(name for name, _ in ftp.mlsd("/")) == ["data", "int", "nvram", "ram"]
 
 
-def test_what_is_not_there_or_cannot_be_written(ftp):
+def test_missing_files_and_writing_are_refused(ftp):
     with pytest.raises(ftplib.error_perm, match="550"):
         fetched(ftp, "/data/absent.dat")
     with pytest.raises(ftplib.error_perm, match="550"):

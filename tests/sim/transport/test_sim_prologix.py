@@ -1,4 +1,4 @@
-"""The GPIB adapter before the instrument: `++` commands, serial poll, service request; pyvisa-py's driver for it."""
+"""The GPIB adapter: `++` commands, serial poll, service request, and pyvisa-py's driver for it."""
 
 import time
 
@@ -55,7 +55,7 @@ def test_compensation_says_when_it_is_done(bus):
     assert wire.ask("++read eoi") == "256"
 
 
-def test_read_gives_up_while_opc_waits_and_the_status_byte_tells(bus):
+def test_a_read_times_out_during_opc_but_the_status_byte_can_be_polled(bus):
     _, wire = bus
     wire.say("++read_tmo_ms 1")
     wire.say("*RST;*CLS;*SRE 16;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING;*OPC?")
@@ -83,7 +83,7 @@ def test_an_answer_nobody_read_and_a_read_nobody_asked_for_are_query_errors(bus)
     assert wire.ask("++read eoi").startswith("-420,")
 
 
-def test_device_clear_ends_what_blocks(bus):
+def test_device_clear_ends_a_blocking_command(bus):
     _, wire = bus
     wire.say("*RST;TRGS BUS;SING;*OPC?")
     wire.say("++clr")
@@ -91,7 +91,7 @@ def test_device_clear_ends_what_blocks(bus):
     assert wire.ask("++read eoi") == "201"
 
 
-def test_nobody_sits_at_another_address(bus):
+def test_no_instrument_answers_at_another_address(bus):
     _, wire = bus
     wire.say("++addr 4")
     wire.say("++read_tmo_ms 1")
@@ -120,7 +120,7 @@ def test_pyvisa_reaches_it_by_its_gpib_address(bus):
         manager.close()
 
 
-def test_who_went_while_an_answer_was_awaited_does_not_take_the_next_ones(bus):
+def test_a_departed_client_does_not_receive_the_next_answers(bus):
     lab, wire = bus
     wire.say("++read_tmo_ms 3000")
     wire.say("*RST;TRGS BUS;SING;*OPC?")

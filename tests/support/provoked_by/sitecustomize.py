@@ -1,4 +1,4 @@
-"""Every Python that finds this file writes down the sentences that tests provoke in it: `make errors`.
+"""Every Python process that imports this file records the error sentences that tests provoke in it: `make errors`.
 
 PZCTL_PROVOKED=file.jsonl PYTHONPATH=tests/support/provoked_by pytest
 """
@@ -35,14 +35,14 @@ def _noted(error: Exception, *words: Any) -> None:
         "test": test,
     }
     with (
-        contextlib.suppress(OSError),  # a test that lets no file grow
+        contextlib.suppress(OSError),  # a test that limits the size of files
         Path(os.environ["PZCTL_PROVOKED"]).open("a", encoding="utf-8") as file,
     ):
         file.write(json.dumps(row) + "\n")
 
 
 if "PZCTL_PROVOKED" in os.environ:
-    with contextlib.suppress(ImportError):  # a Python without pzctl has nothing to say
+    with contextlib.suppress(ImportError):  # a Python without pzctl has no error sentences
         from pzctl.models.base.errors import PzctlError
 
         PzctlError.__init__ = _noted  # type: ignore[method-assign, assignment]

@@ -1,1 +1,1 @@
-"""The drawn specimens and their wires, with everything that may be wrong with them, and how they respond."""
+"""Random specimens and their wiring, with all their flaws, and their electrical response."""

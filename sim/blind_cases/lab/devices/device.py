@@ -1,4 +1,4 @@
-"""A specimen with its flaws as columns side by side, solved as initial-value problems; and the sheet that feeds it."""
+"""A specimen with its flaws as parallel columns, solved as initial-value problems; and its electrode's resistance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _BACKING_SPEED = 2300.0
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Factors on stiffness and permittivity while each point is taken; one number or shape (N,)."""
+    """Factors of stiffness and permittivity while each point is measured; one number or shape (N,)."""
 
     stiffness: float | Complexes = 1.0
     permittivity: float | Complexes = 1.0
@@ -36,7 +36,7 @@ _Shares = list[tuple[float | Reals, LayerColumn]]
 
 
 def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> Complexes:
-    """Return the admittance in S of a step's device without what leads to it; f in Hz, shape (N,)."""
+    """Return the admittance in S of a step's device without its leads; f in Hz, shape (N,)."""
     whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
     total = _finite(f, specimen, flaws.lateral) if whole is None else _sum(f, specimen.area, whole)
     if flaws.neighbour is not None:
@@ -57,7 +57,7 @@ def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instan
 
 
 def _sum(f: Reals, area: float, shares: _Shares) -> Complexes:
-    """Add up columns; a share is one number, or shape (K, 1) where a column holds K thicknesses."""
+    """Add up columns; a share is one number, or has shape (K, 1) where a column has K thicknesses."""
     total = np.zeros_like(f, np.complex128)
     for share, column in shares:
         Y = share * area / respond(2 * np.pi * f, column).specific_impedance
@@ -66,7 +66,7 @@ def _sum(f: Reals, area: float, shares: _Shares) -> Complexes:
 
 
 def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> _Shares:
-    """Return all columns with their parts of the area."""
+    """Return all columns with their fractions of the area."""
     factors, weights = _spread(specimen, flaws)
     coats = _true_coats(specimen, flaws, step)
     whole: _Shares = [(1.0, _column(f, specimen, coats, flaws, step, moment, factors))]
@@ -151,10 +151,10 @@ def _column(
 
 
 def _resting(x: Reals, kind: str, size: float, shape: float) -> Complexes:
-    """Return the impedance in Rayl of what a face rests on or is wet by."""
+    """Return the impedance in Rayl of the pad or liquid on a face."""
     if kind == "pad":  # a lossy spring and a damper: rubber, a jig's tip
         return size * (1 + shape * (0.15 - 1j) / x)
-    if kind == "fluid":  # slightly lossy, a little stiffer than its z says
+    if kind == "fluid":  # slightly lossy, a little stiffer than its z implies
         return size * (1 + 0.01 * shape * (1j - 1) * x)
     return size * np.sqrt(1j * x / (1 + 1j * x * shape)) * np.sqrt(2)  # viscous, shear waves of a Maxwell fluid
 
@@ -165,7 +165,7 @@ def _paste(mass: float) -> Slice:
 
 
 def _with_dot(column: LayerColumn, mass: float, side: Side) -> LayerColumn:
-    """Load a face with solder: half a millimetre of it would be its own resonator, so it is solved as a slice too."""
+    """Load a face with solder: half a millimetre of it would be a resonator, so it is solved as a slice too."""
     dot = Slice(mass / 8500.0, 8500.0, 3.5e10 * (1 + 1j / 20))
     return replace(column, parts=(dot, *column.parts) if side == "back" else (*column.parts, dot))
 
@@ -177,7 +177,7 @@ def _coat(x: Reals, coat: Coat, flaws: Flaws, factor: float | Reals) -> Slice:
 
 
 def _viscous(x: Reals, stiffness: Complexes, flaws: Flaws, layer: str) -> Complexes:
-    """Let a part of the loss follow another power of frequency; what there is at f0 stays."""
+    """Let a part of the loss follow another power of frequency; the loss at f0 stays the same."""
     if flaws.viscosity is None or flaws.viscosity[0] != layer:
         return stiffness
     _, part, power = flaws.viscosity
@@ -204,7 +204,7 @@ def _ceramic(
     if flaws.surface is None:
         return [Slice(whole, ceramic.density, c, h, eps)]
     depth, side, stiff, less = flaws.surface
-    # without coupling over the first half of the depth, then rising in a straight line
+    # no coupling over the first half of the depth, then a linear rise
     z = (np.arange(_GRADES) + 0.5) / _GRADES
     poled = np.clip(2 * z - 1, 0.0, 1.0)
     layer: list[Part] = [
@@ -234,10 +234,10 @@ def _relaxed(x: Reals, flaws: Flaws) -> float | Complexes:
 
 
 def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
-    """Return the admittance of a disk that is fed in a dot of its electrode, which has a resistance per square.
+    """Return the admittance of a disk contacted at a dot of its electrode, which has a resistance per square.
 
     The voltage under the electrode obeys V'' + V'/r = ohm y V with y = Y/(pi a^2), no current leaves at the rim, and
-    the dot has one voltage; radii over a.
+    the dot is at one voltage; radii are relative to a.
     """
     y = Y / np.pi
     k = np.sqrt(ohm * y)
@@ -248,7 +248,7 @@ def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
 
 
 def _finite(f: Reals, specimen: Specimen, lateral: tuple[float, ...]) -> Complexes:
-    """Return the disk in both dimensions; its losses are of constant Q there."""
+    """Return the admittance of the disk in both dimensions; its losses have constant Q."""
     ceramic: Ceramic = specimen.ceramic
     disk = DiskShape(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)
     return finite_disk_admittance(f, DeviceUnderTest(specimen.name, specimen.diameter, disk, lateral=lateral))

@@ -15,7 +15,7 @@ _MATERIALS: dict[str, tuple[Kind, float, float, float, float, float, float, floa
     "PVDF": ("film", 0.6, 1880.0, 11.3, -47.0, 5.3, 20.0, 0.12),
     "1-3 composite": ("composite", 0.8, 4300.0, 65.0, 20.5, 420.0, 30.0, 0.020),
 }
-"""What ceramics scatter around. Typical of data sheets; not the numbers of any one."""
+"""Nominal values that the ceramics scatter around: typical of data sheets, but not of a particular one."""
 _IN_LIBRARY = ("Pz27", "PZT-5A", "PIC255")
 _GLUE = 2.9e6, 2550.0, 30.0
 
@@ -53,7 +53,7 @@ def _ceramic(rng: np.random.Generator, material: str) -> Ceramic:
 
 
 def _glue(rng: np.random.Generator, number: int) -> Coat:
-    """Return a glue that the library knows to some tens of per cent, and takes as exact."""
+    """Return a glue whose library values are off by some tens of per cent and stated as exact."""
     z, c, q = _GLUE
     true = (z * float(np.exp(rng.normal(0, 0.2))), c * float(np.exp(rng.normal(0, 0.12))))
     thickness = lognormal(rng, 8e-6, 0.4)
@@ -79,7 +79,7 @@ def _matching_layer(rng: np.random.Generator, number: int, f0: float) -> Coat:
 
 
 def _told(rng: np.random.Generator, material: str, ceramic: Ceramic, diameter: float) -> Told:
-    """Return what the build says: sizes off within their uncertainty, nominal values of the material."""
+    """Return the values of the build file: sizes off within their uncertainty, nominal values of the material."""
     u_t = 1e-6 if ceramic.kind != "film" else max(0.01 * ceramic.thickness, 2e-7)
     u_d = float(rng.choice([0.0, 5e-6, 2e-5]))
     _, _, density, c, h, eps, q, tan_d = _MATERIALS[material]

@@ -1,4 +1,4 @@
-"""Specimens of the lab world: a ceramic with dispersion of its own, what is glued to it, what its build says."""
+"""Specimens of the lab world: a ceramic with its own dispersion, the layers glued to it, the build file's values."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -19,8 +19,8 @@ Kind = Literal["soft", "hard", "film", "composite"]
 class Ceramic:
     """A piezoelectric layer; its constants are those at `f0`, exp(+jwt).
 
-    1/Q grows as f^loss_power; the permittivity falls as f^-slope; the stiffness follows its own loss as causality
-    wants where `causal`.
+    1/Q grows as f^loss_power; the permittivity falls as f^-slope; if `causal`, the stiffness follows from its loss
+    by causality.
     """
 
     kind: Kind
@@ -55,16 +55,16 @@ class Coat:
     q: float
     glue: bool
     told: tuple[float, float, float, float]
-    """Thickness, z, c, q that the build file says."""
+    """Thickness, z, c, q as the build file states them."""
     u: tuple[float, float, float, float]
-    """Standard uncertainties that it says; zero where it takes a number as exact."""
+    """Standard uncertainties as the build file states them; zero where it states a number as exact."""
     loss_power: float = 0.0
     causal: bool = False
 
 
 @dataclass(frozen=True)
 class Told:
-    """What the build file says of the ceramic: nominal values and their uncertainties."""
+    """The build file's values for the ceramic: nominal values and their uncertainties."""
 
     material: str
     thickness: float
@@ -74,7 +74,7 @@ class Told:
     """m."""
     diameter_u: float
     values: tuple[tuple[str, float, float, float], ...]
-    """Key of build.toml, real part, imaginary part, uncertainty; empty: the library's."""
+    """Key of build.toml, real part, imaginary part, uncertainty; empty: the library's values."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Specimen:
     ceramic: Ceramic
     coats: tuple[Coat, ...]
     back: float
-    """Rayl, what lies behind the ceramic."""
+    """Rayl, the load behind the ceramic."""
     front: float
     steps: tuple[str, ...]
     told: Told
@@ -103,14 +103,14 @@ class Specimen:
         return self.ceramic.eps33S.real * self.area / self.ceramic.thickness
 
     def coats_of(self, step: str) -> tuple[Coat, ...]:
-        """Return what is glued on in a step, back to front."""
+        """Return the layers glued on in a step, back to front."""
         return self.coats[: 2 * self.steps.index(step)]
 
 
 def lossy(x: Reals, value: complex, power: float, causal: bool) -> Complexes:
     """Return a lossy stiffness whose loss factor grows as x^power, x = f/f0, equal to `value` at x = 1.
 
-    Where causal, its real part is the one that belongs to this loss: integrating power laws gives
+    If causal, its real part follows from this loss: integrating power laws gives
     (x^n - 1)/tan(n pi/2), and (2/pi) ln x for n = 0 (Szabo, J. Acoust. Soc. Am. 96 (1994) 491).
     """
     eta = value.imag / value.real

@@ -1,4 +1,4 @@
-"""Between device and analyzer: chains of two-ports multiplied out, a cable as very many short pieces of lossy line."""
+"""The wiring between device and analyzer: a chain of two-ports; a cable is very many short pieces of lossy line."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from ...waves import Complexes, Reals
 from .flaws import FixtureResidue, Wiring
 
 _HALVINGS = 9
-"""A cable is cut into 2^9 pieces: what a piece is wrong by shrinks with the square of its length."""
+"""A cable is cut into 2^9 pieces: the error of a piece shrinks with the square of its length."""
 
 
 def at_analyzer(f: Reals, device: Complexes, wiring: Wiring, fixture: FixtureResidue, f0: float) -> Complexes:
-    """Return the impedance in ohm before the analyzer of a device with this admittance (S); shape (N,)."""
+    """Return the impedance in ohm at the analyzer of a device with this admittance (S); shape (N,)."""
     x, omega = f / f0, 2 * np.pi * f
     y = device + _stray(x, omega, wiring) + wiring.conductance * x**wiring.conductance_power
     z = 1 / (y + wiring.film * np.sqrt(1j * x))
@@ -41,7 +41,7 @@ def _loop(omega: Reals, wiring: Wiring) -> Complexes:
 
 
 def _through_cable(z: Complexes, omega: Reals, x: Reals, wiring: Wiring) -> Complexes:
-    """Return the impedance before a cable that ends in z: the chain matrix of a short piece, squared repeatedly."""
+    """Return the input impedance of a cable that ends in z: the chain matrix of a short piece, squared repeatedly."""
     pieces = 2.0**_HALVINGS
     series = (1j * omega * wiring.delay + wiring.cable_loss * (1 + 1j) * np.sqrt(x)) * wiring.cable_ohm / pieces
     shunt = 1j * omega * wiring.delay / wiring.cable_ohm / pieces

@@ -1,1 +1,1 @@
-"""What is planted in a specimen: the effects, the imperfections of every device, and what of them can be seen."""
+"""Plants effects and imperfections in a specimen, and determines their visibility."""

@@ -1,7 +1,7 @@
-"""Other names that are as right as a plant's own: what no recording of the case could tell from it.
+"""Alternative names of a plant: effects that no recording of the case could distinguish from it.
 
-A rival of one size takes the plant's place, its size and all constants free. Where what is then left moves ln Z by no
-more than the largest imperfection does, or gains so little that noise could do it, the rival's name is accepted, too.
+A rival effect with one size replaces the plant, with its size and all constants free. If the remaining difference
+changes ln Z by no more than the largest imperfection, or gains no more than noise could, its name is accepted too.
 """
 
 from collections.abc import Callable
@@ -61,12 +61,12 @@ _RIVALS: dict[str, tuple[Callable[[Plant, Specimen], Plant], ...]] = {
     "electrode-mass": (_SURFACE,),
     "unknown": (_RESISTANCE, _LEAKAGE, _STRAY),
 }
-"""By effect: what has been taken for it before, one size each."""
+"""By effect: rivals with one size that have been mistaken for it."""
 _LINE = frozenset({"lead-inductance", "stray-capacitance", "cable"})
 
 
 def with_other_names(hideout: Hideout, view: View, noise: float, floor: float, noise_gains: float) -> Hideout:
-    """Return the hideout, its plants with all names that are as right; `floor`: what imperfections move at most."""
+    """Return the hideout with all accepted names of its plants; `floor`: largest change of ln Z by an imperfection."""
     plants = list(hideout.plants)
     whole = together({plant.effect for plant in plants})
     for index, plant in enumerate(hideout.plants):
@@ -84,5 +84,5 @@ def with_other_names(hideout: Hideout, view: View, noise: float, floor: float, n
 
 
 def together(names: set[str]) -> tuple[str, ...]:
-    """Return what several terminal effects are together, where that is one effect of a catalogue: a short cable."""
+    """Return the single catalogue effect (a short cable) that several terminal effects together amount to."""
     return ("cable",) if len(names & _LINE) > 1 else ()

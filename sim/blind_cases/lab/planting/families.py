@@ -1,4 +1,4 @@
-"""Families of effects on the way to the device and in the sweep; sizes as laboratories meet them."""
+"""Families of effects in the wiring and in the sweep, with sizes that occur in laboratories."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,11 +10,11 @@ from ..distributions import Random, lognormal
 from .plant import LabWorld, Plant
 
 _NEIGHBOUR = ("spurious-resonance", "thickness-variation", "local-mass")
-"""What a second ceramic of another thickness may be called as well."""
+"""Accepted names of a second ceramic of another thickness."""
 
 
 def some_steps(rng: Random, specimen: Specimen) -> tuple[str, ...]:
-    """Return all steps, or sometimes those from a later one on: another clip."""
+    """Return all steps, or sometimes only those from a later one on, as if the clip had been changed."""
     first = int(rng.integers(0, len(specimen.steps))) if rng.random() < 0.3 else 0
     return specimen.steps[first:]
 
@@ -40,7 +40,7 @@ def resistance(rng: Random, s: Specimen) -> Plant:
 
 
 def stray(rng: Random, s: Specimen) -> Plant:
-    """Plant a capacitance beside the device, of lossy plastic."""
+    """Plant a parallel capacitance of lossy plastic."""
     C, tan = min(lognormal(rng, 6e-12, 1.0), 0.3 * s.C0), float(rng.uniform(0.002, 0.03))
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -50,7 +50,7 @@ def stray(rng: Random, s: Specimen) -> Plant:
 
 
 def leakage(rng: Random, s: Specimen) -> Plant:
-    """Plant a conductance that grows slowly with frequency, as moist surfaces have it."""
+    """Plant a conductance that grows slowly with frequency, as on moist surfaces."""
     G, power = 2 * np.pi * s.ceramic.f0 * s.C0 * lognormal(rng, 3e-3, 1.0), float(rng.uniform(0.0, 0.25))
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -85,7 +85,7 @@ def _flag(**changes: object):
 
 
 def sheet(rng: Random, s: Specimen) -> Plant:
-    """Plant a thin electrode that is fed in a dot."""
+    """Plant a thin electrode that is contacted at a dot."""
     ohm, radius = lognormal(rng, 0.4, 1.0), float(rng.uniform(0.05, 0.2))
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -119,7 +119,7 @@ def softening(rng: Random, s: Specimen) -> Plant:
 
 
 def settling(rng: Random, s: Specimen) -> Plant:
-    """Plant a detector that is slow for the pace of the sweep."""
+    """Plant a detector that is too slow for the sweep."""
     seconds = lognormal(rng, 8e-3, 0.8)
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -129,7 +129,7 @@ def settling(rng: Random, s: Specimen) -> Plant:
 
 
 def outside(rng: Random, s: Specimen) -> Plant:
-    """Plant something that no catalogue has."""
+    """Plant an effect that no catalogue has."""
     at, w0C0 = float(rng.uniform(0.25, 0.8)), 2 * np.pi * s.ceramic.f0 * s.C0
     loop, ratio = (s.ceramic.f0 * float(rng.uniform(0.5, 1.5)), float(rng.uniform(3, 12))), float(rng.uniform(0.7, 0.9))
     kinds: dict[str, tuple[float, Callable[[LabWorld, float], LabWorld], tuple[str, ...]]] = {

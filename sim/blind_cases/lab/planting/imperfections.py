@@ -1,4 +1,4 @@
-"""What every real device has: a scatter of thickness, dispersion of loss and permittivity, weak further resonances."""
+"""Imperfections of every real device: scatter of thickness, dispersion of loss and permittivity, weak resonances."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from .plant import LabWorld, Plant
 
 
 def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
-    """Return what every device has: a scatter of thickness, dispersion of loss and permittivity, weak resonances."""
+    """Return a device's imperfections: scatter of thickness, dispersion of loss and permittivity, weak resonances."""
     found = [_minor(spread_of(float(rng.uniform(2e-4, 8e-4)), s))]
     kind = s.ceramic.kind
     power = float(rng.uniform(0.0, 0.5) if kind == "composite" else rng.uniform(-0.25, 0.35))
@@ -35,7 +35,7 @@ def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
 
 
 def _coats_dispersed(rng: Random, s: Specimen) -> Plant:
-    """Return losses of what is glued on that follow a power of frequency."""
+    """Return losses of the glued layers that follow a power of frequency."""
     power, causal = float(rng.uniform(-0.2, 0.4)), bool(rng.random() < 0.15)
 
     def put(world: LabWorld, k: float) -> LabWorld:

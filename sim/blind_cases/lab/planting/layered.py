@@ -1,4 +1,4 @@
-"""Families of effects on the faces, in the bonds and in the layers; sizes as laboratories meet them."""
+"""Families of effects on the faces, in the bonds and in the layers, with sizes that occur in laboratories."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def _faces(specimen: Specimen, side: Side, steps: tuple[str, ...]) -> tuple[str,
 
 
 def mass(rng: Random, s: Specimen) -> Plant:
-    """Plant electrodes of silver paste: mostly one that constants absorb."""
+    """Plant electrodes of silver paste; the constants mostly absorb them."""
     m, both = lognormal(rng, 0.02, 0.5), bool(rng.random() < 0.6)
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -48,7 +48,7 @@ def _bond(rng: Random, s: Specimen) -> tuple[int, str, str, str]:
 
 
 def bond(rng: Random, s: Specimen) -> Plant:
-    """Plant a glue, softer and lossier than a library's, that the build file does not have."""
+    """Plant a glue, softer and lossier than the library's, that the build file omits."""
     k, behind, glue, before = _bond(rng, s)
     t = lognormal(rng, 1e-5, 0.5)
 
@@ -65,7 +65,7 @@ def bond(rng: Random, s: Specimen) -> Plant:
 
 
 def void(rng: Random, s: Specimen) -> Plant:
-    """Plant a bond that is empty on part of its area, half so around."""
+    """Plant a bond with a void on part of its area and a half-bonded rim around it."""
     k, behind, glue, before = _bond(rng, s)
     share, rim = lognormal(rng, 0.05, 0.8), float(rng.uniform(0.2, 0.8))
 
@@ -82,7 +82,7 @@ def void(rng: Random, s: Specimen) -> Plant:
 
 
 def spread(rng: Random, s: Specimen) -> Plant:
-    """Plant faces that are not parallel: thickness distributed smoothly."""
+    """Plant faces that are not parallel: a smooth distribution of thickness."""
     layer = "ml1" if s.coats and rng.random() < 0.2 else "disk"
     sigma = lognormal(rng, 4e-3 if layer == "disk" else 3e-2, 0.6)
     shape = str(rng.choice(["gauss", "triangle", "skew"]))
@@ -108,7 +108,7 @@ def surface(rng: Random, s: Specimen) -> Plant:
 
 
 def lateral(rng: Random, s: Specimen) -> Plant:
-    """Plant a disk that is as wide as it is, of a tensor of its own."""
+    """Plant a disk of finite diameter, with its own tensor of constants."""
     nominal = (147e9, 105e9, 93.7e9, 23.0e9, -3.09, 11.64, 1130.0)
     lateral = tuple(value * float(rng.uniform(0.95, 1.05)) for value in nominal)
 
@@ -147,14 +147,14 @@ def dielectric(rng: Random, s: Specimen) -> Plant:
 
 
 def face(rng: Random, s: Specimen) -> Plant:
-    """Plant something a face rests on, or a liquid before it."""
+    """Plant a pad that a face rests on, or a liquid in front of it."""
     kind = "fluid" if rng.random() < 0.4 else "pad"
     size = float(rng.uniform(1.1e6, 1.8e6)) if kind == "fluid" else lognormal(rng, 1e5, 0.8)
     return _resting(rng, s, "face-load", kind, size, float(rng.uniform(0.0, 1.0)))
 
 
 def viscous(rng: Random, s: Specimen) -> Plant:
-    """Plant a liquid that a face drags along: half relaxed at high frequency."""
+    """Plant a viscous liquid that a face drags along, half relaxed at high frequency."""
     return _resting(rng, s, "viscous-load", "viscous", lognormal(rng, 8e4, 0.7), float(rng.uniform(0.0, 0.15)))
 
 
@@ -184,7 +184,7 @@ def backing(rng: Random, s: Specimen) -> Plant:
 
 
 def resonance(rng: Random, s: Specimen) -> Plant:
-    """Plant one further resonance: beside the ceramic's, or within its stiffness."""
+    """Plant one further resonance: in parallel with the ceramic, or within its stiffness."""
     f, Q = s.ceramic.f0 * float(rng.uniform(0.6, 1.3)), float(rng.uniform(30, 200))
     how, size = ("beside" if rng.random() < 0.5 else "within"), lognormal(rng, 1e-3, 0.7)
 
@@ -195,7 +195,7 @@ def resonance(rng: Random, s: Specimen) -> Plant:
 
 
 def anywhere(s: Specimen) -> tuple[str, ...]:
-    """Return the places of a resonance that nobody can tell the place of."""
+    """Return all accepted places of a resonance whose place cannot be determined."""
     return (
         "layer:disk",
         *(f"layer:{c.name}" for c in s.coats),

@@ -1,4 +1,4 @@
-"""A world and what is planted in it: effects that are to be found, and imperfections that every real device has."""
+"""A world and its plants: effects that are to be found, and imperfections that every real device has."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -38,26 +38,26 @@ class Plant:
 
     effect: str
     where: tuple[str, ...]
-    """All places that count as right, because this recording cannot know better."""
+    """All places accepted as correct, because this recording cannot distinguish them."""
     steps: tuple[str, ...]
-    """The steps whose recordings have it, in gluing order."""
+    """The steps whose recordings contain it, in gluing order."""
     put: Callable[[LabWorld, float], LabWorld]
     sizes: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Drawn sizes that grow with the scale, SI, for the truth."""
+    """Drawn sizes that are proportional to the scale, SI, for the truth file."""
     shape: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
-    """What the scale leaves as it is, for the truth."""
+    """Values that do not depend on the scale, for the truth file."""
     least: float = 0.05
     most: float = 20.0
     """Range of scales that are physical."""
     scale: float = 1.0
     needs: Needs = "nothing"
     minor: bool = False
-    """An imperfection: it may be named, and need not be."""
+    """Whether it is an imperfection, which may but need not be named."""
     accept: tuple[str, ...] = ()
-    """Other names that are right as well."""
+    """Other names that are accepted as correct."""
 
     def at(self, scale: float) -> "Plant":
-        """Return the plant at another size, kept within what is physical."""
+        """Return the plant with another scale, limited to the physical range."""
         return replace(self, scale=min(max(scale, self.least), self.most))
 
 
@@ -77,12 +77,12 @@ class Hideout:
         return world
 
     def scaled(self, index: int, scale: float) -> "Hideout":
-        """Return the same with one plant at another scale; 0: it is not there."""
+        """Return the same with one plant at another scale; 0 removes it."""
         plants = tuple(replace(p, scale=scale) if k == index else p for k, p in enumerate(self.plants))
         return replace(self, plants=plants)
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Names of the layers that the build file does not have."""
+        """Names of the layers that the build file omits."""
         found = {self.world(step).flaws.untold for step in self.bare.specimen.steps}
         return tuple(sorted(one[0] for one in found if one is not None))

@@ -1,15 +1,15 @@
-"""How much a plant moves what is measured when constants, instrument and fixture do what they can to imitate it.
+"""Visibility of a plant: how much of it remains after constants, instrument and fixture have imitated it best.
 
-Nothing here is taken from the diagnosis. All free constants of the build and the sizes of all other effects are moved
-by Gauss and Newton's steps on noise-free recordings of this world's own, beside smooth gain and phase and the
-fixture's residue, each within what is known of it. Of the best imitation of a world that has the plant by one that
-has not:
+No code of the diagnosis is used. A world without the plant is fitted to noise-free recordings of the world with it, by
+Gauss-Newton steps. Free are all constants that a fitter frees, the sizes of all other effects, a smooth gain and phase
+of the instrument and the fixture's residuals, each within its uncertainty. The fit has two results:
 
-- `gain`: the chi2 that is left against the noise, and what the allowances of instrument and fixture had to pay;
-- `moves`: root of the mean square of the difference in ln Z, without unit, when constants and other sizes make it as
-  small as they can, every point counting alike. Instrument and fixture are given no part of it.
+- `gain`: the remaining chi2 against the noise, including the penalties for using the allowances of instrument and
+  fixture;
+- `moves`: the smallest root mean square difference in ln Z (no unit) that constants and other sizes can reach, with
+  equal weights of all points and without instrument and fixture.
 
-What instrument and fixture could do alone moves something and gains nothing.
+An effect that instrument and fixture alone could imitate has `moves` above zero but no `gain`.
 """
 
 from collections.abc import Sequence
@@ -24,25 +24,25 @@ from ..recording import ErringAnalyzer, Take, shown
 from .plant import Hideout, LabWorld, Plant
 
 _POINTS = 150
-"""Points of a sweep that are looked at."""
+"""Number of points of a sweep that are used."""
 _ROUNDS, _RENEWALS = 10, 1
 _STEP = 1e-6
 _SMALL = 3e-3
-"""Root mean square of ln Z below which a plant is imitated by derivatives alone."""
+"""Root mean square of ln Z below which the linearised problem is sufficient."""
 _EXACT = 1e-8
 """Relative uncertainty below which a value of the build is held."""
 _COSINES = 8
 _ACCURACY = 1e-3
-"""Relative gain and rad of phase that the analyzer's specification allows, root of the mean square over the band."""
+"""Relative gain and phase in rad that the analyzer's specification allows, root mean square over the band."""
 _FIXTURE = (1e-9, 1e-2, 5e-3, 20e-15, 3e-9)
-"""H, ohm, ohm at 1 MHz (skin), F, S that compensation leaves: one standard deviation each."""
+"""Residuals after compensation, one standard deviation each: H, ohm, ohm at 1 MHz (skin), F, S."""
 _BACKED = 1e6
 """Rayl from which a load is a backing."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """How visible one plant is."""
+    """Visibility of one plant."""
 
     gain: float
     moves: float
@@ -52,13 +52,13 @@ class Seen:
 class _Thin:
     take: Take
     target: Complexes
-    """ln Z of the world as it is."""
+    """ln Z of the true world."""
     sigma: float
-    """Noise per point looked at: less where many points stand for one."""
+    """Noise per used point: smaller where one point represents many."""
 
 
 class View:
-    """What the recordings of a session show of one world: what constants, instrument and other sizes can imitate."""
+    """The recordings of one world in a session, and what constants, instrument and other sizes can imitate."""
 
     def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: ErringAnalyzer) -> None:
         self.hideout = hideout
@@ -72,22 +72,22 @@ class View:
         self._slopes: Reals | None = None
 
     def with_rival(self, rival: Plant) -> "View":
-        """Return the same with another effect that may imitate, its scale free from 0 on."""
+        """Return the same with another effect that may imitate; its scale is free, starting at 0."""
         other = copy(self)
         other.join(rival)
         return other
 
     def join(self, rival: Plant) -> None:
-        """Let another effect imitate from now on."""
+        """Add another effect that may imitate."""
         slopes = self._derivatives()
         self._free = _Free(self.hideout, rival)
         last = self._derivatives_of(np.zeros(self._free.size), None, [self._free.size - 1])
         self._slopes = np.column_stack([slopes, last[:, -1]])
 
     def seen(self, index: int) -> Seen:
-        """Return how visible a plant is: steps with the derivatives of the whole world, renewed where they stall."""
+        """Return the visibility of a plant: steps with the derivatives of the whole world, renewed when they stall."""
         r = self._rows(self._free.moved(np.zeros(self._free.size), index))
-        if self._moves(r) < _SMALL:  # so little that all is linear
+        if self._moves(r) < _SMALL:  # small enough for the problem to be linear
             slopes = self._derivatives()
             x = self._step(slopes, r, np.zeros(self._free.size), index, 1e-10)
             r, cost = r + slopes @ x, self._cost(r + slopes @ x, x)
@@ -115,7 +115,7 @@ class View:
         return r, now, slopes
 
     def _rows(self, here: Hideout, linear: bool = False) -> Reals:
-        """Return the differences from the world as it is over the noise; `linear`: without what depends on itself."""
+        """Return the differences from the true world over the noise; `linear`: without strain feedback."""
         out: list[Reals] = []
         for one in self._thin:
             world = here.world(one.take.step)
@@ -133,7 +133,7 @@ class View:
         return self._derivatives_of(x, index, [k for k in range(x.size) if self._free.prior[k] > _EXACT])
 
     def _derivatives_of(self, x: Reals, index: int | None, of: Sequence[int]) -> Reals:
-        """Return the derivatives by some columns, others zero; sizes see the whole world, constants no feedback."""
+        """Return the derivatives for some columns, zero for others; strain feedback is included for sizes only."""
         slopes = np.zeros((self._sigmas.size, x.size))
         for full in (False, True):
             some = [k for k in of if (k >= self._free.constants) == full]
@@ -152,7 +152,7 @@ class View:
         return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
 
     def _projected(self, r: Reals, slopes: Reals, index: int) -> Reals:
-        """Return what is left of rows when constants and other sizes make it smallest, every point counting alike."""
+        """Return the residual of rows after a least-squares fit of constants and other sizes with equal weights."""
         taken = [k for k in range(slopes.shape[1]) if self._free.is_plant(k, index)]
         W = slopes * self._sigmas[:, None]
         W[:, taken] = 0.0
@@ -189,7 +189,7 @@ class _Free:
         self.prior: Reals = np.array(prior + [np.inf] * (len(self.sizes) + (rival is not None)))
         self.size = self.prior.size
         self.reach: Reals = np.full(self.size, 0.3)
-        """How far one step may go."""
+        """Longest step."""
         if rival is not None:
             self.reach[-1] = 1e3
 
@@ -236,13 +236,13 @@ def _thinned(hideout: Hideout, take: Take, analyzer: ErringAnalyzer) -> _Thin:
     few = replace(take, frequency=take.frequency[keep])
     world = hideout.world(take.step)
     target = np.log(shown(world.specimen, world.flaws, few, world.fixture))
-    # neighbours in coloured noise say the same: smooth things see its low frequencies only
+    # neighbours are correlated in coloured noise: smooth curves depend on its low frequencies only
     coloured = np.sqrt((1 + analyzer.colour) / (1 - analyzer.colour))
     return _Thin(few, target, analyzer.noise * float(coloured * np.sqrt(keep.size / n)))
 
 
 def _allowances(one: _Thin, analyzer: ErringAnalyzer) -> Reals:
-    """Return what instrument and fixture may add to the rows, a unit normal each; shape (2 N, 2 cosines + 5)."""
+    """Return the rows' derivatives by instrument and fixture, each a unit normal; shape (2 N, 2 cosines + 5)."""
     f, z = one.take.frequency, np.exp(one.target)
     u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])
     basis = np.stack([np.cos(n * np.pi * u) / (1 + n) for n in range(_COSINES)], axis=1)
