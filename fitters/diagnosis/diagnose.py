@@ -16,6 +16,7 @@ from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.hypothesis import Hypothesis
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
+from .hypotheses.known_effects import KnownEffect, with_known
 from .hypotheses.problem import Candidate, Problem
 from .hypotheses.size_priors import shown
 from .inference import finite_diameter as lateral
@@ -43,20 +44,23 @@ def diagnose(
     hold_out: str = BANDS,
     others: Mapping[str, FitTask] | None = None,
     learn: bool = False,
+    known: Sequence[KnownEffect] = (),
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
     `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
     data reserved for validation. `others` are further samples by name, on which the findings are tested. `learn`:
-    whether to look for a law of what no effect of the catalogue explains. Raises FitError if the recordings cannot be
-    fitted or contain no such data to hold out, EffectError for an unknown effect.
+    whether to look for a law of what no effect of the catalogue explains. `known` are effects at the terminals that the
+    recordings are known to have: they are part of every hypothesis. Raises FitError if the recordings cannot be fitted or
+    contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
-    problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
-    choice = candidates(problem, effects)
+    bare = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
+    problem, taken = with_known(bare, known), {one.name for one in known}
+    choice = tuple(one for one in candidates(problem, effects) if one.effect.name not in taken)
     search = GreedySearch(problem, (*choice, *flaws(problem)), progress)
     search.run()
     found = conclude(search)
