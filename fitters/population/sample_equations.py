@@ -169,14 +169,15 @@ def _slopes(
 ) -> Complexes:
     """Return d ln Z per unit of the size, and per prior deviation of each other parameter; shape (N, P).
 
-    Where the effect is not there yet, the first is that from nothing: it must be linear as the fixture's columns are.
+    Where the effect is not there yet, the first is that from nothing, with all other parameters at null: a resistance
+    beside an inductance would change it by a per cent at a resonance, unlike the fixture's own column.
     """
     device = model if there else model.with_effect(effect, TERMINALS, values)
     prefix = f"{effect.name}@{TERMINALS}."
     names = [prefix + knob.name for knob in knobs]
     _, slopes = device.jacobian(f, names)
     own = [slope * unit_of(knob, values[knob.name]) for slope, knob in zip(slopes, knobs, strict=True)]
-    at_null = device if there else device.replace({names[0]: knobs[0].null})
+    at_null = device if there else device.replace({name: knob.null for name, knob in zip(names, knobs, strict=True)})
     own[0] = at_null.jacobian(f, names[:1])[1][0]
     return np.stack(own, axis=1)
 
