@@ -113,8 +113,8 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     predicted = np.asarray(recorded.after / (1 - relative), np.complex128)
     pair = replace(recorded, before=recorded.after, noise_before=0 * noise, noise_after=noise)
     slopes: Complexes = -_numbers(fit)
-    zero = np.zeros(points, np.complex128)
-    alone = Linearised(predicted, zero, slopes, slopes[:, :0], np.zeros(slopes.shape[1]), (), pair.frequency)
+    zero, x = np.zeros(points, np.complex128), np.zeros(int(slopes.shape[1]), np.float64)
+    alone = Linearised(predicted, zero, slopes, slopes[:, :0], x, (), pair.frequency)
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))
     poles = PairErrors(pair, none).outcome(alone, (0.0,), sizes, rounds=0)
     # Numbers are where their fit is, not at the middle of their priors; and poles have no order among themselves.
