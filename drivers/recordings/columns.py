@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.base.arrays import Reals
 from .assemble import Points
-from .convert import RESISTANCE_WEAK, SIGN_LOST, to_impedance
+from .convert import RESISTANCE_WEAK, SIGN_LOST, loss_is_signed, to_impedance
 from .text_file import TextFile, clipped
 
 _NAMES = {
@@ -183,7 +183,7 @@ def points_of(
     table = [page.row(cells, names, n, [column.index for column in taken]) for n, cells in body]
     numbers = np.array(table, dtype=np.float64).reshape(len(table), len(taken))
     f, a, b = (_in_si(page, column, numbers[:, k], line) for k, column in enumerate(taken))
-    notes = weak_resistance(parameter)
+    notes = notes_on(parameter, a, b)
     bare = [c.quantity for c in (first, second) if c.unit is None and _BASES[c.quantity] != ("",)]
     if bare:
         notes.append(f"Columns {' and '.join(bare)} have no unit; SI units (ohm, siemens) are assumed.")
@@ -201,8 +201,13 @@ def data_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:
     return [column for column in columns if not column.memory]
 
 
-def weak_resistance(parameter: str) -> list[str]:
-    """Return the note for parameters that hardly determine the resistive part."""
-    if parameter not in RESISTANCE_WEAK:
-        return []
-    return [f"{parameter} gives the resistance as a small difference, assumed to be positive; losses are uncertain."]
+def notes_on(parameter: str, a: Reals, b: Reals) -> list[str]:
+    """Return notes on what the numbers of a measurement parameter do not say, or say in an unusual way."""
+    notes: list[str] = []
+    if parameter in RESISTANCE_WEAK:
+        notes.append(
+            f"{parameter} gives the resistance as a small difference, assumed to be positive; losses are uncertain."
+        )
+    if loss_is_signed(parameter, a, b):
+        notes.append(f"{parameter[-1]} is written with the sign of the reactance beside it; its size is used.")
+    return notes

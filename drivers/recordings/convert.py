@@ -71,11 +71,29 @@ RESISTANCE_WEAK = ("IMLS", "IMCS", "IMLP", "IMCP")
 """Parameters that give the resistive part only as a small difference of large numbers, without its sign."""
 
 
+_LOSS_BESIDE_REACTANCE = ("LSQ", "CSQ", "CSD", "LPQ", "CPQ", "CPD")
+_SURELY = 0.9
+
+
+def loss_is_signed(parameter: str, a: Reals, b: Reals) -> bool:
+    """Return whether Q or D carries the sign of the reactance beside it, as some meters write it (D = G/B).
+
+    It does if nearly all of its numbers have the sign of the reactance and both signs occur; read as a size, it would
+    give every point of one kind a negative resistance.
+    """
+    if parameter not in _LOSS_BESIDE_REACTANCE or np.all(a > 0) or np.all(a < 0):
+        return False
+    alike = np.sign(a) == np.sign(b)
+    return bool(min(np.mean(alike[a > 0]), np.mean(alike[a < 0])) > _SURELY)
+
+
 def to_impedance(parameter: str, frequency: Reals, a: Reals, b: Reals) -> Impedances:
     """Return Z in ohm, shape (N,), from the two numbers of `parameter`, SI units and radians, at `frequency` in Hz.
 
-    It is not finite if two numbers determine no impedance (Cs = 0, |X| above |Z|). Raises KeyError for an unknown
-    parameter.
+    Of a signed Q or D (`loss_is_signed`) the size is used. Z is not finite if two numbers determine no impedance
+    (Cs = 0, |X| above |Z|). Raises KeyError for an unknown parameter.
     """
+    if loss_is_signed(parameter, a, b):
+        b = np.abs(b)
     with np.errstate(all="ignore"):
         return np.asarray(CONVERSIONS[parameter](2 * np.pi * frequency, a, b), dtype=np.complex128)

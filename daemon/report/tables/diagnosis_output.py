@@ -73,6 +73,9 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
         for trouble in check["troubles"]:
             says = f"recording {check['index'] + 1} of {check['step']}: {trouble['says']}"
             console.print(f"- {says}", style="magenta", highlight=False)
+    for one in diagnosis.get("remarks", ()):
+        says = f"{one['where']}: {one['says']} It changes Z by {100 * one['moves']:.2g} % (rms) and no constant"
+        console.print(f"- remark, no mismatch: {says} by its uncertainty.", style="dim", highlight=False)
     for sentence in (*diagnosis.get("compared", ()), *(other["says"] for other in diagnosis.get("others", ()))):
         console.print(f"- {sentence}", highlight=False)
     if findings:

@@ -13,7 +13,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Impedances, Reals
 from ....models.sweep import Sweep
 from ..assemble import Points, assemble
-from ..columns import sign_lost, weak_resistance
+from ..columns import notes_on, sign_lost
 from ..convert import SIGN_LOST, to_impedance
 from ..provenance import check_points
 from ..text_file import RecordingError, TextFile, clipped
@@ -46,6 +46,10 @@ class ExportTrace:
         real, imag = (self.names.index(f"{ARRAYS[array]} {part}") for part in ("Real", "Imag"))
         return np.array([complex(row[real], row[imag]) for row in self.numbers], dtype=np.complex128)
 
+    def real_data(self) -> Reals:
+        """Return the real part of the displayed data, shape (N,); of shape (0,) if it was not saved."""
+        return self.complex_of("data").real if self.has("data") else np.zeros(0)
+
 
 def is_4294a(page: TextFile) -> bool:
     """Return whether the file is an export of the 4294A."""
@@ -62,7 +66,8 @@ def read_4294a(page: TextFile) -> tuple[Sweep, Sweep | None]:
     a = _checked(page, traces, "A", header)
     points = Points(a.lines, a.frequency(), _impedance(page, traces, header, "data"))
     parameter = parameter_of(page, header)
-    main = assemble(page, points, settings, time, notes=(*notes, *weak_resistance(parameter)))
+    shown = (traces[name].real_data() if name in traces else np.zeros(0) for name in ("A", "B"))
+    main = assemble(page, points, settings, time, notes=(*notes, *notes_on(parameter, *shown)))
     if not a.has("memory"):
         return main, None
     points = Points(a.lines, a.frequency(), _impedance(page, traces, header, "memory"))

@@ -7,7 +7,7 @@ import numpy as np
 from ....models.base.arrays import Frequencies
 from ....models.sweep import Sweep
 from ..assemble import Points, assemble
-from ..columns import sign_lost, weak_resistance
+from ..columns import notes_on, sign_lost
 from ..convert import CONVERSIONS, SIGN_LOST, to_impedance
 from ..text_file import RecordingError, TextFile, read_bytes
 
@@ -40,4 +40,4 @@ def read_data_trace(path: Path, frequency: Frequencies, parameter: str) -> Sweep
     phase = np.pi / 180 if parameter in ("IMPH", "AMPH") else 1.0
     z = a if parameter == "COMP" else to_impedance(parameter, frequency, a.real, phase * b.real)
     points = Points(range(1, count + 1), np.asarray(frequency, dtype=np.float64), z)
-    return assemble(page, points, {}, notes=weak_resistance(parameter))
+    return assemble(page, points, {}, notes=notes_on(parameter, a.real, b.real))

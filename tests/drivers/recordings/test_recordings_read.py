@@ -179,6 +179,19 @@ def test_columns_by_name_and_unit(tmp_path: Path, header: str, row: str, z: comp
     assert memory is None or memory.impedance[0] == pytest.approx(7j)
 
 
+@pytest.mark.parametrize("signed", [True, False])
+def test_d_with_the_sign_of_the_susceptance_makes_no_negative_resistance(tmp_path: Path, signed: bool) -> None:
+    """Between resonance and antiresonance a device is inductive: Cp < 0, and some meters write D = G/B."""
+    rows = ((1e6, 1e-9, 0.02), (1.1e6, 2e-9, 0.03), (1.2e6, -1e-9, 0.05), (1.3e6, -5e-10, 0.04), (1.4e6, 5e-10, 0.02))
+    file = tmp_path / "cpd.csv"
+    lines = (f"{f},{cp},{-d if signed and cp < 0 else d}" for f, cp, d in rows)
+    file.write_text("frequency_Hz,Cp_F,D\n" + "\n".join(lines) + "\n")
+    sweep = read_recording(file)
+    want = [1 / (2 * math.pi * f * (abs(cp) * d + 1j * cp)) for f, cp, d in rows]
+    np.testing.assert_allclose(sweep.impedance, want)
+    assert ("D is written with the sign of the reactance beside it; its size is used." in sweep.notes) == signed
+
+
 def test_e4990a_with_title_bias_and_memory(tmp_path: Path) -> None:
     file = tmp_path / "a.csv"
     file.write_text(
