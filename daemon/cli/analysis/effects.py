@@ -41,6 +41,8 @@ def effects(
 
 def _described(effect: "Effect") -> dict[str, Any]:
     """Return the catalogue's entry of an effect as plain data; sizes and places are those of an example device."""
+    from ....fitters.engine.parameters.known_effects import parameter_key
+
     stack = _example()
     places = effect.places(stack)
     effect_parameters = effect.effect_parameters(stack, places[0])
@@ -54,6 +56,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "parameters": [
             {
                 "name": parameter.name,
+                "key": parameter_key(parameter),
                 "unit": parameter.unit,
                 "null": parameter.null,
                 "typical": parameter.typical,
@@ -95,6 +98,7 @@ def _page(described: dict[str, Any]) -> "Table":
         ("says", described["says"]),
         ("told apart by", described["separates"]),
         ("typical on a disk of 10 mm x 0.5 mm", "\n".join(map(_size, described["parameters"])) or "there or not"),
+        ("keys in [[effects]] of a build", ", ".join(one["key"] for one in described["parameters"])),
         ("references", "\n".join(described["references"])),
     ):
         page.add_row(heading, text)

@@ -21,7 +21,7 @@ def test_json_describes_each_effect_its_places_and_its_signature() -> None:
     mass = next(effect for effect in told if effect["name"] == "electrode-mass")
     assert mass["where"] == ["face:back", "face:front", "interface"]
     assert mass["parameters"][0] | {"typical": 0, "limits": []} == {
-        "name": "mass", "unit": "kg/m2", "null": 0.0, "typical": 0, "limits": [],
+        "name": "mass", "key": "mass_kg_m2", "unit": "kg/m2", "null": 0.0, "typical": 0, "limits": [],
     }  # fmt: skip
     assert "weigh" in mass["separates"]
 
