@@ -10,6 +10,7 @@ from ..uncertainty.fit_result import curves_of
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
 from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Verdict
+from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
@@ -40,20 +41,23 @@ def diagnose(
     hold_out: str = BANDS,
     others: Mapping[str, FitTask] | None = None,
     learn: bool = False,
+    known: Sequence[BenchEffect] = (),
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
     `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
     data reserved for validation. `others` are further samples by name, on which the findings are tested. `learn`:
-    whether to look for a law of what no effect of the catalogue explains. Raises FitError if the recordings cannot be
-    fitted or contain no such data to hold out, EffectError for an unknown effect.
+    whether to look for a law of what no effect of the catalogue explains. `known` are effects at the terminals that all
+    samples of the bench have: they are part of every hypothesis. Raises FitError if the recordings cannot be fitted or
+    contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
-    problem = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
-    choice = candidates(problem, effects)
+    bare = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
+    problem, taken = with_bench_effects(bare, known), {one.name for one in known}
+    choice = tuple(one for one in candidates(problem, effects) if one.effect.name not in taken)
     search = GreedySearch(problem, (*choice, *flaws(problem)), progress)
     search.run()
     found = conclude(search)

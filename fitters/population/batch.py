@@ -1,20 +1,26 @@
 """Many fits at once: on all cores of this machine, or on a Dask cluster, with the same results."""
 
+import contextlib
 import os
 import re
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
 
 from ...models.base.errors import PzctlError
 from ..interface import FitResult, FitTask
 from ..plugins import load_fitter
 from .process_pool import started
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 _PATIENCE = 10.0
 """Seconds to wait for an answer of the Dask scheduler."""
@@ -82,6 +88,17 @@ def fit_on_dask(
     there, PluginError if the fitter is not installed here.
     """
     load_fitter(fitter)
+    with on_dask(address) as client:
+        futures = {client.submit(fit_job, job, fitter, pure=False): job for job in jobs}
+        return _gathered(futures, _finished_on_dask(client, futures), heard)
+
+
+@contextlib.contextmanager
+def on_dask(address: str) -> Generator[Any]:
+    """Connect to the Dask scheduler at `address` (tcp://host:port) and yield the client.
+
+    Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers there.
+    """
     if not _ADDRESS.fullmatch(address):
         raise BatchError(f"Dask scheduler {address!r}: tcp://HOST:PORT is needed")
     try:
@@ -93,8 +110,66 @@ def fit_on_dask(
     except (OSError, ValueError) as error:  # no such host; nobody there; no such port
         raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from None
     with client:
-        futures = {client.submit(fit_job, job, fitter, pure=False): job for job in jobs}
-        return _gathered(futures, distributed.as_completed(futures, loop=client.loop), heard)
+        yield client
+
+
+def _finished_on_dask(client: Any, futures: dict[Any, Any]) -> Iterable[Any]:
+    return import_module("distributed").as_completed(futures, loop=client.loop)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The sentence that says why there is no result."""
+
+    says: str
+
+
+def attempted(call: "Callable[[_Item], _Result]", item: "_Item") -> "_Result | Failure":
+    """Return what `call` makes of an item in this process, or why it makes nothing of it. Raises nothing."""
+    try:
+        with _one_at_a_time:
+            return call(item)
+    except PzctlError as error:
+        return Failure(str(error))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        return Failure(f"the numbers do not allow it: {error}")
+
+
+def results_of(
+    call: "Callable[[_Item], _Result]",
+    items: "Sequence[_Item]",
+    client: Any = None,
+    heard: "Callable[[int, _Result | Failure], None]" = lambda _k, _r: None,
+) -> "list[_Result | Failure]":
+    """Run `call` with every item, on the cores of this machine or on a Dask cluster; return results in their order.
+
+    `client`: as from `on_dask`; None for this machine. `heard` is called with each result as it arrives.
+    """
+    made: dict[int, _Result | Failure] = {}
+
+    def gather(futures: dict[Any, int], done: Iterable[Any]) -> None:
+        for future in done:
+            k = futures[future]
+            try:
+                made[k] = future.result()
+            except BrokenProcessPool:
+                made[k] = Failure("a process of the batch died (killed, or out of memory)")
+            except Exception as error:
+                made[k] = Failure(f"the worker could not do it: {type(error).__name__}: {error}")
+            heard(k, made[k])
+
+    if client is not None:
+        futures = {client.submit(attempted, call, item, pure=False): k for k, item in enumerate(items)}
+        gather(futures, _finished_on_dask(client, futures))
+    elif items:
+        one = partial(_numbered, call)
+        with started(one, list(enumerate(items)), min(len(items), os.cpu_count() or 1)) as waiting:
+            gather({future: k for future, (k, _) in waiting.items()}, as_completed(waiting))
+    return [made[k] for k in range(len(items))]
+
+
+def _numbered(call: "Callable[[_Item], _Result]", item: "tuple[int, _Item]") -> "_Result | Failure":
+    return attempted(call, item[1])
 
 
 def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:

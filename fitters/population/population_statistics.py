@@ -112,12 +112,20 @@ def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) ->
         says.append(f"left out, the fit did not converge: {', '.join(left_out)}")
     if taken := [sample for sample, fit in used.items() if not fit.converged]:
         says.append(f"taken, though the fit did not converge: {', '.join(taken)}")
-    names = dict.fromkeys(name for fit in used.values() for name in (*fit.constants, *fit.derived))
+    constants, notes = spreads({sample: _all_of(fit) for sample, fit in used.items()}, sheets)
+    says += notes
+    return Population(tuple(used), constants, (*says, *_warnings(used, constants)))
+
+
+def spreads(
+    by_sample: Mapping[str, Mapping[str, Constant]], sheets: Mapping[str, Quantity]
+) -> tuple[dict[str, Spread], list[str]]:
+    """Return the statistics of every constant that was fitted, and sentences on those that were not."""
     constants: dict[str, Spread] = {}
+    says: list[str] = []
     held: list[str] = []
-    for name in names:
-        by_sample = {sample: fit.constants.get(name) or fit.derived.get(name) for sample, fit in used.items()}
-        fitted = {sample: constant for sample, constant in by_sample.items() if constant is not None}
+    for name in dict.fromkeys(name for own in by_sample.values() for name in own):
+        fitted = {sample: own[name] for sample, own in by_sample.items() if name in own}
         spread = _spread(fitted, sheets.get(name))
         if spread is None:
             held.append(name)
@@ -127,7 +135,11 @@ def population(fits: Mapping[str, FitResult], sheets: Mapping[str, Quantity]) ->
             says.append(f"{name}: without {', '.join(exact)}, where it was held or not determined")
     if held:
         says.append(f"held or not determined, so not in the table: {', '.join(held)}")
-    return Population(tuple(used), constants, (*says, *_warnings(used, constants)))
+    return constants, says
+
+
+def _all_of(fit: FitResult) -> dict[str, Constant]:
+    return {**fit.constants, **{name: one for name, one in fit.derived.items() if name not in fit.constants}}
 
 
 def _is_silent(fit: FitResult) -> bool:

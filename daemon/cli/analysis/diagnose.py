@@ -9,15 +9,17 @@ import typer
 
 from ....models.base.names import shown
 from .fit import read_steps
-from .fit_options import comma_names
+from .fit_options import UsageError, comma_names
 
 if TYPE_CHECKING:
     from ....fitters.interface import FitTask
 
 
 def diagnose(
-    recordings: Annotated[list[str], typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")],
-    build: Annotated[Path, typer.Option(help="build.toml")],
+    recordings: Annotated[
+        list[str] | None, typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")
+    ] = None,
+    build: Annotated[Path | None, typer.Option(help="build.toml")] = None,
     effects: Annotated[
         str | None, typer.Option(help="Consider only these effects, for example cable,bond-layer.")
     ] = None,
@@ -48,6 +50,11 @@ def diagnose(
         ),
     ] = False,
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
+    every: Annotated[
+        bool,
+        typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders: what they share."),
+    ] = False,
+    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Show where recordings and model differ, which physical effects the model lacks, and what cannot be decided.
@@ -70,6 +77,14 @@ def diagnose(
         if effects is None
         else tuple(find_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
     )
+    if every or dask:
+        _check_all(every, {"build": build, "picture": picture, "other-sample": other_sample, "unseen": unseen or None})
+        from .diagnose_all import diagnose_all
+
+        diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
+        return
+    if build is None or not recordings:
+        raise UsageError("STEP=FILE and --build are needed, or --all")
     if picture is not None:
         check_picture(picture)
     device = read_build(build)
@@ -96,6 +111,15 @@ def diagnose(
     target = picture or Path(f"{device.name}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _check_all(every: bool, others: "dict[str, object]") -> None:
+    """Refuse options that exclude --all, and --dask without it. Raises UsageError."""
+    if not every:
+        raise UsageError("--dask needs --all")
+    for name, value in others.items():
+        if value is not None:
+            raise UsageError(f"--{name} does not go with --all: each sample has its own")
 
 
 def _sample_in(folder: Path) -> "FitTask":

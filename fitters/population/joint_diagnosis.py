@@ -1,0 +1,162 @@
+"""The diagnosis of many samples together: what they share, what is each one's own, how their constants scatter."""
+
+import contextlib
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...models.build import Build, Quantity
+from ...models.effects import catalogue
+from ...models.stack import Stack
+from ..diagnosis.diagnose import diagnose
+from ..diagnosis.findings import Diagnosis, Finding
+from ..diagnosis.hypotheses.bench_effects import BenchEffect
+from ..diagnosis.hypotheses.instrument_artefacts import UNKNOWN
+from ..engine.parameters.assembly import stack_of
+from ..interface import FitError
+from .batch import BatchJob, Failure, results_of
+from .population_statistics import Population, spreads
+from .sample_equations import Knobs, SampleEquations, bench_effects, ends_of, sample_equations
+from .shared_effects import SharedBench, shared_bench
+
+_FEWEST = 2
+"""Samples from which something can be shared."""
+
+
+class TooFewSamplesError(FitError):
+    """Fewer than two samples can be diagnosed."""
+
+
+class _LostError(Exception):
+    """A sample cannot be fitted on such a bench."""
+
+
+@dataclass(frozen=True)
+class Recurring:
+    """A finding of several samples that is each one's own: another size in each."""
+
+    effect: str
+    where: str
+    samples: tuple[str, ...]
+    sizes: Mapping[str, tuple[float, ...]]
+    """Values of each parameter, in the order of the samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointDiagnosis:
+    """Result of the diagnosis of many samples."""
+
+    samples: tuple[str, ...]
+    shared: SharedBench
+    own: Mapping[str, Diagnosis]
+    """Diagnosis of each sample beside what all share."""
+    recurring: tuple[Recurring, ...]
+    population: Population
+    failed: Mapping[str, str]
+    """Why a sample has no diagnosis, or has no part in what is shared."""
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    """Question to one sample: its equations on a bench with these effects."""
+
+    job: BatchJob
+    ends: tuple[float, float]
+    knobs: Knobs
+    known: tuple[BenchEffect, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """Question to one sample: its own diagnosis on a bench with these effects."""
+
+    job: BatchJob
+    effects: tuple[str, ...] | None
+    known: tuple[BenchEffect, ...]
+
+
+def _surveyed(asked: _Survey) -> SampleEquations:
+    return sample_equations(asked.job.sample, asked.job.task, asked.ends, asked.knobs, asked.known)
+
+
+def _own(asked: _Own) -> Diagnosis:
+    return diagnose(asked.job.task, asked.effects, known=asked.known)
+
+
+def diagnose_together(
+    jobs: Sequence[BatchJob],
+    sheets: Mapping[str, Quantity],
+    effects: Collection[str] | None = None,
+    client: Any = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> JointDiagnosis:
+    """Diagnose samples that were measured on the same bench.
+
+    `effects`: the effects to consider; None for all. `client`: of a Dask cluster, as from `on_dask`; None for the cores
+    of this machine. Raises TooFewSamplesError if fewer than two samples can be fitted.
+    """
+    began = time.perf_counter()
+    failed: dict[str, str] = {}
+    fit = list(jobs)
+    builds = [job.task.build for job in jobs if job.task.build is not None]
+    if len(fit) < _FEWEST or not builds:
+        raise TooFewSamplesError(f"{len(fit)} samples: two or more are needed to tell what they share")
+    ends, knobs = ends_of([job.task for job in fit]), bench_effects(_last_stack(builds[0]), effects)
+    odds = {one.name: one.odds for one in catalogue()}
+
+    def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
+        progress(f"{len(fit)} samples with {', '.join(one.name for one in known) or 'nothing'} in common")
+        found = results_of(_surveyed, [_Survey(job, ends, knobs, known) for job in fit], client)
+        lost = {job.sample: one.says for job, one in zip(fit, found, strict=True) if isinstance(one, Failure)}
+        if lost:
+            failed.update(lost)
+            fit[:] = [job for job in fit if job.sample not in lost]
+            raise _LostError
+        return [one for one in found if not isinstance(one, Failure)]
+
+    bench = None
+    while bench is None:
+        if len(fit) < _FEWEST:
+            raise TooFewSamplesError(f"fewer than two samples can be fitted: {'; '.join(failed.values())}")
+        with contextlib.suppress(_LostError):  # evidences of different samples cannot be compared: begin again
+            bench = shared_bench(survey, knobs, ends, odds)
+    names = None if effects is None else tuple(effects)
+    asked = [_Own(job, names, bench.known) for job in fit]
+    progress(f"diagnosing {len(asked)} samples")
+    told = results_of(_own, asked, client, lambda k, _: progress(f"{asked[k].job.sample} is diagnosed"))
+    own: dict[str, Diagnosis] = {}
+    for one, answer in zip(asked, told, strict=True):
+        if isinstance(answer, Failure):
+            failed[one.job.sample] = answer.says
+        else:
+            own[one.job.sample] = answer
+    constants, says = spreads({sample: one.final.constants for sample, one in own.items()}, sheets)
+    population = Population(tuple(own), constants, tuple(says))
+    samples = tuple(job.sample for job in jobs)
+    return JointDiagnosis(samples, bench, own, _recurring(own), population, failed, time.perf_counter() - began)
+
+
+def _last_stack(build: Build) -> Stack:
+    return stack_of(build, build.steps[-1])
+
+
+def _recurring(own: Mapping[str, Diagnosis]) -> tuple[Recurring, ...]:
+    """Return the findings that two samples or more have, the most frequent first."""
+    found: dict[tuple[str, str], dict[str, Finding]] = {}
+    for sample, one in own.items():
+        for finding in one.findings:
+            if finding.effect != UNKNOWN:
+                found.setdefault((finding.effect, finding.where), {})[sample] = finding
+    told = [
+        Recurring(effect, where, tuple(by), _sizes(list(by.values())))
+        for (effect, where), by in found.items()
+        if len(by) >= _FEWEST
+    ]
+    return tuple(sorted(told, key=lambda one: -len(one.samples)))
+
+
+def _sizes(findings: Sequence[Finding]) -> dict[str, tuple[float, ...]]:
+    names = [name for name in findings[0].parameters if all(name in one.parameters for one in findings)]
+    return {name: tuple(one.parameters[name].value for one in findings) for name in names}

@@ -1,0 +1,107 @@
+"""What samples of one bench share: a lead in all is found, one of its own in each is not, and nothing is nothing."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.hypotheses.bench_effects import BenchEffect
+from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.interface import FitTask
+from pzctl.fitters.population.batch import BatchJob, Failure, results_of
+from pzctl.fitters.population.joint_diagnosis import TooFewSamplesError, diagnose_together
+from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
+from pzctl.fitters.population.shared_effects import SharedBench, shared_bench
+from pzctl.models.sweep import Sweep
+
+BUILD = read_build(THESIS_BUILD)
+STACK = stack_of(BUILD, BUILD.step("disk"))
+F = np.linspace(1.5e6, 7.5e6, 151)
+EFFECTS = ("lead-inductance", "leakage")
+
+
+def bench(leads: Sequence[float], seed: int) -> Mapping[str, FitTask]:
+    """Disks with other constants each, a lead each, and an analyzer that errs as specified."""
+    rng = np.random.default_rng(seed)
+    slope = complex(*rng.normal(0, 3e-4, 2))
+    tasks: dict[str, FitTask] = {}
+    for k, lead in enumerate(leads):
+        own = {name: STACK.parameters()[name] * rng.normal(1, 0.02) for name in ("disk.c33D.re", "disk.eps33S.re")}
+        noise = 3e-4 * (rng.normal(size=F.size) + 1j * rng.normal(size=F.size))
+        Z = STACK.replace(own).impedance(F) + 2j * np.pi * F * lead
+        tasks[f"S{k + 1}"] = FitTask(BUILD, {"disk": (Sweep(F, Z * np.exp(noise + slope * np.log(F / 4e6))),)})
+    return tasks
+
+
+def shared(tasks: Mapping[str, FitTask]) -> SharedBench:
+    """What these samples share, all in this process."""
+    ends, knobs = ends_of(list(tasks.values())), bench_effects(STACK, EFFECTS)
+
+    def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
+        return [sample_equations(name, task, ends, knobs, known) for name, task in tasks.items()]
+
+    return shared_bench(survey, knobs, ends, dict.fromkeys(EFFECTS, 1.0))
+
+
+def test_a_lead_of_all_samples_is_one_size() -> None:
+    found = shared(bench([9e-9] * 4, 3))
+    (lead,) = found.effects
+    assert (lead.effect, lead.probability > 0.8) == ("lead-inductance", True)
+    residue = found.fixture["inductance"].value if found.fixture else 0.0
+    assert lead.parameters["inductance"].value + residue == pytest.approx(9e-9, abs=4e-10)
+    assert sum(p for s, p in lead.scatter.items() if float(s) <= 0.1) > 0.9
+    assert not lead.within_fixture
+    assert set(lead.sizes) == set(lead.alone) == {"S1", "S2", "S3", "S4"}
+
+
+def test_leads_of_one_s_own_are_not_shared() -> None:
+    found = shared(bench([0.0, 30e-9, 2e-9, 12e-9], 4))
+    assert not found.effects
+    assert "lead-inductance" in found.not_shared
+
+
+def test_the_fixture_s_residue_is_known_better_from_many_samples_and_nothing_is_nothing() -> None:
+    few, many = shared(bench([2e-9] * 2, 5)), shared(bench([2e-9] * 6, 5))
+    assert many.fixture["inductance"].value == pytest.approx(2e-9, abs=3 * many.fixture["inductance"].u)
+    assert many.fixture["inductance"].u < few.fixture["inductance"].u
+    assert many.fixture["inductance"].probability > 0.9
+    nothing = shared(bench([0.0] * 4, 6))
+    assert not nothing.effects
+    assert not nothing.not_shared
+    assert all(part.probability < 0.5 for part in nothing.fixture.values())
+
+
+def test_what_is_known_of_the_bench_is_not_found_in_a_sample_again() -> None:
+    (task,) = bench([3e-8], 7).values()
+    values = {"inductance": 3e-8, "resistance": 0.0, "skin": 0.0}
+    without = diagnose(task, EFFECTS)
+    beside = diagnose(task, EFFECTS, known=(BenchEffect("lead-inductance", values),))
+    assert [one.effect for one in without.findings] == ["lead-inductance"]
+    assert (beside.verdict, beside.findings) == ("no-mismatch", ())
+    assert beside.final.constants["disk.c33D"].re == pytest.approx(without.final.constants["disk.c33D"].re, rel=1e-3)
+
+
+def test_a_sample_that_cannot_be_fitted_stops_nobody() -> None:
+    tasks = dict(bench([9e-9] * 3, 8))
+    flat = FitTask(BUILD, {"disk": (Sweep(F, np.full(F.size, 50.0 + 0j)),)})
+    jobs = [BatchJob(name, task) for name, task in (*tasks.items(), ("flat", flat))]
+    joint = diagnose_together(jobs, {}, ("lead-inductance",))
+    assert set(joint.own) == set(tasks)
+    assert set(joint.failed) == {"flat"}
+    assert all(one.verdict == "no-mismatch" for one in joint.own.values())
+    assert joint.population.constants["disk.c33D"].re.n == 3
+    with pytest.raises(TooFewSamplesError, match="two or more"):
+        diagnose_together(jobs[:1], {})
+
+
+def double(x: int) -> int:
+    """Twice x, but not of 3."""
+    if x == 3:
+        raise TooFewSamplesError("three")
+    return 2 * x
+
+
+def test_results_come_in_order_with_the_sentence_of_what_failed() -> None:
+    assert results_of(double, [1, 3, 2]) == [2, Failure("three"), 4]
