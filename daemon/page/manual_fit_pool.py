@@ -1,11 +1,6 @@
 """Manual fits for the page, in a separate process so that events and buttons never wait for them."""
 
-import os
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
-from multiprocessing import get_context
-from threading import Lock
 from typing import Any, Literal, TypeAlias
 
 import msgspec
@@ -17,13 +12,9 @@ from ...models.base.errors import PzctlError
 from ..samples.journal_manual_fit import JournalManualFit, of_measurement
 from ..samples.sample_selection import open_journal
 from .page_json import fitted_json, numbers_json
+from .worker_process import PATIENCE, NoAnswer, WorkerProcess
 
 Work: TypeAlias = Literal["look", "fit", "keep"]
-
-PATIENCE = 120.0
-"""Seconds to wait for an answer."""
-_NICE = 5
-"""Increment of the niceness: lower priority than the daemon, higher than a diagnosis in the background."""
 
 
 class ManualFitPoolError(PzctlError):
@@ -53,8 +44,7 @@ class ManualFitPool:
     """The process that computes previews and fits, started when first needed. Thread-safe."""
 
     def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._lock = Lock()
+        self._worker = WorkerProcess()
 
     def look(self, request: ManualFitRequest) -> dict[str, Any]:
         """Return adjustables, places of effects and the model's curves. Raises ManualFitPoolError, FitError."""
@@ -70,41 +60,15 @@ class ManualFitPool:
 
     def close(self) -> None:
         """End the process."""
-        with self._lock:
-            pool, self._pool = self._pool, None
-        if pool is not None:
-            _end(pool)
+        self._worker.close()
 
     def _ask(self, request: ManualFitRequest, work: Work) -> dict[str, Any]:
-        with self._lock:
-            pool = self._pool = self._pool or _new_pool()
         try:
-            return pool.submit(_answer, request, work).result(PATIENCE)
-        except (BrokenProcessPool, TimeoutError):
-            with self._lock:
-                self._pool = None if self._pool is pool else self._pool
-            _end(pool)
+            return self._worker.ask(_answer, request, work)
+        except NoAnswer:
             raise ManualFitPoolError(
                 f"the manual fit gave no answer within {PATIENCE:g} s, or its process ended"
             ) from None
-
-
-def _new_pool() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_lower_priority)
-
-
-def _end(pool: ProcessPoolExecutor) -> None:
-    """End a pool at once and discard its work."""
-    processes: dict[int, Any] = getattr(pool, "_processes", None) or {}
-    workers = [*processes.values()]
-    pool.shutdown(wait=False, cancel_futures=True)
-    for worker in workers:
-        worker.terminate()
-
-
-def _lower_priority() -> None:
-    if hasattr(os, "nice"):
-        os.nice(_NICE)
 
 
 def _answer(request: ManualFitRequest, work: Work) -> dict[str, Any]:

@@ -36,10 +36,12 @@ from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
 from .manual_fit_pool import ManualFitPool, ManualFitRequest
 from .page_client import PageClient
+from .page_comparison import ComparisonRequest, compared
 from .page_guard import Guard, shown_token, user_of
 from .page_json import build_json, record_json
 from .page_users import PageUser, PageUsers
 from .request_body import BodyError, NoFields, read_body
+from .worker_process import WorkerProcess
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +59,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
     def may_hear(scope: Scope) -> bool:
         return users is None or users.of_token(shown_token(Request(scope))) is not None
 
-    events, manual_fits = EventStream(may_hear), ManualFitPool()
+    events, manual_fits, worker = EventStream(may_hear), ManualFitPool(), WorkerProcess()
     handlers = _PageRequestHandlers(build)
 
     @asynccontextmanager
@@ -66,6 +68,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         yield
         events.stop()
         manual_fits.close()
+        worker.close()
 
     def keep(request: ManualFitRequest, user: PageUser) -> Response:
         return JSONResponse(manual_fits.keep(_signed(request, user)))
@@ -86,6 +89,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         _command("/api/look", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.look(request))),
         _command("/api/fit", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.fit(request))),
         _command("/api/keep", ManualFitRequest, keep),
+        _command("/api/compare", ComparisonRequest, lambda request, _: JSONResponse(compared(worker, request))),
         Route("/download/{measurement}/{segment}.csv", _answering(handlers.download)),
         Route("/report/{name:path}", _answering(handlers.report)),
         Route("/chart/{constant}", _answering(handlers.chart)),

@@ -35,7 +35,7 @@ MODEL_ERRORS = tuple(product((0.0, 1e-4, 1e-3), scales.RHOS))
 """Relative smooth and rough error of the model: common to all samples and estimated from all together."""
 _MODEL = ("tau", "imaginary")
 _HALF = float(np.sqrt(0.5))
-"""Half of the variance of the model's own error is common to samples of one kind, the other half is each sample's own."""
+"""Half of the variance of the model's own error is common to samples of one kind, half is each sample's own."""
 _FAINT = -1.0
 """Trial size of an effect, in prior standard deviations of its logarithm."""
 Knobs = Mapping[str, Sequence[EffectParameter]]
@@ -169,14 +169,15 @@ def _slopes(
 ) -> Complexes:
     """Return d ln Z per unit of the size, and per prior deviation of each other parameter; shape (N, P).
 
-    If the effect is absent, the first is the derivative at zero size: it must be linear like the fixture's columns.
+    Where the effect is not there yet, the first is that from nothing, with all other parameters at null: a resistance
+    beside an inductance would change it by a per cent at a resonance, unlike the fixture's own column.
     """
     device = model if there else model.with_effect(effect, TERMINALS, values)
     prefix = f"{effect.name}@{TERMINALS}."
     names = [prefix + knob.name for knob in knobs]
     _, slopes = device.jacobian(f, names)
     own = [slope * unit_of(knob, values[knob.name]) for slope, knob in zip(slopes, knobs, strict=True)]
-    at_null = device if there else device.replace({names[0]: knobs[0].null})
+    at_null = device if there else device.replace({name: knob.null for name, knob in zip(names, knobs, strict=True)})
     own[0] = at_null.jacobian(f, names[:1])[1][0]
     return np.stack(own, axis=1)
 

@@ -31,8 +31,10 @@ _TRIED = 3
 """Budget: number of further candidates fitted in all samples."""
 _MOST = 3
 """Budget: largest number of shared effects."""
-_PASSES = 2
-"""Budget: surveys of one explanation; the second is linear where the first has ended."""
+_PASSES = 4
+"""Budget: surveys of one explanation; each is linear where the one before has ended."""
+_SETTLED = 0.1
+"""Increase of ln evidence below which a further survey is not worth its time."""
 _NEGLIGIBLE = 7.0
 """ln odds from which sizes of the errors do not affect an uncertainty: a probability of 1e-3."""
 _NODES = 400
@@ -280,12 +282,12 @@ class _Explanation:
 
 def shared_bench(survey: Survey, knobs: Knobs, ends: tuple[float, float], odds: Mapping[str, float]) -> SharedBench:
     """Return the shared effects. `knobs`, `odds`: of each effect at the terminals; `ends`: of ln frequency."""
-    now = _explained(survey, (), knobs, {})
+    now = _explained(survey, (), {}, knobs)
     rejected: list[str] = []
     steps: list[tuple[_Explanation, list[tuple[_Explanation, float]]]] = []
     while len(now.known) < _MOST:
         promising = _promising(now, knobs, rejected)[:_TRIED]
-        tried = [_explained(survey, (*now.known, one), knobs, {}) for one in promising]
+        tried = [_explained(survey, *_beside(now, one, knobs)) for one in promising]
         weighed = [(one, one.log_evidence + float(np.log(ODDS * odds[one.names[-1]]))) for one in tried]
         better = [(one, weight) for one, weight in weighed if weight > now.log_evidence]
         if not better:
@@ -299,14 +301,34 @@ def shared_bench(survey: Survey, knobs: Knobs, ends: tuple[float, float], odds: 
     return _told(now, steps, rejected, knobs, ends)
 
 
+def _beside(
+    now: _Explanation, one: BenchEffect, knobs: Knobs
+) -> tuple[tuple[BenchEffect, ...], Mapping[str, float], Knobs]:
+    """Return the effects with one more, and the residue of the fixture beside them, both by the linear equations.
+
+    Much of what the fixture's residue had to imitate belongs to the new effect.
+    """
+    first = knobs[one.name][0]
+    nothing = BenchEffect(one.name, {**one.values, first.name: 0.0})
+    found = _finished(now.total, (*now.known, nothing), now.fixture, now.sizes, knobs)
+    moved = _moved(found, knobs)
+    size = max(moved[-1].values[first.name], 1e-3 * one.values[first.name])
+    last = BenchEffect(one.name, {**one.values, first.name: size})
+    return (*moved[:-1], last), _residue(found, knobs), knobs
+
+
 def _explained(
-    survey: Survey, known: tuple[BenchEffect, ...], knobs: Knobs, fixture: Mapping[str, float]
+    survey: Survey, known: tuple[BenchEffect, ...], fixture: Mapping[str, float], knobs: Knobs
 ) -> _Explanation:
-    """Return an explanation, linearised at its likeliest values: the second survey starts at the result of the first."""
-    found = _surveyed(survey, known, knobs, fixture)
+    """Return an explanation, linearised where it is likeliest: each survey begins where the one before ends."""
+    best = found = _surveyed(survey, known, knobs, fixture)
     for _ in range(_PASSES - 1):
         found = _surveyed(survey, _moved(found, knobs), knobs, _residue(found, knobs))
-    return found
+        gain = found.log_evidence - best.log_evidence
+        best = found if gain > 0 else best
+        if abs(gain) < _SETTLED:
+            break
+    return best
 
 
 def _surveyed(

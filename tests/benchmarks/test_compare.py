@@ -101,13 +101,14 @@ def in_the_background(results: Path) -> None:
     with results.open("a") as file:
         for world, pair in list(every_pair())[len(lines) :]:
             judgement, seconds = compared(pair)
-            lines.append(json.dumps([world, pair.effect or "unchanged", judgement, seconds]))
+            told = [None if part is None else bool(part) for part in judgement]
+            lines.append(json.dumps([world, pair.effect or "unchanged", told, seconds]))
             print(lines[-1], file=file, flush=True)
-    told = [json.loads(line) for line in lines]
-    for world in dict.fromkeys(one[0] for one in told):
+    every = [json.loads(line) for line in lines]
+    for world in dict.fromkeys(one[0] for one in every):
         print(world)
         own: dict[str, list[Judgement]] = {}
-        for _, effect, judgement, _ in (one for one in told if one[0] == world):
+        for _, effect, judgement, _ in (one for one in every if one[0] == world):
             own.setdefault(effect, []).append(judgement)
         table(own)
 

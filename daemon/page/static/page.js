@@ -1,12 +1,13 @@
 // The page's view and the actions of its buttons. Everything from outside is set as text, never as markup.
 
 import { follow, wire } from "./byhand.js";
+import { showChange } from "./change.js";
 import { circle, clear, columns, draw, overlay, resampled, smith } from "./plots.js";
 import { history, stack } from "./sketch.js";
 import { complexWithUncertainty, withUncertainty } from "./numbers.js";
 
 const $ = (id) => document.getElementById(id);
-const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, withdrawn: [] };
+const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, compared: null, withdrawn: [] };
 
 function element(tag, text, properties = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, properties);
@@ -46,7 +47,7 @@ async function measure(step) {
 function showSegments() {
   $("segments").replaceChildren(...view.sweeps.map((sweep, k) => {
     const label = `${(sweep.f[0] / 1e6).toPrecision(3)}–${(sweep.f.at(-1) / 1e6).toPrecision(3)} MHz`;
-    const tab = element("button", label, { type: "button", onclick: () => { view.segment = k; showCurves(); } });
+    const tab = element("button", label, { type: "button", onclick: () => { view.segment = k; showCurves(); showKept(); } });
     tab.setAttribute("aria-pressed", String(k === view.segment));
     return tab;
   }));
@@ -75,9 +76,39 @@ function showCurves() {
 
 // The sweep of the kept measurement that shares most of this band.
 function keptAt(f) {
+  const best = keptFor(f);
+  return best ? { f: best.f, ...columns(best.z) } : null;
+}
+
+function keptFor(f) {
   const shared = (one) => Math.min(one.f.at(-1), f.at(-1)) - Math.max(one.f[0], f[0]);
   const best = [...(view.kept?.sweeps ?? [])].sort((a, b) => shared(b) - shared(a))[0];
-  return best && shared(best) > 0 ? { f: best.f, ...columns(best.z) } : null;
+  return best && shared(best) > 0 ? best : null;
+}
+
+// Ask what changed from the kept sweep to this one; the answer belongs to this pair alone.
+async function compareKept() {
+  const sweep = view.sweeps[view.segment], before = keptFor(sweep.f);
+  const pair = pairShown();
+  view.compared = { pair };
+  $("problem").textContent = "";
+  showKept();
+  try {
+    const found = await ask("/api/compare", {
+      before: { measurement: view.kept.measurement, segment: view.kept.sweeps.indexOf(before) + 1 },
+      after: { measurement: view.measurement, segment: view.segment + 1 },
+    });
+    if (view.compared?.pair === pair) view.compared.found = found;
+  } catch (error) {
+    view.compared = null;
+    $("problem").textContent = error.message;
+  }
+  showKept();
+}
+
+function pairShown() {
+  const sweep = view.sweeps[view.segment], before = sweep && keptFor(sweep.f);
+  return before && view.kept.measurement !== view.measurement ? `${view.kept.measurement}/${before.id} ${view.measurement}/${sweep.id}` : null;
 }
 
 function showKept() {
@@ -85,6 +116,11 @@ function showKept() {
   $("keep").textContent = view.kept ? "Stop comparing" : "Keep for comparison";
   $("kept-key").hidden = !view.kept;
   $("kept-name").textContent = view.kept?.name ?? "";
+  const pair = pairShown(), known = pair && view.compared?.pair === pair ? view.compared : null;
+  $("compare").hidden = !pair;
+  $("compare").disabled = Boolean(known);
+  $("compare").textContent = known && !known.found ? "comparing …" : "What changed?";
+  showChange(known?.found ?? null);
 }
 
 function showStack() {
@@ -290,7 +326,8 @@ $("stop").onclick = () => command("/api/cancel", {});
 $("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
 $("which").onchange = () => { showHistory(); $("chart-place").replaceChildren(); };
 $("chart").onclick = showChart;
-$("keep").onclick = () => { view.kept = view.kept ? null : { name: `${view.sample} · ${view.step}`, sweeps: view.sweeps }; showCurves(); showKept(); };
+$("keep").onclick = () => { view.kept = view.kept ? null : { name: `${view.sample} · ${view.step}`, sweeps: view.sweeps, measurement: view.measurement }; showCurves(); showKept(); };
+$("compare").onclick = compareKept;
 view.changed = showAll;
 wire(view);
 $("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");

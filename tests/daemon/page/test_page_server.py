@@ -87,6 +87,54 @@ def test_by_hand_a_wish_that_cannot_be_is_a_sentence() -> None:
     assert (status, b"missing required field `measurement`" in body) == (400, True)
 
 
+def test_two_sweeps_of_the_journal_are_compared_and_one_that_is_not_there_is_a_sentence(
+    tmp_path: Path, build: Build
+) -> None:
+    journal = JournalWriter(tmp_path / "journal")
+    f = np.linspace(0.9e6, 1.1e6, 101)
+    jw = 2j * np.pi * f
+    Z = 1 / (jw * 5e-10 + jw * 6e-11 / (1 - (f / 1e6) ** 2 + 1j * f / 1e6 / 80))
+    names = [put(journal, build, Sweep(f, seen)) for seen in (Z, Z + jw * 3e-6)]
+    journal.close()
+
+    def compared(segment: int) -> tuple[int, Any]:
+        pair = {"before": {"measurement": names[0]}, "after": {"measurement": names[1], "segment": segment}}
+        body = json.dumps(pair).encode()
+        status, _, answer = ask("/api/compare", method="POST", body=body, origin="http://127.0.0.1:8294")
+        return status, json.loads(answer)
+
+    status, found = compared(1)
+    assert (status, found["verdict"]) == (200, "explained")
+    (finding,) = found["findings"]
+    assert finding["effect"] in ("series-coil", "lead-inductance")
+    assert finding["parameters"]["inductance"]["value"] == pytest.approx(3e-6, rel=0.05)
+    assert len(found["curve"]["explained"]["re"]) == len(found["curve"]["f"]) == 101
+    status, found = compared(2)
+    assert (status, found["error"]) == (404, f"{names[1]} has no sweep 2; allowed are 1 to 1")
+
+
+def put(journal: JournalWriter, build: Build, sweep: Sweep) -> str:
+    """Write a measured step of one sweep; return the measurement."""
+    measurement, _ = journal.begin_measurement(str(sweep.impedance[0]), build, build.steps[0].name)
+    sample = SampleStep(build.name, build.steps[0].name)
+    columns, payload = sweep_columns(sweep)
+    instrument = InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True)
+    event = SweepEvent(
+        measurement=measurement,
+        sample=sample,
+        instrument=instrument,
+        build=build,
+        segment=1,
+        segments=1,
+        started=sweep.time,
+        settings={},
+        columns=columns,
+    )
+    journal.append(event, payload)
+    journal.append(StateEvent(state="measured", measurement=measurement, sample=sample))
+    return measurement
+
+
 def reached(address: str) -> bool:
     try:
         with urlopen(address, timeout=2) as answer:  # noqa: S310

@@ -1,0 +1,70 @@
+"""What changed between two measurements of the journal, for the page."""
+
+from typing import Any
+
+import msgspec
+
+from ...models.base.errors import PzctlError
+from ...models.sweep import Sweep
+from ..report.json_output.comparison_json import comparison_json
+from ..samples.sample_record import sample_record
+from ..samples.sample_selection import open_journal
+from .page_json import numbers_json
+from .worker_process import PATIENCE, NoAnswer, WorkerProcess
+
+
+class PageComparisonError(PzctlError):
+    """A comparison gave no answer, or one of its sweeps does not exist."""
+
+
+class Recorded(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A sweep of a measurement."""
+
+    measurement: str
+    segment: int = 1
+    """Counted from 1."""
+
+
+class ComparisonRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A request of the page: the sweep that was kept, and the one it is compared with."""
+
+    before: Recorded
+    after: Recorded
+
+
+def compared(worker: WorkerProcess, request: ComparisonRequest) -> dict[str, Any]:
+    """Return what changed, with the curves. Raises PzctlError."""
+    try:
+        return worker.ask(_answer, request)
+    except NoAnswer:
+        raise PageComparisonError(
+            f"the comparison gave no answer within {PATIENCE:g} s, or its process ended"
+        ) from None
+
+
+def _answer(request: ComparisonRequest) -> dict[str, Any]:
+    """Compare two sweeps; runs in the worker's process."""
+    from ...fitters.compare.compare import compare
+
+    journal = open_journal()
+    try:
+        sweeps: list[Sweep] = []
+        for wanted in (request.before, request.after):
+            (step,) = sample_record(journal, wanted.measurement).steps
+            if not 1 <= wanted.segment <= len(step.sweeps):
+                raise PageComparisonError(
+                    f"{wanted.measurement} has no sweep {wanted.segment}; allowed are 1 to {len(step.sweeps)}"
+                )
+            sweeps.append(step.sweeps[wanted.segment - 1])
+    finally:
+        journal.close()
+    comparison = compare([sweeps[0]], [sweeps[1]])
+    curve = comparison.curve
+    return comparison_json(comparison) | {
+        "curve": {
+            "f": curve.frequency.tolist(),
+            "before": numbers_json(curve.before),
+            "after": numbers_json(curve.after),
+            "explained": numbers_json(curve.explained),
+        }
+    }
