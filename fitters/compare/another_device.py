@@ -5,9 +5,8 @@ Two hypotheses compete with all that have names, so that enough changes of one d
 - every resonance is another by itself, as among devices of one kind;
 - the recording after has nothing to do with the one before: poles of its own, each of which pays for its numbers (at
   any place of the band, of any width). Poles describe any recording down to its noise, changes of a real device do not.
-  So the two are held against each other at the accuracy that the changes reach: with what they leave as noise, as many
-  independent points as it has, and no merit in being nearer (coarsened likelihoods: Miller and Dunson, J. Am. Stat.
-  Assoc. 114 (2019) 1113). Which of them needs fewer numbers for as much?
+  So the two are held against each other at the accuracy that the changes reach: with what they leave as noise, and as
+  many independent points as it has (coarsened likelihoods: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
 """
 
 import math
@@ -96,15 +95,13 @@ def every_resonance(pair: Pair, own: Resonances, after: PoleFit) -> tuple[EveryR
 
 
 def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: Outcome) -> float:
-    """Return the ln odds of poles of its own against changes that were linearised here, beside prior odds."""
+    """Return ln evidence of poles of its own against that of changes that were linearised here, beside prior odds."""
     recorded, inside = errors.recorded, np.isfinite(errors.recorded.noise_after)
     left = outcome.left[inside]
     share = np.sqrt(inside.sum() / _independent(left))
     missed = float(np.sqrt(np.mean(np.abs(left) ** 2) / 2))
-    coarse = errors.with_noise(np.where(inside, share * np.hypot(recorded.noise_after, missed), np.inf))
-    sizes = replace(outcome.sizes, noise=1.0, rest=0.0)
-    changes = coarse.outcome(at, (0.0,), sizes, rounds=0)
-    noise = coarse.points(at).noise  # that of before as well: all points are as uncertain for the poles
+    noise = np.where(inside, share * np.hypot(recorded.noise_after, missed), np.inf)
+    changes = errors.with_noise(noise).outcome(at, (0.0,), outcome.sizes, rounds=1).log_evidence
 
     finite = np.where(inside, noise, 1.0)
     fit = fit_poles(Frame.of(Sweep(recorded.frequency, recorded.after), finite, inside))
@@ -113,15 +110,13 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     predicted = np.asarray(recorded.after / (1 - relative), np.complex128)
     pair = replace(recorded, before=recorded.after, noise_before=0 * noise, noise_after=noise)
     slopes: Complexes = -_numbers(fit)
-    zero = np.zeros(points, np.complex128)
-    alone = Linearised(predicted, zero, slopes, slopes[:, :0], np.zeros(slopes.shape[1]), (), pair.frequency)
+    zero, x = np.zeros(points, np.complex128), np.zeros(int(slopes.shape[1]), np.float64)
+    alone = Linearised(predicted, zero, slopes, slopes[:, :0], x, (), pair.frequency)
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))
-    poles = PairErrors(pair, none).outcome(alone, (0.0,), sizes, rounds=0)
+    evidence = PairErrors(pair, none).outcome(alone, (0.0,), outcome.sizes, rounds=1).log_evidence
     # Numbers are where their fit is, not at the middle of their priors; and poles have no order among themselves.
     paid = 0.5 * 4 * fit.poles.size - math.lgamma(fit.poles.size + 1)
-    # To be nearer than the changes are is no merit.
-    nearer = 0.5 * min(poles.cost - changes.cost, 0.0)
-    return poles.log_evidence + nearer - paid - changes.log_evidence
+    return evidence - paid - changes
 
 
 def _independent(left: Complexes) -> float:
