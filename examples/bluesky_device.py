@@ -1,6 +1,6 @@
-"""A device as Bluesky's run engine expects it: `trigger` begins a measurement, `read` gives what came of it.
+"""A device for Bluesky's run engine: `trigger` begins a measurement, `read` returns its results.
 
-Bluesky asks for methods, not for a base class; so this file needs nothing of Bluesky. In a plan:
+Bluesky requires methods, not a base class, so this file does not import Bluesky. In a plan:
 
     transducer = Transducer("transducer", read_build("build.toml"), "disk")
     RE(bluesky.plans.scan([transducer], chamber, 20, 40, 5))
@@ -16,7 +16,7 @@ from pzctl.models.base.errors import PzctlError
 
 
 class Status:
-    """What `trigger` returns: done or not, and how it went (Bluesky's Status protocol)."""
+    """The status returned by `trigger`: done or not, with success or failure (Bluesky's Status protocol)."""
 
     def __init__(self) -> None:
         self._done = threading.Event()
@@ -35,13 +35,13 @@ class Status:
         return self.done and self._error is None
 
     def exception(self, timeout: float | None = 0.0) -> PzctlError | None:
-        """Return what went wrong, None where nothing did; waits `timeout` seconds. Raises TimeoutError."""
+        """Return the error, or None; waits `timeout` seconds. Raises TimeoutError."""
         if not self._done.wait(timeout):
             raise TimeoutError("the measurement has not ended yet")
         return self._error
 
     def add_callback(self, callback: "Callable[[Status], None]") -> None:
-        """Have `callback` called when it has ended; at once where it has already."""
+        """Call `callback` when it has ended, or at once if it has already."""
         with self._lock:
             if not self.done:
                 self._callbacks.append(callback)
@@ -49,7 +49,7 @@ class Status:
         callback(self)
 
     def finish(self, error: PzctlError | None) -> None:
-        """Say that it has ended."""
+        """Mark it as ended."""
         with self._lock:
             self._error = error
             self._done.set()
@@ -69,17 +69,17 @@ class Transducer:
         self._time = 0.0
 
     def trigger(self) -> Status:
-        """Measure and fit, in a thread of its own."""
+        """Measure and fit in a separate thread."""
         status = Status()
         threading.Thread(target=self._measure, args=(status,), daemon=True).start()
         return status
 
     def read(self) -> dict[str, dict[str, Any]]:
-        """Return what the last measurement gave."""
+        """Return the results of the last measurement."""
         return {name: {"value": value, "timestamp": self._time} for name, (value, _) in self._values.items()}
 
     def describe(self) -> dict[str, dict[str, Any]]:
-        """Return what `read` gives, with units."""
+        """Return the description of `read`, with units."""
         source = f"pzctl:{self._build.name}/{self._step}/{self._fitter}"
         return {
             name: {"source": source, "dtype": "number", "shape": [], "units": unit}
@@ -87,7 +87,7 @@ class Transducer:
         }
 
     def read_configuration(self) -> dict[str, dict[str, Any]]:
-        """Return nothing: the journal keeps how it was measured, with every sweep."""
+        """Return nothing: the journal has the settings of every sweep."""
         return {}
 
     describe_configuration = read_configuration

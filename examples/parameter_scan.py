@@ -16,14 +16,14 @@ NAMES = ("disk.c33D", "disk.eps33S", "disk.h33")
 
 
 def set_temperature(celsius: float) -> float:
-    """Bring the chamber to a temperature and return what it reached: put your chamber's own commands here."""
+    """Bring the chamber to a temperature and return the temperature reached: insert your chamber's commands here."""
     return celsius
 
 
 def scan(
     build: Build, temperatures: Iterable[float], out: TextIO, reach: Callable[[float], float] = set_temperature
 ) -> None:
-    """Measure and fit the first step at each temperature; the instrument is ours for as long as that takes."""
+    """Measure and fit the first step at each temperature, with a lease of the instrument for the whole time."""
     rows = csv.writer(out)
     rows.writerow(["temperature_C", "measurement", *(f"{name}.{part}" for name in NAMES for part in ("re", "im", "u"))])
     with connect() as lab, lab.lease("temperature scan", seconds=3600) as lease:

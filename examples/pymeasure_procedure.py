@@ -21,7 +21,7 @@ class ImpedanceProcedure(Procedure):
     DATA_COLUMNS: ClassVar = ["Frequency (Hz)", "R (ohm)", "X (ohm)"]
 
     def execute(self) -> None:
-        """Measure by the daemon; stopped from PyMeasure, the measurement is cancelled."""
+        """Measure through the daemon; if PyMeasure stops the procedure, the measurement is cancelled."""
         with connect() as lab:
             measured = lab.measure(read_build(Path(self.build_file)), self.step, progress=self._progress)
         for sweep in measured.sweeps:
@@ -31,7 +31,7 @@ class ImpedanceProcedure(Procedure):
     def _progress(self, event: Any) -> None:
         self.emit("progress", 100 * event.fraction)
         if self.should_stop():
-            raise KeyboardInterrupt  # the client takes this as Ctrl-C, and cancels
+            raise KeyboardInterrupt  # the client treats this like Ctrl-C, and cancels
 
 
 def main(build: str, results: str) -> None:

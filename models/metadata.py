@@ -1,4 +1,4 @@
-"""What is noted at a measurement beside the sweep: operator, temperature, batch, barcode, and keys of one's own."""
+"""Metadata of a measurement: operator, temperature, batch, barcode, and the user's own keys."""
 
 import math
 import re
@@ -17,11 +17,11 @@ _KEY = re.compile(r"[A-Za-z]\w{0,63}")
 
 
 class MetadataError(PzctlError):
-    """Metadata of a measurement that cannot be kept."""
+    """The metadata of a measurement are invalid."""
 
 
 def check_metadata(metadata: Mapping[str, object], where: str) -> None:
-    """Raise MetadataError, whose sentence begins with `where`, for a key or a value that cannot be kept."""
+    """Raise MetadataError, whose sentence begins with `where`, for an invalid key or value."""
     if len(metadata) > MOST_KEYS:
         raise MetadataError(f"{where}: {len(metadata)} keys; at most {MOST_KEYS} are allowed")
     for key, value in metadata.items():
@@ -52,7 +52,7 @@ def check_entry(key: str, value: object, where: str) -> None:
 
 
 def typed_entry(key: str, text: str, where: str) -> str | float:
-    """Return the value of a key that was typed: a number if it reads as one, unless the key is a text."""
+    """Return the typed value of a key: a number if it can be read as one, unless the key requires a text."""
     number: float | None = None
     if key not in TEXT_KEYS:
         try:

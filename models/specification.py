@@ -1,4 +1,4 @@
-"""Limits that the constants of a transducer must keep, and how sure a verdict about them must be."""
+"""Limits for the constants of a transducer, and the required probability of a verdict."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from .base.errors import PzctlError
 
 USUAL_CONFORMANCE = 0.95
-"""Probability that a verdict asks for unless the specification says otherwise: the default of ISO 14253-1:2017."""
+"""Default probability required for a verdict, as in ISO 14253-1:2017."""
 
 
 class SpecificationError(PzctlError):
-    """Limits that no value can keep, or that name nothing of the transducer."""
+    """Impossible limits, or limits of a constant that the transducer does not have."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Limit:
     high: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise SpecificationError if no value can keep the limit."""
+        """Raise SpecificationError if the limit is impossible."""
         if self.low is None and self.high is None:
             raise SpecificationError("a limit needs a min or a max")
         if self.low is not None and self.high is not None and not self.low < self.high:
@@ -38,6 +38,6 @@ class Specification:
     """Probability with which a value must keep (or violate) its limit for a verdict of pass (or fail)."""
 
     def __post_init__(self) -> None:
-        """Raise SpecificationError if the probability decides nothing, or everything."""
+        """Raise SpecificationError if the probability is out of range."""
         if not 0.5 <= self.conformance < 1:
             raise SpecificationError(f"conformance is {self.conformance:g}; 0.5 (no guard band) to below 1 is allowed")

@@ -1,4 +1,4 @@
-"""The analyzers that can be simulated: who each says it is, and the language it speaks."""
+"""The analyzers that can be simulated: their identification and their command language."""
 
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Model:
     """One analyzer."""
 
     identity: str
-    """The answer to `*IDN?`, with `{serial}` in it."""
+    """The answer to `*IDN?`, containing `{serial}`."""
     execute: Callable[[Instrument, Unit], bytes | None]
     """Carries out one unit; errors go to the error queue."""
     perform: Callable[[Instrument, bytes, Callable[[], bool]], AsyncIterator[bytes]]

@@ -120,7 +120,7 @@ def test_nearly_every_sentence_is_provoked_by_a_test() -> None:
 def test_the_generator_builds_the_pages(tmp_path: Path) -> None:
     pytest.importorskip("mkdocs")
     if not (ROOT / "mkdocs.yml").exists():
-        pytest.skip("this is no checkout: the guides are not here")
+        pytest.skip("not a checkout, so there are no guides")
     words = ["-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path / "site")]
     done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -17,7 +17,7 @@ from .sample_selection import NoSamplesError, open_journal
 
 _FLAGS = ("free", "derived", "converged")
 _TEXT_START = ("=", "+", "-", "@", "\t", "\r")
-"""A text that begins so is a formula to a spreadsheet."""
+"""First characters of a formula in a spreadsheet."""
 
 
 class TableError(PzctlError):

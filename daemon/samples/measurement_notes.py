@@ -1,4 +1,4 @@
-"""What is noted at a measurement: what the command or the page gives, what readers read, and masses weighed earlier.
+"""Notes on a measurement: from the command or the page, from readers, and masses weighed earlier.
 
 A reader is a plug-in: a function without arguments under the entry point group `pzctl.readers`, named in `readers` of
 config.toml, that returns keys and values such as {"temperature_C": 23.1}.
@@ -19,13 +19,13 @@ GROUP = "pzctl.readers"
 
 
 class ReaderError(PzctlError):
-    """A reader of metadata is not installed, or cannot read."""
+    """A reader of metadata is not installed, or failed."""
 
 
 def noted_build(
     build: Build, step: str, metadata: Mapping[str, str | float], mass: Quantity | None, readers: Sequence[str] = ()
 ) -> Build:
-    """Return the build as it is measured: with the values of the readers, then `metadata`, and all known masses.
+    """Return the build for a measurement: with the values of the readers, then `metadata`, and all known masses.
 
     The mass of an earlier step comes from that step's measurement in the journal unless the build states it. Raises
     ReaderError, MetadataError, JournalError.
@@ -37,7 +37,7 @@ def noted_build(
 
 
 def read_notes(name: str) -> dict[str, str | float]:
-    """Return what a reader reads. Raises ReaderError, MetadataError."""
+    """Return the values of a reader. Raises ReaderError, MetadataError."""
     found = entry_points(group=GROUP)
     if name not in found.names:
         raise ReaderError(f"reader {name!r} is not installed; {among(name, sorted(found.names))}")

@@ -29,7 +29,7 @@ class ProcessChart:
 
     @property
     def title(self) -> str:
-        """What the chart shows."""
+        """The title of the chart."""
         return f"{self.constant} by {self.fitter}" + (f", step {self.step}" if self.step else "")
 
     def json(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""The form of a diagnosis from outside: what reports, pictures and the page read of it has the type they expect.
+"""The form of an untrusted diagnosis: all fields that reports, pictures and the page read have the expected type.
 
-A diagnosis may have further fields, and lack those that have a default here.
+A diagnosis may have further fields, and may lack those with a default here.
 """
 
 from typing import Annotated, Any

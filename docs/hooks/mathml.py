@@ -12,7 +12,7 @@ _PLACE = re.compile(r"MATHML(\d+)X")
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Return a page with a word in the place of each equation, so that Markdown leaves them alone; code stays."""
+    """Return a page with a placeholder for each equation, so that Markdown does not change them; code is kept."""
     made: list[str] = page.meta.setdefault("mathml", [])
 
     def kept(tex: str, display: str) -> str:

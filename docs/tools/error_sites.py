@@ -1,4 +1,4 @@
-"""Every place in the code that makes an error, and the shape of its sentence: what `docs/errors.md` should hold."""
+"""Every place in the code that creates an error, and the pattern of its sentence, for `docs/errors.md`."""
 
 import ast
 import re
@@ -18,7 +18,7 @@ class Site:
     """File, from the package's root."""
     kind: str
     template: str
-    """The sentence with `...` where something is filled in; empty where all of it is."""
+    """The sentence with `...` for variable parts; empty if all of it is variable."""
     pattern: str
     """A regular expression that its sentences match."""
 
@@ -29,7 +29,7 @@ class Site:
 
 
 def sites(root: Path, kinds: Sequence[str]) -> list[Site]:
-    """Return the places in the rooms below `root` that make an error of one of `kinds`, by file and line."""
+    """Return the places in the packages below `root` that create an error of one of `kinds`, by file and line."""
     return [
         site
         for room in ROOMS
@@ -41,7 +41,7 @@ def sites(root: Path, kinds: Sequence[str]) -> list[Site]:
 def _of_file(path: Path, where: str, kinds: Sequence[str]) -> Iterator[Site]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and (kind := _name(node.func)) in kinds and node.args:
-            # A code may stand before the sentence: RequestError("busy", "the instrument measures ...").
+            # A code may precede the sentence: RequestError("busy", "the instrument measures ...").
             says = node.args[1] if kind == "RequestError" and len(node.args) > 1 else node.args[0]
             parts = list(_parts(says))
             template = "".join("..." if part is None else part for part in parts)
@@ -56,7 +56,7 @@ def _name(function: ast.expr) -> str:
 
 
 def _parts(says: ast.expr) -> Iterator[str | None]:
-    """Yield the constant parts of a sentence, and None for what is filled in."""
+    """Yield the constant parts of a sentence, and None for variable parts."""
     match says:
         case ast.Constant(value=str(text)):
             yield text

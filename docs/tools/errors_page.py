@@ -1,4 +1,4 @@
-"""The page docs/errors.md: every kind of error that people read, from the classes themselves.
+"""Generates docs/errors.md: every kind of error for people, from the error classes.
 
 python docs/tools/errors_page.py docs/errors.md
 """
@@ -24,26 +24,25 @@ from pzctl.models.base.names import shown
 _ROOT = Path(pzctl.__file__).parent
 _HEAD = """# Error messages
 
-What is wrong is one sentence on standard error, `pzctl: what, where, what was found, what is allowed`, and the exit
-status.
-This page is written by `make docs` from the code; do not edit it.
+An error is one sentence on standard error, `pzctl: what, where, what was found, what is allowed`, and the exit status.
+`make docs` generates this page from the code; do not edit it.
 
-Exit status 2: what was asked, or what it was asked of, is not as it must be. 1: the question was right, and the answer
-is "it cannot be done".
+Exit status 2: something in the request, or in the files or devices that it refers to, is wrong. 1: the request is
+valid, but no result is possible.
 
 """
 
 _SENTENCES = """
 ## Sentences
 
-{provoked} of the {all} places in the code that make an error were provoked by a test; below is what was read there.
-`make errors` writes them down anew.
+Tests provoke {provoked} of the {all} places in the code that create an error; the table lists the resulting sentences.
+`make errors` updates it.
 
 """
 _UNPROVOKED = """
 ## Not provoked
 
-What stands here no test has provoked, and why.
+Sentences that no test provokes, and the reason.
 
 | sentence | where | why |
 |---|---|---|
@@ -52,7 +51,7 @@ _LONGEST = 400
 
 
 def error_kinds() -> list[type[PzctlError]]:
-    """Return every kind of error of the package, sorted by room and name."""
+    """Return every kind of error of the package, sorted by module and name."""
     for room in ("models", "drivers", "fitters", "sim", "daemon"):
         found = importlib.import_module(f"pzctl.{room}")
         for module in pkgutil.walk_packages(found.__path__, f"{found.__name__}."):
@@ -62,9 +61,9 @@ def error_kinds() -> list[type[PzctlError]]:
 
 
 def page(provoked: Path | None = None) -> str:
-    """Return the page as Markdown; `provoked`: the rows that the tests wrote, for the table of sentences.
+    """Return the page as Markdown; `provoked`: the rows written by the tests, for the table of sentences.
 
-    Beside it lies `unprovoked.toml`: by file, the beginning of a sentence that no test provokes, and why.
+    `unprovoked.toml` in the same folder lists by file the beginning of each sentence that no test provokes, and why.
     """
     rows = ["| kind | where it comes from | exit status | what it is about |", "|---|---|---|---|"]
     for kind in error_kinds():
@@ -76,12 +75,12 @@ def page(provoked: Path | None = None) -> str:
 
 @cache
 def all_sites() -> tuple[Site, ...]:
-    """Return every place in the code that makes an error."""
+    """Return every place in the code that creates an error."""
     return tuple(sites(_ROOT, [PzctlError.__name__, CannotError.__name__, *(kind.__name__ for kind in error_kinds())]))
 
 
 def rows_of(provoked: Path) -> list[dict[str, Any]]:
-    """Return what the tests wrote down, by place, as far as the code still says it."""
+    """Return the sentences provoked by tests, by place, as far as they are still in the code."""
     found = [json.loads(line) for line in provoked.read_text(encoding="utf-8").splitlines()]
     known = all_sites()
     return sorted(
@@ -90,7 +89,7 @@ def rows_of(provoked: Path) -> list[dict[str, Any]]:
 
 
 def _sentences(provoked: Path) -> str:
-    """Return the table of sentences, each as a test has provoked it, and the table of those that none provokes."""
+    """Return the table of provoked sentences, and the table of those that no test provokes."""
     found, known = rows_of(provoked), all_sites()
     rows = ["| sentence | kind | provoked by |", "|---|---|---|"]
     seen: set[Site] = set()
@@ -103,7 +102,7 @@ def _sentences(provoked: Path) -> str:
     text = _SENTENCES.format(provoked=len(known) - len(left), all=len(known)) + "\n".join(rows) + "\n"
     reasons = tomllib.loads(provoked.with_name("unprovoked.toml").read_text(encoding="utf-8"))
     lines = [
-        f"| {_plain(site.template or 'what another part said')} | `{site.where}` | {_why(site, reasons)} |"
+        f"| {_plain(site.template or 'the sentence of another error')} | `{site.where}` | {_why(site, reasons)} |"
         for site in left
     ]
     return text + (_UNPROVOKED + "\n".join(lines) + "\n" if lines else "")
@@ -115,7 +114,7 @@ def _why(site: Site, reasons: Mapping[str, Mapping[str, str]]) -> str:
 
 
 def _plain(says: str) -> str:
-    """Return a sentence as it can stand in a table."""
+    """Return a sentence escaped for a table."""
     says = shown(" ".join(says.split()))
     says = says if len(says) <= _LONGEST else f"{says[:_LONGEST]} ..."
     return re.sub(r"([|<>*_`\[\]\\$])", r"\\\1", says)

@@ -15,7 +15,7 @@ from pzctl.daemon.wire import replies as reply
 from pzctl.daemon.wire import requests as ask
 
 STAMP = ("v", "run", "seq", "id", "time", "columns")
-"""What every event carries; the journal gives it, so the types have defaults for it."""
+"""Fields of every event; the journal sets them, so the types have defaults for them."""
 
 
 def schemas() -> dict[str, dict[str, Any]]:
@@ -47,7 +47,7 @@ ANSWERS: dict[str, type[reply.Answer]] = {
 
 
 def text(schema: dict[str, Any]) -> str:
-    """Return a schema as it is written to its file."""
+    """Return a schema as the text of its file."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -56,7 +56,7 @@ def _tag(kind: type[msgspec.Struct]) -> str:
 
 
 def _schema(kind: type[msgspec.Struct], always: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return one schema; `always` are fields that are always there although their type has a default."""
+    """Return one schema; `always` are fields that are always present although their type has a default."""
     (reference,), parts = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
     name = str(reference["$ref"]).rpartition("/")[2]
     whole = parts.pop(name)
@@ -65,7 +65,7 @@ def _schema(kind: type[msgspec.Struct], always: tuple[str, ...] = ()) -> dict[st
 
 
 def main() -> None:
-    """Write all schemas into the folder that is named."""
+    """Write all schemas into the given folder."""
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
     for name, schema in schemas().items():

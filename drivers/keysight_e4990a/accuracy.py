@@ -1,8 +1,8 @@
-"""What an E4990A's reading is worth: its specified accuracy, and the noise to expect from point to point.
+"""The specified accuracy of an E4990A, and its expected noise from point to point.
 
-Of the data sheet only its headline is used: a basic accuracy of 0.08 % (0.045 % typical). How the error grows at very
-small and very large |Z|, with the frequency and with the measurement speed is taken from the analyzer's predecessor,
-whose bridge and test fixtures it shares [no public source gives the E4990A's own table in full].
+Only the basic accuracy of 0.08 % (0.045 % typical) is from the data sheet. The growth of the error at very small and
+very large |Z|, with the frequency and with the measurement speed is that of the analyzer's predecessor, whose bridge
+and test fixtures it shares [no public source gives the E4990A's own table in full].
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ BASIC = 0.0008
 """Relative, at 1 kHz to 1 MHz, speed 5 and 0.5 V."""
 
 PER_HERTZ = 1e-9
-"""What each hertz above 1 MHz adds, relative: 0.1 % per MHz, up to 1.5 %."""
+"""Additional relative error per hertz above 1 MHz: 0.1 % per MHz, up to 1.5 %."""
 MOST_PROPORTIONAL = 0.015
 
 SERIES_OHM, PARALLEL_SIEMENS = 2.5e-3, 2.5e-9
 """Residuals of the bridge below 1 MHz; the parallel one grows with the frequency above."""
 
 SPEED_ERROR = {1: 4e-3, 2: 2e-3, 3: 1e-3, 4: 3e-4, 5: 0.0}
-"""What a faster measurement adds, relative."""
+"""Additional relative error of faster measurements."""
 
 NOISE = {1: 2e-4, 2: 1.3e-4, 3: 9e-5, 4: 6e-5, 5: 4e-5}
 """Relative noise of a single point at 0.5 V, by speed."""
@@ -41,6 +41,6 @@ def relative_noise(
 
 
 def _offset(frequency: Frequencies, impedance: Impedances, oscillator_V: float) -> Reals:
-    """Return what the bridge's residuals add: Zs/|Z| + Yo |Z|; a level below 0.5 V makes both larger."""
+    """Return the contribution of the bridge's residuals, Zs/|Z| + Yo |Z|; a level below 0.5 V increases both."""
     size, factor = np.abs(impedance), max(0.5 / oscillator_V, 1.0)
     return factor * (SERIES_OHM / size + PARALLEL_SIEMENS * np.maximum(frequency / 1e6, 1.0) * size)

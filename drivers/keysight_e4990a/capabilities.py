@@ -1,7 +1,7 @@
-"""What an E4990A can do: its ranges, its noise and accuracy, and how long it takes.
+"""The capabilities of an E4990A: ranges, noise and accuracy, and duration of sweeps.
 
-The ranges are those of the option with the highest frequency (E4990A-120); what another one does not take is found out
-when it reads back. A delay is refused: public sources name one command for it and differ about which delay it sets.
+The ranges are those of the option with the highest frequency (E4990A-120); on another option, a value out of range is
+detected when it is read back. A delay is refused: public sources give one command for it, but differ about its meaning.
 """
 
 import numpy as np
@@ -15,9 +15,9 @@ LOWEST_HZ, HIGHEST_HZ = 20.0, 120e6
 MOST_POINTS, MOST_SEGMENTS = 1601, 201
 
 SPEED_SECONDS = {1: 3.2e-3, 2: 7.8e-3, 3: 14.4e-3, 4: 51.4e-3, 5: 160e-3}
-"""What a point takes, by speed [of the predecessor: no public source times an E4990A at each speed]."""
+"""Seconds per point, by speed [of the predecessor: no public source gives times of an E4990A at each speed]."""
 PERIODS = 30.0
-"""Periods of the signal that a point takes besides."""
+"""Additional periods of the signal per point."""
 
 
 def _noise(plan: SweepPlan, frequency: Frequencies, impedance: Impedances) -> Reals:

@@ -1,9 +1,9 @@
-"""Fixture compensation of the E4990A: open, short and load, acquired, kept as arrays, given back later.
+"""Fixture compensation of the E4990A: open, short and load are acquired, stored as arrays and written back later.
 
 SENSe:CORRection2:COLLect:ACQuire:OPEN, SHORt and LOAD, each followed by `*OPC?`, are sent by three public programs
 (rjollos/e4990a, a MATLAB class, a panel in Visual Basic); the array behind a standard (ZMEasurement:...:DATA) is read
 by the first and written by the last. That LOAD has one as well, and that all are impedances in ohm as R, X in pairs, is
-taken from the E5061B. What is written must read back, else restoring is refused.
+taken from the E5061B. If a written array does not read back, restoring is refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -60,9 +60,9 @@ def measure(
 
 
 def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
-    """Write the arrays of `stored` back and switch them on; standards it does not hold are switched off.
+    """Write the arrays of `stored` back and switch them on; standards that it lacks are switched off.
 
-    Raises InstrumentError: another instrument, or arrays that do not read back as they were written.
+    Raises InstrumentError for another instrument, or for arrays that do not read back as they were written.
     """
     if stored.instrument != identity.idn:
         raise InstrumentError(
@@ -82,7 +82,7 @@ def apply(link: Connection, identity: Identity, stored: Compensation) -> None:
 
 
 def _array(link: Connection, name: Standard) -> Complexes:
-    """Return a standard as `Compensation` has it: the open in siemens, the others in ohm. Raises InstrumentError."""
+    """Return a standard in the units of `Compensation`: open in siemens, others in ohm. Raises InstrumentError."""
     query = f":SENS1:CORR2:ZME:{_NAMES[name]}:DATA?"
     data = link.ask_block(f":FORM:DATA REAL;:FORM:BORD NORM;{query}", 16 * MOST_POINTS, BLOCK_DIGITS)
     pairs = replies.doubles(data, len(data) // 16 * 2, f"{link.name}: {query}")
@@ -94,9 +94,9 @@ def _array(link: Connection, name: Standard) -> Complexes:
 
 
 def _check_plausible(link: Connection, name: Standard, values: Complexes) -> None:
-    """Raise InstrumentError, compensation switched off, where a standard was not what was asked for.
+    """Switch compensation off and raise InstrumentError where a wrong standard was connected.
 
-    Looked at is the lowest frequency, where no fixture's own capacitance or inductance matters.
+    The test uses the lowest frequency, where a fixture's own capacitance or inductance does not matter.
     """
     size = abs(values[0])
     limit, unit = {"open": (1e-3, "S"), "short": (10.0, "ohm"), "load": (2 * LOAD_OHM, "ohm")}[name]

@@ -1,4 +1,4 @@
-"""How an E4990A is found: by its identification, through the entry point of this package."""
+"""Identifies an E4990A by its *IDN? reply; the package's entry point refers to this module."""
 
 import re
 from typing import TYPE_CHECKING
@@ -15,7 +15,9 @@ IDN = re.compile(r"(AGILENT|KEYSIGHT) TECHNOLOGIES, ?E4990A, ?([^,]*), ?([^,]*)"
 
 
 def _opened(link: "Connection") -> "KeysightE4990A":
-    from .instrument import KeysightE4990A  # with pyvisa, which who only plans a sweep need not wait for
+    from .instrument import (
+        KeysightE4990A,
+    )  # imported late: it loads pyvisa, which is slow and not needed to plan a sweep
 
     return KeysightE4990A(link)
 

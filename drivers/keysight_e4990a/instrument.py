@@ -1,4 +1,4 @@
-"""The E4990A as an `Analyzer`: whole plans, and an instrument that is left as it was found."""
+"""The E4990A as an `Analyzer`: it carries out whole plans and leaves the instrument as it was found."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -30,19 +30,19 @@ class KeysightE4990A(Analyzer):
 
     @property
     def hears_requests(self) -> bool:
-        """Whether the end of a sweep is told by service request; else the instrument is asked for it."""
+        """Whether a service request signals the end of a sweep; if not, the instrument is polled."""
         return False
 
     @property
     def capabilities(self) -> Capabilities:
-        """What an E4990A can do."""
+        """The capabilities of an E4990A."""
         return CAPABILITIES
 
     def identify(self) -> Identity:
-        """Ask who is there. Raises InstrumentError where the answer is not an E4990A's."""
+        """Query the identification. Raises InstrumentError where the answer is not an E4990A's."""
         try:
             answer = self._link.ask("*IDN?").strip()
-        except ConnectionLost:  # it was switched off and on since the last time
+        except ConnectionLost:  # it was switched off and on since the last connection
             answer = self._link.ask("*IDN?").strip()
         found = IDN.fullmatch(answer)
         if not found:
@@ -52,11 +52,11 @@ class KeysightE4990A(Analyzer):
         return Identity(self._link.name, answer, "E4990A", found[2].strip(), found[3].strip())
 
     def make_safe(self) -> None:
-        """Switch the bias off, whoever left it on, and see that it is. Raises InstrumentError."""
+        """Switch the bias off, whoever left it on, and verify it. Raises InstrumentError."""
         settings.put(self._link, settings.BIAS_ON, False)
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
-        """Return how long `plan` will take. Raises PlanError where an E4990A cannot do it."""
+        """Return the seconds that `plan` will take. Raises PlanError where an E4990A cannot do it."""
         self._check(plan)
         return CAPABILITIES.seconds(plan)
 
@@ -101,15 +101,15 @@ class KeysightE4990A(Analyzer):
         return self._as_found(lambda who: compensation.measure(self._link, who, standards, prompt, tick))
 
     def restore(self, stored: Compensation) -> None:
-        """Give the instrument the arrays of `stored` again, and switch them on. Raises InstrumentError."""
+        """Write the arrays of `stored` back to the instrument and switch them on. Raises InstrumentError."""
         self._as_found(lambda identity: compensation.apply(self._link, identity, stored))
 
     def close(self) -> None:
-        """Let go of the instrument."""
+        """Close the connection to the instrument."""
         self._link.close()
 
     def _check(self, plan: SweepPlan) -> None:
-        """Raise PlanError where `plan` cannot be carried out: beyond the capabilities, one sweep not being enough."""
+        """Raise PlanError if `plan` exceeds the capabilities or does not fit into one sweep."""
         CAPABILITIES.check(plan)
         most = CAPABILITIES.points_per_sweep
         for where, segment in named_segments(plan):
@@ -132,7 +132,7 @@ class KeysightE4990A(Analyzer):
     def _one(
         self, plan: SweepPlan, segments: Sequence[Segment], identity: Identity, tick: Callable[[float], None]
     ) -> Sweep:
-        """Return one recording: of one segment, or of several that are joined."""
+        """Return one recording, of one segment or of several joined ones."""
         asked = set_up(self._link, segments, plan)
         before = settings.snapshot(self._link, asked)
         bias_on = bool(settings.query(self._link, settings.BIAS_ON))
@@ -151,7 +151,7 @@ class KeysightE4990A(Analyzer):
         return _record(raw, segments, plan, identity, before, bias_on, corrections, expected)
 
     def _as_found(self, action: Callable[[Identity], Result]) -> Result:
-        """Do `action` and leave the instrument as found, its bias off on every way out."""
+        """Do `action` and restore the instrument; the bias is off in any case."""
         identity = self.identify()
         found: dict[str, settings.Value] = {}
         try:
@@ -169,7 +169,7 @@ class KeysightE4990A(Analyzer):
         return result
 
     def _leave_after(self, error: BaseException, found: Mapping[str, settings.Value]) -> None:
-        """Stop, bias off, settings back; say in `error` what could not be done."""
+        """Stop, switch the bias off, restore the settings; add to `error` what could not be done."""
         self._link.doubt()
         try:
             self._twice(lambda: self._give_back(found))
@@ -179,11 +179,11 @@ class KeysightE4990A(Analyzer):
             error.add_note(str(second))
 
     def _give_back(self, found: Mapping[str, settings.Value]) -> None:
-        """Stop the sweep, switch the bias off, and set what differs from `found` back, initiation last."""
+        """Stop the sweep, switch the bias off, and restore what differs from `found`, initiation last."""
         settings.put(self._link, settings.SETTINGS["continuous"], False)
         self._link.ask(":ABOR;*ESR?")
         settings.put(self._link, settings.BIAS_ON, False)
-        for _ in range(2 if found else 0):  # one range may push the other: the second pass must only confirm
+        for _ in range(2 if found else 0):  # one setting may move another: the second pass must confirm all of them
             for name, value in found.items():
                 if name != "continuous" and not settings.SETTINGS[name].agrees(
                     value, settings.query(self._link, settings.SETTINGS[name])
@@ -195,7 +195,7 @@ class KeysightE4990A(Analyzer):
         self._link.ask("*CLS;*ESR?")
 
     def _twice(self, action: Callable[[], None]) -> None:
-        """Do `action`, and once more on a fresh line where it fails."""
+        """Do `action`; where it fails, try once more on a new connection."""
         try:
             action()
         except InstrumentError:
@@ -231,7 +231,7 @@ def _record(
     corrections: Sequence[str],
     expected: float,
 ) -> Sweep:
-    """Return the recording: numbers, and everything that was true while they were taken, as read back."""
+    """Return the recording: the numbers, and all conditions under which they were taken, as read back."""
     f, z = raw.frequency, raw.impedance
     nonzero = np.where(z == 0, 1e-3, z)
     speed, level = round(float(got["speed"])), float(got["level"])

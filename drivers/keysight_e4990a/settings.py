@@ -2,8 +2,8 @@
 
 Sources for the commands: [1] rjollos/e4990a (Python), [2] the E4990A class of magdynlab, [3] that of a probe station's
 program (Keysight_E4990A, PySide), [4] a pymeasure driver that quotes the instrument's help. Each line names those that
-send it. None of them confirms: SOURce:CURRent (not used), the delay that SENSe:SWEep:DELay sets (not used), and six
-digits in the head of a block, which the E5061B's manual prints.
+send it. Not confirmed by any of them: SOURce:CURRent (not used), the delay that SENSe:SWEep:DELay sets (not used), and
+the six digits in the header of a block, which are in the E5061B's manual.
 """
 
 import math
@@ -22,12 +22,12 @@ TRACES = (
     *("Z", "Y", "R", "X", "G", "B", "LS", "LP", "CS", "CP", "RS", "RP", "Q", "D", "TZ", "TY"),
     *("VAC", "IAC", "VDC", "IDC", "IMP", "ADM"),
 )
-"""What a trace may show [4]."""
+"""Quantities of a trace [4]."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting: its command, what people call it, and the words that it may be (none: a number)."""
+    """A setting: its command, its common name, and its allowed words (none: a number)."""
 
     header: str
     words: str
@@ -35,19 +35,19 @@ class Setting:
     flag: bool = False
 
     def read(self, text: str, what: str) -> Value:
-        """Return the value that `text` says. Raises InstrumentError."""
+        """Return the value of `text`. Raises InstrumentError."""
         if self.flag:
             return replies.flag(text, what)
         return replies.word(text, what, self.allowed) if self.allowed else replies.number(text, what)
 
     def agrees(self, asked: Value, got: Value) -> bool:
-        """Tell whether `got` is what was asked, to the instrument's resolution."""
+        """Tell whether `got` equals the requested value to the instrument's resolution."""
         if self.flag or self.allowed:
             return asked == got
         return math.isclose(float(asked), float(got), rel_tol=1e-6, abs_tol=1e-3)
 
 
-# The order is that of restoring: what a later value depends on stands before it.
+# In the order of restoring: a setting that another depends on comes first.
 SETTINGS: Mapping[str, Setting] = {
     "continuous": Setting(":INIT1:CONT", "continuous initiation", flag=True),  # [1] [2] [3] [4]
     "source": Setting(":TRIG:SOUR", "trigger source", ("INT", "EXT", "MAN", "BUS")),  # [1] [2] [3] [4]
@@ -79,20 +79,20 @@ BIAS_ON = Setting(":SOUR:BIAS:STAT", "bias output", flag=True)  # [1] [3] [4]
 CORRECTIONS: Mapping[str, Setting] = {
     "open": Setting(":SENS1:CORR2:OPEN", "open compensation", flag=True),  # [1]
     "short": Setting(":SENS1:CORR2:SHOR", "short compensation", flag=True),  # [1]
-    "load": Setting(":SENS1:CORR2:LOAD", "load compensation", flag=True),  # a driver that only reads it
+    "load": Setting(":SENS1:CORR2:LOAD", "load compensation", flag=True),  # from a driver that only reads it
 }
-"""What belongs to the bench: recorded with every sweep, never changed by one."""
+"""Settings of the bench: recorded with every sweep, never changed by one."""
 
 
 def text_of(value: Value) -> str:
-    """Return `value` as the instrument wants it."""
+    """Return `value` in the instrument's notation."""
     if isinstance(value, bool):
         return "ON" if value else "OFF"
     return value if isinstance(value, str) else f"{value:.12g}"
 
 
 def query(link: Connection, setting: Setting) -> Value:
-    """Return a setting as the instrument has it. Raises InstrumentError."""
+    """Return the present value of a setting. Raises InstrumentError."""
     return setting.read(link.ask(f"{setting.header}?"), f"{link.name}: {setting.words} ({setting.header}?)")
 
 
@@ -114,7 +114,7 @@ def snapshot(link: Connection, names: Iterable[str] = SETTINGS) -> dict[str, Val
 
 
 def check_errors(link: Connection, doing: str) -> None:
-    """Raise InstrumentError where the error queue holds something; it is empty afterwards."""
+    """Raise InstrumentError if the error queue is not empty; it is empty afterwards."""
     found: list[str] = []
     for _ in range(101):  # the queue of this family has 100 entries
         answer = link.ask(":SYST:ERR?")

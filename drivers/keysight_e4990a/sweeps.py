@@ -1,4 +1,4 @@
-"""One sweep of an E4990A: set up, triggered, awaited, read."""
+"""One sweep of an E4990A: set up, trigger, wait, read."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ PATIENCE, MARGIN_SECONDS = 2.0, 15.0
 
 @dataclass(frozen=True, eq=False)
 class RawSweep:
-    """What one sweep gave."""
+    """The data of one sweep."""
 
     frequency: Frequencies
     """Hz, shape (N,), rising."""
@@ -75,7 +75,7 @@ def set_up(link: Connection, segments: Sequence[Segment], plan: SweepPlan) -> di
 
 
 def _plain(link: Connection, segment: Segment) -> dict[str, Value]:
-    """Set an ordinary sweep; both ends are sent once without looking, so that neither can push the other after."""
+    """Set an ordinary sweep; both ends are first sent without verification, so that neither moves the other later."""
     start, stop = segment.start_Hz, segment.stop_Hz
     link.ask(f":SENS1:FREQ:STAR {start:.12g};:SENS1:FREQ:STOP {stop:.12g};:SENS1:FREQ:STAR?")
     wanted: dict[str, Value] = {
@@ -88,7 +88,7 @@ def _plain(link: Connection, segment: Segment) -> dict[str, Value]:
 
 
 def _segmented(link: Connection, segments: Sequence[Segment]) -> None:
-    """Write the segment table: `7`, start and stop, nothing of its own for a segment, then each of them [1]."""
+    """Write the segment table: `7`, start and stop, no individual settings, then each segment [1]."""
     rows = ",".join(f"{s.start_Hz:.12g},{s.stop_Hz:.12g},{s.points}" for s in segments)
     answer = link.ask(f":SENS1:SEGM:DATA 7,0,0,0,0,0,0,0,{len(segments)},{rows};:SENS1:SEGM:SWE:POIN?")
     count, wanted = replies.integer(answer, f"{link.name}: :SENS1:SEGM:SWE:POIN?"), sum(s.points for s in segments)
@@ -99,7 +99,7 @@ def _segmented(link: Connection, segments: Sequence[Segment]) -> None:
 def sweep(
     link: Connection, segments: Sequence[Segment], expected_seconds: float, tick: Callable[[float], None]
 ) -> RawSweep:
-    """Trigger a sweep, wait for it, and read it. Raises InstrumentError, and what `tick` raises to give up."""
+    """Trigger a sweep, wait for it, and read it. Raises InstrumentError, and whatever `tick` raises to cancel."""
     started, begun = now_utc(), time.monotonic()
     trigger(link, ":CALC1:AVER:CLE;:TRIG:SING", expected_seconds, tick, "the sweep")
     ended, seconds = now_utc(), time.monotonic() - begun
@@ -115,9 +115,9 @@ def trigger(
     what: str,
     may_block: bool = False,
 ) -> None:
-    """Send a command that takes its time and return when it is done. Raises InstrumentError, and what `tick` raises.
+    """Send a long command and return when it is done. Raises InstrumentError, and whatever `tick` raises.
 
-    While it sweeps the instrument answers questions [2]; a command that `may_block` is waited for as if it did not.
+    The instrument answers queries while it sweeps [2]; `may_block` allows for one that does not.
     """
     begun, limit = time.monotonic(), PATIENCE * expected_seconds + MARGIN_SECONDS
     message = f"*CLS;{command};*OPC;*ESR?"
@@ -141,7 +141,7 @@ def trigger(
 def read(link: Connection, expected: Frequencies) -> tuple[Frequencies, Impedances]:
     """Return axis and impedance of the finished sweep. Raises InstrumentError where the axis is not `expected`.
 
-    Trace 1 shows R and then X: the formatted data of a trace are after every correction [3] [4].
+    Trace 1 shows R and then X: the formatted data of a trace include every correction [3] [4].
     """
     n = expected.size
     frequency = _numbers(link, ":FORM:DATA REAL;:FORM:BORD NORM;:SENS1:FREQ:DATA?", n)

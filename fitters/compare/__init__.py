@@ -1,1 +1,1 @@
-"""What changed between two recordings of a device, with no model of the device needed."""
+"""Comparison of two recordings of a device: what changed, without a model of the device."""

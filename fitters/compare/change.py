@@ -1,4 +1,4 @@
-"""The sizes that a change has in nature."""
+"""The prior distributions of a change's sizes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ TERMINALS, DEVICE = "terminals", "device"
 
 @dataclass(frozen=True)
 class ChangeSize:
-    """A size of a change: log-normal, or normal where it may have either sign."""
+    """A size of a change: log-normal, or normal if it may have either sign."""
 
     name: str
     unit: str
     median: float
-    """Of a signed one its mean."""
+    """Median; of a signed size, its mean."""
     spread: float
-    """Standard deviation of its logarithm; of a signed one its own, in its unit."""
+    """Standard deviation of its logarithm; of a signed size, of the size itself, in its unit."""
     signed: bool = False
 
     @property
     def lattice(self) -> Reals:
-        """Coordinates at which a fit may begin: of a signed size the denser, the smaller it is."""
+        """Coordinates at which a fit may begin; for a signed size they are denser near zero."""
         return 3.5 * np.sinh(np.linspace(-5, 5, 60)) / np.sinh(5.0) if self.signed else np.arange(-3.5, 3.6, 0.25)
 
     def value(self, x: float) -> float:
-        """Return the size at a coordinate whose prior is a unit normal."""
+        """Return the size at a coordinate with a unit normal prior."""
         return self.median + self.spread * x if self.signed else float(self.median * np.exp(self.spread * x))
 
     def slope(self, x: float) -> float:

@@ -24,23 +24,23 @@ from .shifts import resonance_shifts
 from .two_ports import TwoPort, two_ports
 
 _BLOCKS, _HELD = 11, (3, 8)
-"""Of eleven contiguous blocks, those that take no part in the fit that proves an explanation."""
+"""Of eleven contiguous blocks, those held out to validate an explanation."""
 _EXPLAINED = 0.1
-"""Part of the change, root mean square, up to which what is left leaves it explained: 99 % of its power is."""
+"""Largest remainder, relative to the change (root mean square), of an explained change: 99 % of its power."""
 _DRIFT, _FEW = 3e-4, 0.01
-"""Drift that two recordings of one device may have; part of the points that may differ by more than is usual."""
+"""Drift that two recordings of one device may have; fraction of points that may differ by more than usual."""
 _FORMULA = 0.01
-"""Part of what the largest change moves, up to which a further one is an error of its formula."""
+"""Relative to the largest change: a further change below this counts as an error of its formula."""
 _SURE = 0.9
-"""Probability from which recordings are said to differ by a change: below, nothing is."""
+"""Smallest probability at which a change is reported."""
 _REMARKED = 0.1
-"""Probability from which something that is not sure is mentioned."""
+"""Smallest probability at which an uncertain explanation is mentioned."""
 _ALIKE = 9.0
-"""chi2 by which the predictions of two hypotheses differ, up to which a pair does not tell them apart: three u."""
+"""Two hypotheses whose predictions differ by less than this chi2 (three u) cannot be distinguished by a pair."""
 
 
 def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
-    """Return what changed; several sweeps on a side are repeats. Raises TaskError where they cannot be compared."""
+    """Return what changed; several sweeps on a side are repeats. Raises TaskError if they cannot be compared."""
     began = time.monotonic()
     pair = pair_of(before, after)
     poles = fitted_poles(pair, pair.before, pair.noise_before)
@@ -95,9 +95,9 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
 
 
 def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
-    """Return whether all that was found moves no point by more than two recordings of one device may differ by.
+    """Return whether the findings move no point by more than the usual difference of two recordings of one device.
 
-    Noise does not count: it is known, and a change is found beside it.
+    Noise is not included in that difference, since it is known and accounted for separately.
     """
     pair = errors.pair
     moved = np.abs(np.log(named.at.predicted / nothing.at.predicted))
@@ -106,12 +106,12 @@ def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
 
 
 def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
-    """Return, of those that the pair does not tell from the best, the one with fewest changes."""
+    """Return the hypothesis with the fewest changes among those that the pair cannot distinguish from the best."""
     return min((searched.fits[k] for k in alike), key=lambda one: len(one.hypothesis.changes), default=searched.nothing)
 
 
 def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
-    """Return an explanation without changes that do next to nothing beside the others: errors of their formulas."""
+    """Return an explanation without changes that are negligible beside the others: errors of their formulas."""
     changes = best.hypothesis.changes
     if len(changes) < 2:
         return best
@@ -137,20 +137,20 @@ def _probable(errors: PairErrors, searched: Searched, best: Fitted, alike: Seque
 
 @dataclass(frozen=True)
 class _Told:
-    """The verdict, and how probable everything is."""
+    """The verdict and its probabilities."""
 
     verdict: Verdict
     probability: float
     still: float
-    """That nothing changed."""
+    """Probability that nothing changed."""
     named: float
-    """That it was what is named."""
+    """Probability of the named changes."""
     other: str = ""
-    """What is said of the most probable thing that has no name."""
+    """Sentence on the most probable unnamed explanation."""
 
 
 def _told(searched: Searched, best: Fitted, alike: Sequence[int]) -> _Told:
-    """Return the verdict: the rest of the best explanation says whether it is all."""
+    """Return the verdict; the rest of the best explanation tells whether it is complete."""
     usual = searched.nothing.outcome.usual
     apart = max(searched.apart, nothing_in_common(best) if best.hypothesis.changes else 0.0)
     chances = searched.probabilities() * (1 - apart) / max(1 - searched.apart, 1e-300)
@@ -175,7 +175,7 @@ def _told(searched: Searched, best: Fitted, alike: Sequence[int]) -> _Told:
 
 
 def _class(searched: Searched, errors: PairErrors) -> list[int]:
-    """Return the hypotheses that the pair does not tell from the best: as probable, or the same to within errors."""
+    """Return the hypotheses that the pair cannot distinguish from the best: as probable, or equal to within errors."""
     fits = [one for one in searched.fits if one.hypothesis.changes and ANOTHER not in one.hypothesis.names]
     if not fits:
         return []
@@ -199,7 +199,7 @@ def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
 def _findings(
     errors: PairErrors, searched: Searched, named: Fitted, known: tuple[Sequence[int], Sequence[tuple[int, int]]]
 ) -> tuple[ChangeFinding, ...]:
-    """Return what was found; `known` are the hypotheses that look alike, and the points held out."""
+    """Return the findings; `known` are the look-alike hypotheses and the held-out points."""
     chances = searched.probabilities()
     alike, held = known
     made: list[ChangeFinding] = []
@@ -237,7 +237,7 @@ def _without(errors: PairErrors, searched: Searched, others: tuple[Change, ...])
 
 
 def _probability(searched: Searched, chances: Reals, change: Change, alike: Sequence[int]) -> float:
-    """Return the posterior share of all hypotheses that hold an effect at its place, or cannot be told from it."""
+    """Return the posterior share of all hypotheses that contain an effect at its place or a look-alike."""
     key = change.effect, change.where
     return float(
         sum(
@@ -251,7 +251,7 @@ def _probability(searched: Searched, chances: Reals, change: Change, alike: Sequ
 def _rivals(
     searched: Searched, chances: Reals, change: Change, others: tuple[Change, ...], among: Sequence[int]
 ) -> tuple[Alternative, ...]:
-    """Return what stands in the place of a change in other hypotheses, with the posterior share of each."""
+    """Return the changes that replace a change in other hypotheses, with the posterior share of each."""
     taken = {change.effect, *(one.effect for one in others)}
     shares: dict[tuple[str, str], float] = {}
     for k in among:
@@ -265,7 +265,7 @@ def _rivals(
 
 
 def _sizes(fit: Fitted, k: int) -> dict[str, Size]:
-    """Return the sizes of a change, and what follows from them."""
+    """Return the sizes of a change and the derived values."""
     change, own = fit.hypothesis.changes[k], fit.hypothesis.slices[k]
     made = {name: Size(value, u, unit) for name, (value, u, unit) in fit.sizes(k).items()}
     if isinstance(change, TwoPort) and change.derived is not None:
@@ -282,7 +282,7 @@ def _sizes(fit: Fitted, k: int) -> dict[str, Size]:
 
 
 def _turned(pair: Pair) -> tuple[ChangeFinding, ...]:
-    """Return that one of the recordings is turned in its file, where the other is not."""
+    """Return the finding that only one of the recordings is inverted in its file."""
     if pair.turned[0] == pair.turned[1]:
         return ()
     which = "before" if pair.turned[0] else "after"
@@ -294,7 +294,7 @@ def _turned(pair: Pair) -> tuple[ChangeFinding, ...]:
 
 
 def _chi2(errors: PairErrors, fit: Fitted) -> float:
-    """Return what is missed, in units of noise and usual errors, for each number."""
+    """Return the misfit in units of noise and usual errors, for each number."""
     sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
     return fit.errors.quadratic(fit.at, sizes) / (2 * errors.pair.frequency.size)
 
@@ -305,7 +305,7 @@ def _held_out(count: int) -> tuple[tuple[int, int], ...]:
 
 
 def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int]]) -> float:
-    """Return by how much the points held out raise the least chi2 of the others, for each number (Chow's test)."""
+    """Return the increase of the minimal chi2 by the held-out points, for each number (Chow's test)."""
     sizes: Sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
     rest = fit.errors.without(held).quadratic(fit.at, sizes)
     count = 2 * sum(b - a for a, b in held)
@@ -313,7 +313,7 @@ def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int
 
 
 def _bands(pair: Pair, effect: "np.ndarray[tuple[int], np.dtype[np.complex128]]") -> Bands:
-    """Return where a change moves ln Z by more than half of the most that it does, three bands at most."""
+    """Return at most three bands in which a change moves ln Z by more than half of its maximum."""
     size = np.abs(effect)
     pairs = sorted(true_runs(size > 0.5 * size.max()), key=lambda edge: -float(np.sum(size[edge[0] : edge[1]])))[:3]
     return tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in pairs)

@@ -1,4 +1,4 @@
-"""What a comparison answers: the form of a diagnosis, where it has the same to say."""
+"""The result of a comparison, in the form of a diagnosis as far as the contents agree."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,15 +11,15 @@ Verdict = Literal["unchanged", "explained", "partly-explained", "unexplained"]
 
 @dataclass(frozen=True)
 class ChangeFinding(Finding):
-    """Something that happened between the recordings."""
+    """A change between the recordings."""
 
     removed: bool = False
-    """Whether it was there before, and is no longer."""
+    """Whether it was present before and was removed."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """How large a change could be and yet not be seen."""
+    """Largest size of an undetected change."""
 
     effect: str
     where: str
@@ -29,7 +29,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """By how much the recordings differ in a band."""
+    """The difference of the recordings in a band."""
 
     band_Hz: tuple[float, float]
     magnitude: float
@@ -37,12 +37,12 @@ class Repeatability:
     phase: float
     """Root mean square, rad."""
     noise: float
-    """What the noise of both recordings makes of either."""
+    """The contribution of both recordings' noise to either."""
 
 
 @dataclass(frozen=True)
 class ResonanceShift:
-    """A resonance that both recordings have."""
+    """A resonance common to both recordings."""
 
     frequency_Hz: float
     """Before."""
@@ -59,7 +59,7 @@ class ResonanceShift:
 
 @dataclass(frozen=True, eq=False)
 class ComparedCurve:
-    """Both recordings where they have frequencies in common, and what the findings make of the first."""
+    """Both recordings in their common range, and the first one transformed by the findings."""
 
     frequency: Frequencies
     before: Impedances
@@ -69,11 +69,11 @@ class ComparedCurve:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What changed between two recordings, and how sure that is."""
+    """The changes between two recordings, with probabilities."""
 
     verdict: Verdict
     probability: float
-    """Of the verdict's explanation, or of nothing having changed; of something else where it is unexplained."""
+    """Probability of the verdict's explanation, or of no change; of something else if unexplained."""
     change: float
     """Root mean square of ln(after/before)."""
     findings: tuple[ChangeFinding, ...]
@@ -91,4 +91,4 @@ class Comparison:
     curve: ComparedCurve
     seconds: float
     remarks: tuple[ChangeFinding, ...] = ()
-    """What fits, and moves no point by more than two recordings of one device may differ by."""
+    """Fitting changes that move no point by more than the usual difference of two recordings of one device."""

@@ -1,11 +1,10 @@
-"""Changes in the device, by its own resonances: no model of it, but the poles of what was recorded before.
+"""Changes in the device, described by its resonances: not by a model, but by the poles of the recording before.
 
-Y before is its poles and a remainder that they do not describe. A change moves poles; the remainder stays, so that what
-poles cannot describe cancels:
+Y before is the sum of its poles and a remainder. A change moves poles; the remainder stays the same, and cancels:
 
-    Y after = Y before + sum over the resonances of (pole as it is now - pole as it was)
+    Y after = Y before + sum over the resonances of (pole after - pole before)
 
-Where all frequencies move by one factor, the remainder is moved as well, on the scale of frequency.
+If all frequencies change by one factor, the remainder is shifted over frequency as well.
 """
 
 from collections.abc import Callable
@@ -20,23 +19,23 @@ from .pair import Pair
 from .resonances import Resonances, changed, pole_terms, slope_of
 
 _MOST = 8
-"""Resonances that may have changed alone. A budget."""
+"""Number of resonances tried as the only changed one. A budget."""
 _USUAL = 0.03
 _KNOT = 4
-"""Points between the knots of a remainder without its noise."""
+"""Points between the knots of the smoothed remainder."""
 _KNOWN_LEVEL, _SAME_LEVEL, _UNKNOWN_LEVEL = 0.5, 1e-4, 0.02
-"""Prior odds of a dependence on amplitude where the files tell two levels, tell one, or tell none."""
+"""Prior odds of a dependence on amplitude if the files state two levels, one level, or none."""
 _PLACES, _QS = 160, (20.0, 60.0, 200.0)
-"""Lattice on which a new resonance is looked for."""
+"""Grid for the search of a new resonance."""
 
 
 State = tuple[Impedances, Resonances]
-"""What is seen, ohm, and its resonances."""
+"""The impedance (ohm) and its resonances."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """All frequencies are another by one factor: temperature, ageing, thickness."""
+    """All frequencies changed by one factor: temperature, ageing, thickness."""
 
     resonances: Resonances
     effect: str = "frequencies-scaled"
@@ -54,13 +53,13 @@ class Scaled:
         return "All resonances moved by one factor: temperature, ageing, or another thickness."
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z with all of it moved over frequency, at a static capacitance that is nearly the same."""
+        """Return Z shifted over frequency, with a nearly unchanged static capacitance."""
         factor = float(np.exp(values["shift"]))
         rest = 1 / Z - np.sum(own.seen(frequency), axis=1)
         u = np.log(frequency)
         place = u - values["shift"]
         inside = np.clip(place, u[0], u[-1])
-        outside = np.exp(place - inside)  # a capacitance's admittance, beyond the ends of the band
+        outside = np.exp(place - inside)  # beyond the ends of the band, the admittance of a capacitance
         smooth = _smoothed(u, rest)
         moved = rest + smooth(inside) * outside * factor - smooth(u)
         scale = np.exp(values["capacitance"])
@@ -93,18 +92,18 @@ class Moved:
 
 @dataclass(frozen=True, eq=False)
 class NewResonance:
-    """A resonance that was not there."""
+    """A new resonance."""
 
     sizes: tuple[ChangeSize, ...]
     resonances: Resonances
     scale: float
-    """S, what its strength is measured by."""
+    """S, the unit of its strength."""
     starts: tuple[tuple[float, ...], ...]
     effect: str = "new-resonance"
     where: str = DEVICE
     odds: float = _USUAL
     least_q: float = 8.0
-    """Below, it would be a relaxation, or what bends the curve as a capacitance does."""
+    """Below this, it would be a relaxation, or a curvature like that of a capacitance."""
     says: str = "A resonance is there that was not: a void, a crack, a layer, something that hangs on the device."
 
     def possible(self, frequency: Frequencies, values: Values) -> bool:
@@ -113,7 +112,7 @@ class NewResonance:
         return bool(inside and values["Q"] > self.least_q)
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z beside a resonant branch whose peak is `strength` Q times the usual admittance."""
+        """Return Z in parallel with a resonant branch whose peak is `strength` Q times the usual admittance."""
         f0, q = values["frequency"], values["Q"]
         pole = f0 * complex(-1 / (2 * q), np.sqrt(max(1 - 1 / (4 * q**2), 0.0)))
         residue = values["strength"] * self.scale * f0 / 2
@@ -123,7 +122,7 @@ class NewResonance:
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeDependent:
-    """Resonances soften and lose more where the device moves most: another drive level."""
+    """Resonances soften and lose more with their amplitude: another drive level."""
 
     resonances: Resonances
     odds: float
@@ -137,7 +136,7 @@ class AmplitudeDependent:
     starts: tuple[tuple[float, ...], ...] = ()
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z with every pole moved in proportion to its own amplitude (Rayleigh's law)."""
+        """Return Z with every pole shifted in proportion to its own amplitude (Rayleigh's law)."""
         before = own.seen(frequency)
         size = np.abs(before)
         part = size / np.max(size, axis=0)
@@ -155,9 +154,9 @@ _STRENGTH = ChangeSize("ln strength", "1", 0.0, 0.2, signed=True)
 
 
 def _smoothed(u: Reals, rest: Complexes) -> Callable[[Reals], Complexes]:
-    """Return a remainder as a function of ln f without most of its noise.
+    """Return a remainder as a smooth function of ln f.
 
-    Noise that is interpolated is averaged: the change would seem to fit better than noise allows.
+    Interpolation would average its noise, so that the change would seem to fit better than noise allows.
     """
     inner = u[_KNOT:-_KNOT:_KNOT]
     knots = np.concatenate([np.full(4, u[0]), inner, np.full(4, u[-1])])
@@ -171,7 +170,7 @@ def _smoothed(u: Reals, rest: Complexes) -> Callable[[Reals], Complexes]:
 
 
 def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
-    """Return what may have changed in a device, by its resonances before."""
+    """Return the possible changes in a device, from its resonances before."""
     made: list[DeviceChange] = [Scaled(own), _new(pair, own)]
     every = tuple(range(own.poles.size))
     if every:
@@ -202,7 +201,7 @@ def _alone(own: Resonances, k: int, count: int) -> Moved:
 
 
 def _new(pair: Pair, own: Resonances) -> NewResonance:
-    """Return a new resonance, looked for where a narrow branch would explain most of the change."""
+    """Return a new resonance, searched for where a narrow branch would explain most of the change."""
     f, Y = pair.frequency, 1 / pair.before
     span = float(np.log(f[-1] / f[0]))
     scale = float(np.median(np.abs(Y)))

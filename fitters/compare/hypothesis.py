@@ -22,30 +22,30 @@ _FURTHEST = 1.0
 _PLAIN, _MARGINAL = 12, 8
 _FEW_RESTS = (0.0, 1e-3, 3e-2)
 _CLOSE = 1e-3
-"""Of a standard uncertainty: a step that is shorter ends a fit."""
+"""In standard uncertainties: a shorter step ends a fit."""
 _IMPOSSIBLE = 1e6
-"""Ln odds against a change that at its sizes is not what it is called, or of which no size is seen."""
+"""Ln odds against a change whose name does not fit its sizes, or none of whose sizes is determined."""
 _SIGMAS = 2.5
 _UNSEEN = 0.35
-"""Relative uncertainty of the size that a change is known by, from which it is another change, if any."""
+"""Relative uncertainty of a change's main size above which the change counts as undetermined."""
 _BOUND = 5.0
-"""Sizes beyond this many standard deviations of their prior are not believed."""
+"""Sizes beyond this many standard deviations of their prior are rejected."""
 
 
 Change = TwoPort | Turned | DeviceChange | EveryResonance
 State = tuple[Impedances, Resonances | None]
-"""What is seen, ohm, and its resonances."""
+"""The impedance (ohm) and its resonances."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """What may have happened: changes in the order in which a wave from the device meets them."""
+    """A set of changes, in order from the device to the analyzer."""
 
     changes: tuple[Change, ...]
 
     @property
     def log_prior(self) -> float:
-        """Ln of its prior odds against nothing."""
+        """Ln of its prior odds relative to no change."""
         return sum(log(change.odds) for change in self.changes)
 
     @property
@@ -55,19 +55,19 @@ class Hypothesis:
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Where each change has its coordinates."""
+        """Slice of each change's coordinates."""
         ends = np.cumsum([0, *(len(change.sizes) for change in self.changes)])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
     @property
     def inside(self) -> tuple[int, ...]:
-        """Which coordinates are those of changes in the device."""
+        """Mask of the coordinates of changes in the device."""
         pairs = zip(self.changes, self.slices, strict=True)
         return tuple(k for change, own in pairs if change.where != TERMINALS for k in range(own.start, own.stop))
 
     @property
     def count(self) -> int:
-        """How many coordinates it has."""
+        """Number of its coordinates."""
         return sum(len(change.sizes) for change in self.changes)
 
     def values(self, x: Reals, k: int) -> dict[str, float]:
@@ -76,11 +76,11 @@ class Hypothesis:
         return {size.name: size.value(float(at)) for size, at in zip(self.changes[k].sizes, own, strict=True)}
 
     def predict(self, Z: Impedances, frequency: Reals, x: Reals, own: Resonances | None = None) -> Impedances:
-        """Return what is seen after the changes, ohm, shape (N,), where Z with its resonances `own` was before."""
+        """Return the impedance after the changes, ohm, shape (N,), from Z before with its resonances `own`."""
         return self.states((Z, own), frequency, x)[-1][0]
 
     def states(self, state: State, frequency: Reals, x: Reals, first: int = 0) -> list[State]:
-        """Return what is seen before change `first`, and after it and each further one, shape (K - first + 1)."""
+        """Return the impedance before change `first`, and after it and each further one, shape (K - first + 1)."""
         made = [state]
         for k, change in enumerate(self.changes[first:], first):
             seen, own = made[-1]
@@ -91,7 +91,7 @@ class Hypothesis:
         return made
 
     def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
-        """Return what it predicts at `x`, and how that moves; `drift`: where the device changed, with its drift too."""
+        """Return the prediction at `x` with its derivatives; `drift`: for changes in the device, include its drift."""
         f, Z = errors.pair.frequency, errors.pair.before
         own = errors.own
         states = self.states((Z, own), f, x)
@@ -112,7 +112,7 @@ class Hypothesis:
         )
 
     def _shapes(self, slopes: Complexes, x: Reals) -> Complexes:
-        """Return d ln Z / d ln of the size that each change is known by, shape (N, K)."""
+        """Return d ln Z / d ln of each change's main size, shape (N, K)."""
         columns = [
             slopes[:, own.start] * (x[own.start] if change.sizes[0].signed else 1 / change.sizes[0].spread)
             for change, own in zip(self.changes, self.slices, strict=True)
@@ -123,14 +123,14 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A hypothesis with what the pair says of it."""
+    """A hypothesis with its evidence from the pair."""
 
     hypothesis: Hypothesis
     x: Reals
     at: Linearised
     outcome: Outcome
     errors: PairErrors
-    """With the resonances where they drifted to."""
+    """With the resonances at their drifted frequencies."""
 
     @property
     def log_posterior(self) -> float:
@@ -138,18 +138,18 @@ class Fitted:
         return self.weight(1.0)
 
     def weight(self, coarseness: float) -> float:
-        """Return ln of evidence times prior odds where so much ln evidence counts as one nat."""
+        """Return ln of evidence times prior odds if this much ln evidence counts as one nat."""
         against = 0.0 if self.possible else _IMPOSSIBLE
         return self.outcome.log_evidence / coarseness + self.hypothesis.log_prior - against
 
     @cached_property
     def shortfall(self) -> float:
-        """Ln likelihood that is missing beside an explanation that leaves noise and usual errors alone."""
+        """Ln likelihood missing relative to an explanation that leaves only noise and usual errors."""
         return self.errors.shortfall(self.at, self.outcome)
 
     @cached_property
     def possible(self) -> bool:
-        """Whether each change is what it is called at the sizes that were found, and its first size is seen at all."""
+        """Whether the name of each change fits its sizes, and its first size is determined."""
         f = self.at.frequency
         return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
             not isinstance(change, TwoPort | NewResonance)
@@ -178,9 +178,9 @@ class Fitted:
 
 
 def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tuple[State, int] | None = None) -> float:
-    """Return the mean square of ln Z that is left, every point counting alike: what a start is chosen by.
+    """Return the mean square residual of ln Z with equal weights, by which a start is chosen.
 
-    `known`: what is seen before one of the changes, and which.
+    `known`: the impedance before one of the changes, and the number of that change.
     """
     pair = errors.pair
     state, first = known or ((pair.before, errors.own), 0)
@@ -192,7 +192,7 @@ def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tu
 
 
 def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int = _PLAIN) -> tuple[float, Reals]:
-    """Return where plain least squares lead: all that is missed counts as white noise; and the mean square left."""
+    """Return the result of plain least squares, with the whole misfit as white noise, and the mean square residual."""
     pair = errors.pair
     kept = np.isfinite(pair.noise_after)
     best, damping = plain_misfit(hypothesis, errors, x), 1e-3
@@ -222,7 +222,7 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
 
 
 def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
-    """Return roughly the ln posterior of a hypothesis near `x`, with errors of these sizes, and where it is."""
+    """Return an approximate ln posterior of a hypothesis near `x`, with errors of these sizes, and its place."""
     best = -np.inf
     for _ in range(2):
         at = hypothesis.linearised(errors, x)
@@ -235,7 +235,7 @@ def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes)
 
 
 def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
-    """Return the fit beside errors, begun at `x` with errors of these sizes."""
+    """Return the fit with the error model, starting at `x` with errors of these sizes."""
     rests = tuple(RESTS)
     at = hypothesis.linearised(errors, x)
     outcome = errors.outcome(at, _FEW_RESTS if hypothesis.count else rests, sizes, rounds=1)
@@ -257,19 +257,19 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
 
 
 def _near(rest: float) -> tuple[float, ...]:
-    """Return the sizes of a rest that are worth a look beside the one that was found."""
+    """Return further sizes of a rest worth trying."""
     return tuple(size for size in RESTS if rest / 11 <= size <= rest * 11) if rest else tuple(RESTS)[:3]
 
 
 def _small(outcome: Outcome, x: Reals) -> bool:
-    """Return whether a further step is one of those that need no check."""
+    """Return whether a further step needs no check."""
     return bool(np.all(np.abs(outcome.x - x) < _FURTHEST / 4))
 
 
 def _downhill(
     hypothesis: Hypothesis, errors: PairErrors, here: tuple[Reals, Linearised], move: Reals, sizes: Sizes
 ) -> tuple[Reals, Linearised]:
-    """Return the place a step leads to, shortened as long as it goes uphill."""
+    """Return the end of a step, which is shortened as long as it leads uphill."""
     x, at = here
     chi2 = errors.merit(at, sizes)
     before = chi2(at.predicted) + float(x @ x)

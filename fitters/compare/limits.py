@@ -1,4 +1,4 @@
-"""What could have changed unseen, and how well the recordings repeat, band by band."""
+"""Limits on undetected changes, and the repeatability of the recordings by band."""
 
 from dataclasses import replace
 
@@ -14,11 +14,11 @@ from .pair_errors import PairErrors
 _BANDS = 8
 _AT_95 = 1.96
 _WIDE = 1e3
-"""Prior standard deviation of a size that is to be limited by the pair alone, in what moves ln Z by one somewhere."""
+"""Prior standard deviation of a size that only the pair should limit, in units that move ln Z by one at some point."""
 
 
 def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
-    """Return how large each small element at the terminals could be beside what was found, at 95 %."""
+    """Return the largest possible size of each small element at the terminals in addition to the findings, at 95 %."""
     pair = errors.pair
     Z, jw = fit.at.predicted, j_omega(pair.frequency)
     one = np.ones_like(Z)
@@ -38,7 +38,7 @@ def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
 
 
 def _limited(errors: PairErrors, fit: Fitted, column: Complexes) -> tuple[float, float]:
-    """Return the size that a pair gives a column, with its standard uncertainty, all errors integrated out."""
+    """Return the size of a column estimated from the pair, with its standard uncertainty, all errors integrated out."""
     scale = _WIDE / float(np.max(np.abs(column)))
     at = replace(
         fit.at,
@@ -50,7 +50,7 @@ def _limited(errors: PairErrors, fit: Fitted, column: Complexes) -> tuple[float,
 
 
 def repeatability(pair: Pair) -> tuple[Repeatability, ...]:
-    """Return by how much the recordings differ, band by band: bands of as many points each."""
+    """Return the difference of the recordings in bands of equal numbers of points."""
     kept = np.arange(pair.frequency.size)
     made: list[Repeatability] = []
     for block in np.array_split(kept, _BANDS):

@@ -1,8 +1,8 @@
-"""Several devices before and after: what all have in common, what is each one's own, and which is an outlier.
+"""Several devices before and after: the common changes, the changes of single devices, and the outliers.
 
-Every pair is compared by itself. A change that most of them show is common to all (the jig, the cable); its sizes are
-taken as a sample of a normal distribution whose mean and scatter are found beside the uncertainty of each (random
-effects: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177). What stands far from the others is an outlier.
+Every pair is compared separately. A change that most of them show is common to all (the jig, the cable); its sizes are
+treated as a sample of a normal distribution, whose mean and scatter are separated from the uncertainty of each (random
+effects: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177). A device far from the others is an outlier.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,9 +18,9 @@ from .compare import compare
 from .comparison import ChangeFinding, Comparison
 
 _COMMON = 0.5
-"""Share of the devices from which a change is common."""
+"""Fraction of the devices above which a change is common."""
 _OUTLIER = 3.5
-"""Distance from the median, in robust standard deviations, from which a device is an outlier."""
+"""Distance from the median, in robust standard deviations, beyond which a device is an outlier."""
 _SCATTER = 1.4826
 """Standard deviation of a normal density, in median absolute deviations."""
 
@@ -33,11 +33,11 @@ class CommonChange:
     where: str
     removed: bool
     devices: tuple[int, ...]
-    """Which of them show it, counted from 0."""
+    """Numbers of the devices that show it, from 0."""
     parameters: dict[str, Size]
-    """The mean of all, with its standard uncertainty."""
+    """The mean over the devices, with its standard uncertainty."""
     scatter: dict[str, Size]
-    """Standard deviation from device to device, beside what each is uncertain by; `u` is 0."""
+    """Standard deviation from device to device, without the uncertainty of each; `u` is 0."""
     says: str
 
 
@@ -48,7 +48,7 @@ class ManyCompared:
     devices: tuple[Comparison, ...]
     common: tuple[CommonChange, ...]
     own: tuple[tuple[ChangeFinding, ...], ...]
-    """By device, what the others do not show."""
+    """By device, the changes that the others do not show."""
     outliers: tuple[int, ...]
     says: tuple[str, ...]
 
@@ -56,7 +56,7 @@ class ManyCompared:
 def compare_many(
     before: Sequence[Sweep], after: Sequence[Sweep], progress: Callable[[str], None] = lambda _: None
 ) -> ManyCompared:
-    """Return what changed in several devices; one recording before stands for all. Raises TaskError."""
+    """Return the changes of several devices; a single recording before is used for all. Raises TaskError."""
     if len(before) not in (1, len(after)):
         raise TaskError(
             f"{len(before)} recordings before and {len(after)} after; as many on both sides are needed, "
@@ -84,7 +84,7 @@ def _key(finding: ChangeFinding) -> tuple[str, str, bool]:
 
 
 def _among(finding: ChangeFinding, keys: "set[tuple[str, str, bool]]") -> bool:
-    """Return whether a finding is one of these, or cannot be told from one."""
+    """Return whether a finding is one of these or a look-alike."""
     names = {finding.effect, *(other.effect for other in finding.same_as)}
     return any(effect in names and finding.removed == removed for effect, _, removed in keys)
 
@@ -118,7 +118,7 @@ def random_effects(values: Reals, u: Reals) -> tuple[float, float, float]:
 
 
 def _outliers(devices: Sequence[Comparison], common: Sequence[CommonChange]) -> tuple[int, ...]:
-    """Return the devices that lack what all others show, or show it in a size that is far from theirs."""
+    """Return the devices that lack a change of all others, or show it with a size far from theirs."""
     found: set[int] = set()
     for one in common:
         found |= set(range(len(devices))) - set(one.devices)

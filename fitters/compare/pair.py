@@ -1,4 +1,4 @@
-"""Two recordings on one frequency grid, with the noise of each: what every comparison is made of."""
+"""Two recordings on one frequency grid with their noise, the input of every comparison."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,11 +14,11 @@ from ..engine.noise import noise_of
 from ..interface import TaskError
 
 _LEAST = 20
-"""Points that both recordings must have in common: with fewer, errors and changes cannot be told apart."""
+"""Fewest common points; with fewer, errors and changes cannot be distinguished."""
 _FLOOR = 1e-5
-"""No analyzer repeats ln Z better than this."""
+"""Smallest noise of ln Z: no analyzer repeats better."""
 _SPLINE = 15.0
-"""The error of a cubic spline falls to a sixteenth where points are twice as dense; a fifteenth of the difference."""
+"""Twice as many points reduce the error of a cubic spline to a sixteenth, so it is a fifteenth of the difference."""
 _MOSTLY = 0.9
 _SMOOTH = 9
 """Points over which the error of interpolation and the scatter of repeats are averaged."""
@@ -36,9 +36,9 @@ class Pair:
     """Standard deviation of Re and Im of ln Z, shape (N,)."""
     noise_after: Reals
     levels: tuple[float | None, float | None] = (None, None)
-    """Oscillator level in V (or A), where the files say it."""
+    """Oscillator level in V (or A), if the files state it."""
     turned: tuple[str, str] = ("", "")
-    """How each side was turned in its file (`inverted`, `conjugated`) before it was put right."""
+    """Polarity of each side in its file (`inverted`, `conjugated`) before the correction."""
     repeats: tuple[int, int] = (1, 1)
     notes: tuple[str, ...] = field(default=())
 
@@ -53,7 +53,7 @@ class Pair:
         return np.log(self.after / self.before)
 
     def without(self, held: Sequence[tuple[int, int]]) -> "Pair":
-        """Return the same with blocks of points that take no part: their noise is infinite."""
+        """Return the same without some blocks of points, whose noise is set to infinity."""
         noise = self.noise_after.copy()
         for first, stop in held:
             noise[first:stop] = np.inf
@@ -61,7 +61,7 @@ class Pair:
 
 
 def pair_of(before: Sequence[Sweep], after: Sequence[Sweep]) -> Pair:
-    """Return the pair of two sides; several sweeps on a side are repeats. Raises TaskError where they share no band."""
+    """Return the pair of two sides; several sweeps on a side are repeats. Raises TaskError if they share no band."""
     low = max(float(sweep.frequency[0]) for sweep in (*before, *after))
     high = min(float(sweep.frequency[-1]) for sweep in (*before, *after))
     bands = [f"{s.frequency[0]:.6g}-{s.frequency[-1]:.6g} Hz" for s in (before[0], after[0])]
@@ -102,7 +102,7 @@ def _level(sweep: Sweep) -> float | None:
 
 
 def _turned(side: Sequence[Sweep]) -> str:
-    """Return how the file of a side has it turned; also where nothing but a negative resistance says so."""
+    """Return the polarity of a side in its file; a negative resistance is sufficient evidence."""
     found = polarity_of(side[0])
     if found is None and float(np.mean(side[0].impedance.real < 0)) > _MOSTLY:
         return "inverted"

@@ -1,17 +1,17 @@
-"""What two recordings differ by although nothing was done: the errors of a pair, and one evidence for all hypotheses.
+"""The errors of a pair, which make two recordings differ without any change, and one evidence for all hypotheses.
 
     ln Z_after = ln(change of Z_before) + noise + instrument + fixture + drift + form of the change + rest
 
-- noise of both recordings, that of before as it is seen through the change;
-- gain and phase of the analyzer in each, constant or smooth over frequency: what its specification allows;
-- what open and short compensation leave, once more after each clamping;
-- a drift of the resonances, all together and each by itself: columns d ln Z/d ln f times smooth functions, real for a
-  shift and imaginary for the losses, so that a steep flank counts for no more than it knows;
-- the change's own formula, off by a smooth share of itself: a coil's core, a line's loss;
-- the rest: what none of these describes, an exponentially correlated error that is large where the device is sensitive.
+- noise of both recordings; that of the recording before is transformed by the change;
+- gain and phase of the analyzer in each, constant or smooth over frequency, within its specification;
+- residuals of open and short compensation, different after each clamping;
+- a drift of the resonances, together and individually: columns d ln Z/d ln f times smooth functions, real for a shift
+  and imaginary for the losses, so that steep flanks are not given too much weight;
+- an error of the change's own formula, a smooth fraction of the change: a coil's core, a line's loss;
+- the rest: an exponentially correlated error that is large where the device is sensitive.
 
-All but noise and rest are columns with a unit normal prior, integrated out exactly. How large each part is, is chosen
-by the pair, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, that nobody has named.
+All but noise and rest are columns with a unit normal prior, integrated out exactly. The pair chooses the size of each
+part, from grids with prior probabilities; a rest beyond `USUAL_REST` is something else, an unnamed change.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -33,24 +33,24 @@ from .resonances import Resonances, changed, pole_terms, slope_of
 INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""
 _LEVEL = 1.5e-3
-"""An error of gain or phase that is the same at all frequencies: cables, range and connectors of the day."""
+"""Error of gain or phase common to all frequencies: cables, range and connectors of the day."""
 _SAME = 1e-9
 _RIDGES = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 _STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
-"""Correlation lengths of gain and phase in ln f, and how much of them is fast."""
+"""Correlation lengths of gain and phase in ln f, and the fraction of the shorter one."""
 _DRIFT_LENGTH, _LOSSES = 0.1, 0.3
-"""Resonances further apart than this in ln f drift by themselves; drift of 1/(2 Q) in that of ln f."""
+"""Resonances further apart than this in ln f drift independently; drift of 1/(2 Q) relative to that of ln f."""
 _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
-"""Rest far from resonances, in that where a shift of frequency by itself moves ln Z by twice as much."""
+"""Rest far from resonances, relative to that where a frequency shift moves ln Z by twice as much."""
 _USUAL_DRIFT = 1e-4
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
 _FAR_BELOW = 30.0
-"""Ln evidence behind the best size of a rest from which the ones beyond are no longer looked at."""
+"""Further sizes of a rest are skipped once ln evidence is this much below the best."""
 _FURTHEST_DRIFT = 6e-4
-"""Drift about which errors are linearised at most: what moved further was no drift."""
+"""Largest drift about which errors are linearised; a larger shift is not drift."""
 USUAL_REST = 3e-4
 
 Grid = dict[float, float]
@@ -70,16 +70,16 @@ RESTS: Grid = {
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large each part of the errors is."""
+    """Sizes of the parts of the error."""
 
     noise: float = 1.0
-    """In what the recordings' smoothness says it is."""
+    """Relative to the estimate from the recordings' smoothness."""
     instrument: float = 1.0
     fixture: float = 1.0
     drift: float = 1e-4
-    """Of all resonances together."""
+    """Common drift of all resonances."""
     wander: float = 3e-5
-    """Of each by itself."""
+    """Individual drift of each resonance."""
     shape: float = 0.01
     rest: float = 0.0
 
@@ -89,17 +89,17 @@ class Sizes:
         return sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items()) + log(RESTS[self.rest])
 
     def at_most(self, others: "Sizes") -> "Sizes":
-        """Return these sizes where they are no larger than others."""
+        """Return these sizes, limited to the given ones."""
         return Sizes(**{own.name: min(getattr(self, own.name), getattr(others, own.name)) for own in fields(self)})
 
 
 USUAL = Sizes(1.0, 1.0, 1.0, 1e-4, 1e-4, 0.05, USUAL_REST)
-"""What two recordings of one device differ by."""
+"""The usual errors of two recordings of one device."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A hypothesis about a pair at one place: what it predicts and how that moves."""
+    """A hypothesis about a pair, linearised at one point: its prediction and derivatives."""
 
     predicted: Impedances
     through: Complexes
@@ -107,48 +107,48 @@ class Linearised:
     slopes: Complexes
     """d ln Z predicted / d coordinate, shape (N, P); each coordinate has a unit normal prior."""
     shapes: Complexes
-    """d ln Z predicted / d ln of each size a change is known by, shape (N, K)."""
+    """d ln Z predicted / d ln of each change's main size, shape (N, K)."""
     x: Reals
     """The coordinates, shape (P,)."""
     inside: tuple[int, ...]
-    """Which coordinates are those of changes in the device."""
+    """Mask of the coordinates of changes in the device."""
     frequency: Reals
     """Hz, shape (N,)."""
     each: Complexes | None = None
-    """Where the device changed: slope over ln frequency and over ln Q of each resonance before, shape (N, 2P)."""
+    """For changes in the device: derivatives by ln frequency and ln Q of each resonance before, shape (N, 2P)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a pair says of a hypothesis, errors and coordinates integrated out."""
+    """The evidence of a pair for a hypothesis, errors and coordinates integrated out."""
 
     log_evidence: float
-    """Summed over the rests."""
+    """Ln evidence, summed over the sizes of the rest."""
     usual: float
-    """Part of the evidence in which the rest is no more than usual."""
+    """Fraction of the evidence with a rest of usual size."""
     sizes: Sizes
     """The most probable."""
     x: Reals
-    """Posterior mean of the coordinates, shape (P,), by one step from where it was linearised."""
+    """Posterior mean of the coordinates, shape (P,), by one step from the point of linearisation."""
     covariance: Reals
-    """Of the coordinates, shape (P, P)."""
+    """Covariance of the coordinates, shape (P, P)."""
     cost: float
     """chi2 of the pair and all priors at these sizes."""
     left: Complexes
-    """What no change and no error but rest and noise describes, shape (N,)."""
+    """Residual that only rest and noise describe, shape (N,)."""
     total: Reals
-    """The coordinates with what the drift has done in their place, shape (P,): all that moved."""
+    """The coordinates including the part imitated by drift, shape (P,)."""
     moved: Reals
-    """Ln frequency, then ln Q, by which each resonance has drifted, shape (2P,)."""
+    """Drift of each resonance in ln frequency, then in ln Q, shape (2P,)."""
 
 
 class PairErrors:
-    """Everything that is the same for all hypotheses about a pair."""
+    """Quantities common to all hypotheses about a pair."""
 
     def __init__(self, pair: Pair, own: Resonances, moved: tuple[Reals, Reals] | None = None) -> None:
         """Take a pair and the resonances before.
 
-        `moved`: ln frequency and ln Q by which each has drifted, about which drift is linear then.
+        `moved`: drift of each in ln frequency and ln Q, about which drift is then linearised.
         """
         self.recorded, self._first = pair, own
         if moved is not None:
@@ -174,7 +174,7 @@ class PairErrors:
 
     @property
     def _unit(self) -> Reals:
-        """Ln frequency and ln Q of each resonance by which it drifts where the frequency drifts by one."""
+        """Drift of each resonance in ln frequency and ln Q for a unit drift of the frequency."""
         return np.concatenate([np.ones(self.own.q.size), 2 * _LOSSES * self.own.q])
 
     def _of_each(self, f: Reals) -> Complexes:
@@ -187,7 +187,7 @@ class PairErrors:
         return np.hstack(made)
 
     def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
-        """Yield the first recording with the frequency, then the Q of each resonance moved by a step of its ln."""
+        """Yield the first recording with a step in ln frequency, then in ln Q, of each resonance."""
         f, own = self.pair.frequency, self.own
         seen, Y = own.seen(f), 1 / self.pair.before
         for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
@@ -198,7 +198,7 @@ class PairErrors:
                 yield 1 / (Y + now[:, k] - seen[:, k]), moved, _STEP
 
     def _drift(self, at: Linearised) -> dict[str, Complexes]:
-        """Return what a drift of one does to ln Z after: of all resonances together, and of each, shapes (N, M)."""
+        """Return the changes of ln Z after by a unit drift of all resonances together, and of each, shapes (N, M)."""
         s, count = at.through[:, None], self.own.poles.size
         each = (s * self._each if at.each is None else at.each) * self._unit
         together, remainder = self._rest
@@ -209,7 +209,7 @@ class PairErrors:
         }
 
     def drifted(self, outcome: "Outcome") -> "PairErrors":
-        """Return the same with the resonances where they have drifted to."""
+        """Return the same with the resonances at their drifted frequencies."""
         count = self.own.poles.size
         if not count:
             return self
@@ -218,7 +218,7 @@ class PairErrors:
         return PairErrors(self.recorded, self._first, (moved[:count], moved[count:]))
 
     def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
-        """Return the same with blocks of points that take no part."""
+        """Return the same without some blocks of points."""
         return self._with(self.recorded.without(held))
 
     def with_noise(self, noise: Reals) -> "PairErrors":
@@ -234,7 +234,7 @@ class PairErrors:
         return PairErrors(pair, self._first, (self._moved[:count], self._moved[count:]))
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
-        """Return residual and columns of all that is integrated out, shape (N, 1 + P + M), and which is which."""
+        """Return the residual and all columns that are integrated out, shape (N, 1 + P + M), with their kinds."""
         pair, s, Z = self.pair, at.through, self.pair.after
         gain = np.hstack([self._gain, 1j * self._gain])
         level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
@@ -274,7 +274,7 @@ class PairErrors:
         return np.hstack([series / Z[:, None], -shunt * Z[:, None]])
 
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
-        """Return the noise of each point: of both recordings, and what a drift does beside its column."""
+        """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""
         pair, s = self.pair, np.abs(at.through)
         second = s * np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
@@ -287,7 +287,7 @@ class PairErrors:
         start: Sizes | None = None,
         rounds: int = 3,
     ) -> Outcome:
-        """Return what the pair says of a hypothesis that was linearised here; sizes of errors chosen in `rounds`."""
+        """Return the evidence for a hypothesis linearised here; the sizes of errors are chosen in `rounds`."""
         X, where = self.columns(at)
         points = self.points(at)
         white = in_noise([points], [X])
@@ -341,7 +341,7 @@ class PairErrors:
         return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a, x + share @ drift, moved)
 
     def _shares(self, at: Linearised) -> Reals:
-        """Return by how much each column of drift moves the coordinates of changes in the device, shape (P, M)."""
+        """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
         drift = np.asarray(np.hstack(list(self._drift(at).values())), np.complex128)
         made = np.zeros((at.x.size, drift.shape[1]))
         own = list(at.inside)
@@ -350,7 +350,7 @@ class PairErrors:
         return made
 
     def shortfall(self, at: Linearised, outcome: Outcome) -> float:
-        """Return the ln likelihood that is missing beside noise and usual errors alone, chance left aside."""
+        """Return the ln likelihood missing relative to noise and usual errors only, beyond chance."""
         X, where = self.columns(at)
         points = self.points(at)
         numbers = 2 * int(np.count_nonzero(np.isfinite(points.noise)))
@@ -367,7 +367,7 @@ class PairErrors:
         return float(max(0.0, logs[1] - 0.5 * numbers - logs[0] - 0.5 * _ONE_IN_TWENTY * by_chance))
 
     def merit(self, near: Linearised, sizes: Sizes) -> Callable[[Impedances], float]:
-        """Return chi2 as a function of what is predicted near here, all errors integrated out as they are here."""
+        """Return chi2 as a function of nearby predictions, with errors integrated out as at this point."""
         at = replace(near, slopes=near.slopes[:, :0], x=near.x[:0], inside=())
         X, where = self.columns(at)
         kernel = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0))
@@ -397,14 +397,14 @@ class PairErrors:
 
 
 def _outwards(rests: Sequence[float], known: float) -> tuple[Sequence[float], Sequence[float]]:
-    """Return the sizes from the known one up, then those below it down: far from the best, none counts any more."""
+    """Return the sizes from the known one upwards, then downwards; those far from the best are negligible."""
     return [size for size in rests if size >= known], [size for size in reversed(rests) if size < known]
 
 
 def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
-    """Return columns without what the coordinates could do in their place, and by how much these would, (P, K).
+    """Return columns without the part that coordinates could imitate, and that part's coefficients, shape (P, K).
 
-    So sizes keep their meaning: that of a shift is all that moved.
+    So sizes keep their meaning: a shift includes the part imitated by drift.
     """
     if not slopes.shape[1] or not columns.shape[1]:
         return columns, np.zeros((slopes.shape[1], columns.shape[1]))
@@ -417,7 +417,7 @@ def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Comp
 
 
 def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
-    """Return the prior standard deviation of each column's coefficient, the residual's left out."""
+    """Return the prior standard deviation of each column's coefficient, without the residual."""
     scale = np.ones(count - 1)
     for name, own in where.items():
         if name in GRIDS:
@@ -428,7 +428,7 @@ def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
 def _factor(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
     S = scale[:, None] * G[1:, 1:] * scale
     S[np.diag_indices_from(S)] += 1.0
-    for ridge in _RIDGES:  # rounding may leave a matrix of large numbers without a factor
+    for ridge in _RIDGES:  # rounding may make a matrix of large numbers indefinite
         S[np.diag_indices_from(S)] *= 1 + ridge
         c, failed = dpotrf(S, lower=1)
         if not failed:
@@ -454,9 +454,9 @@ def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
 def _climbed(
     G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, known: tuple[int, int]
 ) -> tuple[float, Sizes]:
-    """Return the largest density times prior over the sizes of the errors, one after the other, and where it is.
+    """Return the largest density times prior over the sizes of the errors, one after the other, and the sizes there.
 
-    `known`: how many numbers there are, and how often all sizes are tried.
+    `known`: the number of data, and how often all sizes are tried.
     """
     numbers, rounds = known
 

@@ -1,6 +1,6 @@
-"""The resonances of a recording: poles of its admittance, and a remainder that they do not describe.
+"""The resonances of a recording: poles of its admittance, and a remainder.
 
-Poles are those of the gates' rational fit (`fitters/diagnosis/data_quality/pole_fit.py`).
+The poles are those of the rational fit of the data checks (`fitters/diagnosis/data_quality/pole_fit.py`).
 """
 
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from ..diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
 from .pair import Pair, running
 
 _ERROR = 3e-4
-"""Errors of a recording, of ln Z, below which more poles are no use."""
+"""Error of ln Z below which more poles are useless."""
 _LEAST_Q = 3.0
 _BEYOND = 1.05
-"""How far outside the band a resonance may lie to count as one, as a factor."""
+"""Factor by which a resonance may lie outside the band."""
 _SLOPE = 3.0
-"""By how much, at least, the error of a slope falls where points are twice as dense and resonances hardly resolved."""
+"""Smallest reduction of a slope's error by twice as many points if resonances are hardly resolved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Resonances:
     residues: Complexes
     """S Hz, shape (P,)."""
     _known: list[tuple[Frequencies, Complexes]] = field(default_factory=list[tuple[Frequencies, Complexes]])
-    """What was computed last: every hypothesis asks for the same."""
+    """Cache of the last result, because all hypotheses need the same."""
 
     @property
     def q(self) -> Reals:
@@ -45,7 +45,7 @@ class Resonances:
         return self._known[0][1]
 
     def with_others(self, chosen: list[int], poles: Complexes, residues: Complexes) -> "Resonances":
-        """Return the same with some of the resonances replaced; only these are computed anew."""
+        """Return the same with some of the resonances replaced; only these are recomputed."""
         p, r = self.poles.copy(), self.residues.copy()
         p[chosen], r[chosen] = poles, residues
         made = Resonances(p, r)
@@ -66,7 +66,7 @@ def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) ->
 def changed(
     poles: Complexes, residues: Complexes, shift: float | Reals, q: float | Reals, strength: float
 ) -> tuple[Complexes, Complexes]:
-    """Return poles and residues of branches whose ln frequency, ln Q and ln capacitance are larger by these.
+    """Return poles and residues of branches after these changes of ln frequency, ln Q and ln capacitance.
 
     The residue of a branch with capacitance C is C |p|^2 p/(2j Im p).
     """
@@ -98,11 +98,11 @@ def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:
 
 
 def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
-    """Return slope of ln Z over ln f before, what a shift of the remainder moves, and how far off that may be, (N,).
+    """Return the slope of ln Z before over ln f, the change by a shift of the remainder, and its error, shape (N,).
 
-    The remainder is taken as that of a capacitance, which stays what it is when all frequencies move.
+    The remainder is treated as that of a capacitance, which does not change when all frequencies shift.
 
-    Poles have theirs exactly; that of the remainder is a spline's, and its error is told by every other point.
+    The slope of poles is exact; that of the remainder is a spline's, with an error estimated from every other point.
     """
     f, u, Y = pair.frequency, pair.log_f, 1 / pair.before
     remainder = Y - np.sum(own.seen(f), axis=1)

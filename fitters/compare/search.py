@@ -1,4 +1,4 @@
-"""The search for what happened: each change alone, then the best with one more at either end, and once more."""
+"""The search for changes: each change alone, then the best ones with one more change at either end, repeatedly."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_mis
 from .pair_errors import PairErrors, Sizes
 
 _TRIED = 2
-"""Starts that are followed."""
+"""Number of starts that are followed."""
 _FITTED, _NEAR = 6, 15.0
-"""How many are fitted beside errors, and within how many nats of the best more are. A budget."""
+"""Number of hypotheses fitted with the error model, and the range in nats below the best for more. A budget."""
 _PARENTS, _SCREENED, _GROWN = 2, 8, 4
-"""How many of the best are grown; of what grew of each, how many are screened and how many fitted. Budgets."""
+"""Number of best hypotheses that are extended; of each one's extensions, numbers screened and fitted. Budgets."""
 _MOST = 3
-"""Changes at once. A budget."""
+"""Most changes in a hypothesis. A budget."""
 _NOISE_ALONE = 1.2
-"""chi2 per number up to which there is nothing but noise."""
+"""chi2 per number up to which the residual is only noise."""
 _NOTHING_ELSE = 0.99
-"""Part of the evidence in which the rest is no more than usual, from which that is all."""
+"""Fraction of the evidence with a usual rest above which an explanation is complete."""
 _PAYS = 5.0
-"""Ln evidence, beside prior odds, that a further change must bring for the search to go on."""
+"""Gain in ln evidence and prior odds by a further change that is needed to continue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Searched:
 
     @cached_property
     def coarseness(self) -> float:
-        """How much ln evidence counts as one nat.
+        """Amount of ln evidence that counts as one nat.
 
-        Where even the best explanation leaves more than noise and usual errors, evidence between explanations is worth
-        as much less (a coarsened posterior, as in a diagnosis: `decision_rules.COARSENED`).
+        If even the best explanation leaves more than noise and usual errors, differences in evidence count
+        correspondingly less (a coarsened posterior, as in a diagnosis: `decision_rules.COARSENED`).
         """
         return 1 + COARSENED * self.best.shortfall
 
@@ -60,7 +60,7 @@ class Searched:
 
 
 def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Searched:
-    """Return what was fitted to a pair; `after`: poles of the second recording, found from those of the first."""
+    """Return the hypotheses fitted to a pair; `after`: poles of the second recording, found from those of the first."""
     nothing = fitted(Hypothesis(()), errors, np.zeros(0))
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
     singles = [Hypothesis((change,)) for change in changes]
@@ -90,12 +90,12 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
 
 
 def _nothing_else(best: Fitted) -> bool:
-    """Return whether an explanation leaves nothing but usual errors: then another device is out of the question."""
+    """Return whether an explanation leaves only usual errors; another device is then excluded."""
     return best.outcome.usual >= _NOTHING_ELSE and best.shortfall == 0.0
 
 
 def nothing_in_common(fit: Fitted) -> float:
-    """Return the probability, beside an explanation, that the recordings have nothing in common."""
+    """Return the probability, relative to an explanation, that the recordings have nothing in common."""
     if _nothing_else(fit):
         return 0.0
     odds = log_odds_of_nothing_in_common(fit.errors, fit.at, fit.outcome) + log(ODDS) - fit.hypothesis.log_prior
@@ -103,7 +103,7 @@ def nothing_in_common(fit: Fitted) -> float:
 
 
 def _parents(ranked: Sequence[Fitted], errors: PairErrors) -> list[Fitted]:
-    """Return what is grown: the most probable, and what leaves least where every point counts alike."""
+    """Return the hypotheses to extend: the most probable, and those with the smallest residual at equal weights."""
     plain = sorted(ranked, key=lambda one: plain_misfit(one.hypothesis, errors, one.x))
     chosen: dict[int, Fitted] = {}
     for one in (*ranked[: _PARENTS - 1], *plain):
@@ -117,7 +117,7 @@ def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
 
 
 def _whole(best: Fitted) -> bool:
-    """Return whether an explanation leaves noise and small errors alone: nothing more is looked for then."""
+    """Return whether an explanation leaves only noise and small errors; the search then ends."""
     sizes, numbers = best.outcome.sizes, 2 * best.errors.pair.frequency.size
     small = (
         sizes.rest == 0 and sizes.noise <= 1 and sizes.instrument <= 1 and sizes.drift <= 1e-4 and sizes.wander <= 1e-4
@@ -131,7 +131,7 @@ def _short(best: Fitted) -> bool:
 
 
 def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> list[tuple[Hypothesis, Reals]]:
-    """Return what promises most of all that one more change can make of an explanation."""
+    """Return the most promising extensions of an explanation by one change."""
     own = parent.hypothesis.changes
     trials: list[tuple[float, Hypothesis, Reals]] = []
     for change in changes:
@@ -149,19 +149,19 @@ def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> lis
 def _promising(
     starts: Sequence[tuple[Hypothesis, Reals]], errors: PairErrors, sizes: Sizes
 ) -> list[tuple[Hypothesis, Reals]]:
-    """Return those that are worth a fit beside errors, the best first, each with where it begins."""
+    """Return the hypotheses worth a fit with the error model, best first, with their starts."""
     ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in starts), key=lambda trial: -trial[0])
     return [(one, x) for k, (value, x, one) in enumerate(ranked) if k < _FITTED or value > ranked[0][0] - _NEAR]
 
 
 def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
-    """Return where a change can stand among others: what happened in the device comes before all at the terminals."""
+    """Return the possible positions of a change among others: changes in the device precede those at the terminals."""
     first = sum(one.where != "terminals" for one in own)
     return tuple(range(first, len(own) + 1)) if change.where == "terminals" else (0,)
 
 
 def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, steps: int = 12) -> tuple[float, Reals]:
-    """Return where plain least squares lead from the best places of the lattice of change `at`; and what they leave."""
+    """Return results and residuals of plain least squares from the best starts of change `at`."""
     own = hypothesis.slices[at]
     base = np.concatenate([known[: own.start], np.zeros(own.stop - own.start), known[own.start :]])
     if own.start == own.stop:
@@ -181,7 +181,7 @@ def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, 
 
 
 def _apart(starts: list[tuple[float, Reals]], k: int, least: float) -> list[tuple[float, Reals]]:
-    """Return the best starts that are no neighbours of each other."""
+    """Return the best starts that are not neighbours of each other."""
     kept: list[tuple[float, Reals]] = []
     for value, x in starts:
         if all(abs(x[k] - other[k]) > least for _, other in kept):

@@ -1,4 +1,4 @@
-"""Every resonance that both recordings have, and how it moved: seen from the terminals, whatever the cause."""
+"""The resonances common to both recordings and their shifts at the terminals, whatever the cause."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from .pair import Pair
 from .resonances import resonances_of
 
 _NEAR = 3.0
-"""Half widths of the wider of two poles, or this share of the frequency in per cent, within which they are the same."""
+"""Distance within which two poles are the same, in half widths of the wider one or in per cent of the frequency."""
 _KNOWN = 0.5
-"""Uncertainty of a shift, in half widths, above which nothing is told of a resonance."""
+"""Uncertainty of a shift, in half widths, above which a resonance is omitted."""
 
 
 def resonance_shifts(pair: Pair, before: PoleFit, after: PoleFit) -> tuple[ResonanceShift, ...]:
-    """Return the resonances before that are there after, with shift of frequency, ratio of Q and of strength."""
+    """Return the resonances of both recordings with shift of frequency, ratio of Q and of strength."""
     first, second = (_told(fit, pair, Z) for fit, Z in ((before, pair.before), (after, pair.after)))
     made: list[ResonanceShift] = []
     taken: set[int] = set()
@@ -52,7 +52,7 @@ def _shift(first: tuple[complex, complex, Reals], second: tuple[complex, complex
     size, to = abs(p), abs(other)
     q, q_now = size / (-2 * p.real), to / (-2 * other.real)
     u_width = float(np.hypot(u[0], v[0]))
-    # A branch's capacitance is 2 |r| Im p / |p|^3, and |r| is known as its width is.
+    # A branch's capacitance is 2 |r| Im p / |p|^3, and |r| has the uncertainty of its width.
     strength = abs(now) * other.imag / to**3 / (abs(r) * p.imag / size**3)
     return ResonanceShift(
         frequency_Hz=float(size),

@@ -1,7 +1,7 @@
-"""Reciprocal two-ports at the terminals: put between analyzer and device, or taken from there.
+"""Reciprocal two-ports inserted between analyzer and device, or removed.
 
-Seen through its chain matrix (A B; C D), an impedance Z is (A Z + B)/(C Z + D); taken away, it is what the inverse
-matrix makes of Z (Pozar, Microwave Engineering, section 4.4). No model of the device is needed, nothing is linearised.
+A two-port with the chain matrix (A B; C D) transforms an impedance Z to (A Z + B)/(C Z + D); removing it applies the
+inverse matrix (Pozar, Microwave Engineering, section 4.4). No model of the device is needed, nothing is linearised.
 """
 
 from collections.abc import Callable
@@ -14,9 +14,9 @@ from ...models.circuits.terminals import skin
 from .change import TERMINALS, ChangeSize, Values
 
 VELOCITY = 2e8
-"""m/s, of a wave in polyethylene; only length/velocity can be seen."""
+"""m/s, of a wave in polyethylene; only length/velocity can be determined."""
 _USUAL = 0.03
-"""Prior odds of one of these: of some twenty that there are, one was done in every third pair."""
+"""Prior odds of each of about twenty elements, assuming one change in every third pair."""
 
 Matrix = tuple[Complexes, Complexes, Complexes, Complexes]
 
@@ -29,19 +29,19 @@ class TwoPort:
     sizes: tuple[ChangeSize, ...]
     matrix: Callable[[Frequencies, Values], Matrix]
     added: str
-    """What is said where it was put in."""
+    """Sentence if it was inserted."""
     removed: str
-    """What is said where it was taken out."""
+    """Sentence if it was removed."""
     taken: bool = False
-    """Whether it was there before, and is no longer."""
+    """Whether it was present before and was removed."""
     odds: float = _USUAL
     where: str = TERMINALS
     derived: Callable[[Values], dict[str, tuple[float, str]]] | None = None
-    """What follows from its sizes, with units."""
+    """Values derived from its sizes, with units."""
 
     starts: tuple[tuple[float, ...], ...] = ()
     possible: Callable[[Frequencies, Values], bool] | None = None
-    """Whether it is what it is called at these sizes in this band."""
+    """Whether its name fits these sizes in this band."""
 
     @property
     def says(self) -> str:
@@ -49,14 +49,14 @@ class TwoPort:
         return self.removed if self.taken else self.added
 
     def apply(self, Z: Impedances, frequency: Frequencies, values: Values) -> Impedances:
-        """Return what is seen through it, ohm; or without it, where it was there before."""
+        """Return the impedance with it, ohm; or without it, if it was removed."""
         A, B, C, D = self.matrix(frequency, values)
         return (D * Z - B) / (A - C * Z) if self.taken else (A * Z + B) / (C * Z + D)
 
 
 @dataclass(frozen=True)
 class Turned:
-    """The sign of Z, or of its phase, is another."""
+    """The sign of Z or of its phase changed."""
 
     effect: str = "polarity"
     kind: str = "inverted"
@@ -97,14 +97,14 @@ def _resistance(f: Frequencies, v: Values) -> Matrix:
 
 
 def coil(f: Frequencies, v: Values) -> Complexes:
-    """Return a coil's impedance in ohm, shape (N,): inductance and resistance beside its own capacitance."""
+    """Return a coil's impedance in ohm, shape (N,): inductance and resistance parallel to its own capacitance."""
     jw = j_omega(f)
     wire = jw * v["inductance"] + v["resistance"] + v["skin"] * skin(f)
     return wire / (1 + jw * v["own capacitance"] * wire)
 
 
 def _is_coil(f: Frequencies, v: Values) -> bool:
-    """Return whether a coil is one somewhere in the band: above its own resonance it is a capacitor."""
+    """Return whether a coil is inductive in some part of the band: above its own resonance it is a capacitor."""
     return bool(f[0] < 1 / (2 * np.pi * np.sqrt(v["inductance"] * v["own capacitance"])))
 
 
@@ -121,7 +121,7 @@ def _line(f: Frequencies, v: Values) -> Matrix:
 
 
 def _of_line(v: Values) -> dict[str, tuple[float, str]]:
-    """Return what a line that is short is to a circuit."""
+    """Return the circuit elements that a short line is equivalent to."""
     seconds = v["length"] / VELOCITY
     return {"inductance": (seconds * v["impedance"], "H"), "capacitance": (seconds / v["impedance"], "F")}
 
@@ -213,7 +213,7 @@ _ELEMENTS = (
 
 
 def two_ports() -> tuple[TwoPort | Turned, ...]:
-    """Return every element, put in and taken out; an error of scale; and recordings that are turned."""
+    """Return every element, inserted and removed; a scale factor; and inverted recordings."""
     both = [replace(one, taken=taken, odds=one.odds / 2) for one in _ELEMENTS for taken in (False, True)]
     scale = TwoPort(
         "gain",

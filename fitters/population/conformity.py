@@ -1,6 +1,6 @@
 """Whether fitted constants keep their limits, decided with their uncertainty by the rule of ISO 14253-1.
 
-A value passes if it keeps its limits with the probability that the specification asks for (0.95: ISO 14253-1:2017), and
+A value passes if it keeps its limits with the probability that the specification requires (0.95: ISO 14253-1:2017), and
 fails if it violates them with that probability. Between the two, in the guard band of 1.645 u around a limit, the
 measurement decides nothing.
 """
@@ -37,7 +37,7 @@ class Conformity:
     """Probability that the true value keeps the limit."""
     verdict: Verdict
     says: str = ""
-    """Why nothing was decided."""
+    """Reason for an undecided result."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def judged(result: FitResult, build: Build | None) -> SampleVerdict | None:
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
-    """Return the verdict on the whole: fail if a part fails, pass if all parts pass."""
+    """Return the overall verdict: fail if a part fails, pass if all parts pass."""
     return "fail" if "fail" in verdicts else "undecided" if "undecided" in verdicts else "pass"
 
 

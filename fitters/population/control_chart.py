@@ -1,8 +1,8 @@
 """Control charts of one constant over samples in the order of their measurement, and the capability of the process.
 
-Individuals chart (ISO 7870-2): the scatter from one sample to the next, mean moving range / 1.128, tells what is usual,
-so that a slow drift does not widen the limits. The EWMA chart (ISO 7870-6), with weight 0.2 and limits at 2.962 sigma,
-sees small lasting shifts; its mean time to a false alarm is 500 samples. Capability by ISO 22514-2.
+Individuals chart (ISO 7870-2): sigma is estimated from the scatter between neighbouring samples, mean moving range /
+1.128, so that a slow drift does not widen the limits. The EWMA chart (ISO 7870-6), with weight 0.2 and limits at 2.962
+sigma, detects small lasting shifts; its mean time to a false alarm is 500 samples. Capability by ISO 22514-2.
 """
 
 import math
@@ -50,7 +50,7 @@ class ChartPoint:
     ewma_low: float
     ewma_high: float
     signals: tuple[str, ...]
-    """What is unusual about this sample; empty while the process is in control."""
+    """The rules that this sample violates; empty while the process is in control."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Capability:
     """Lower end of the 95 % interval of Cpk (Bissell 1990)."""
     pp: float | None
     ppk: float
-    """From the scatter of all samples, as Cpk is from that between neighbours."""
+    """Like Cpk, but from the scatter of all samples instead of that between neighbours."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The diagnosis of many samples together: what they share, what is each one's own, how their constants scatter."""
+"""The joint diagnosis of many samples: shared effects, effects of single samples, and the scatter of constants."""
 
 import contextlib
 import time
@@ -21,7 +21,7 @@ from .sample_equations import Knobs, SampleEquations, bench_effects, ends_of, sa
 from .shared_effects import SharedBench, shared_bench
 
 _FEWEST = 2
-"""Samples from which something can be shared."""
+"""Fewest samples that can share an effect."""
 
 
 class TooFewSamplesError(FitError):
@@ -29,12 +29,12 @@ class TooFewSamplesError(FitError):
 
 
 class _LostError(Exception):
-    """A sample cannot be fitted on such a bench."""
+    """A sample cannot be fitted with these shared effects."""
 
 
 @dataclass(frozen=True)
 class Recurring:
-    """A finding of several samples that is each one's own: another size in each."""
+    """A finding of several samples with a different size in each."""
 
     effect: str
     where: str
@@ -50,17 +50,17 @@ class JointDiagnosis:
     samples: tuple[str, ...]
     shared: SharedBench
     own: Mapping[str, Diagnosis]
-    """Diagnosis of each sample beside what all share."""
+    """Diagnosis of each sample in addition to the shared effects."""
     recurring: tuple[Recurring, ...]
     population: Population
     failed: Mapping[str, str]
-    """Why a sample has no diagnosis, or has no part in what is shared."""
+    """Reason why a sample has no diagnosis or is not part of the joint one."""
     seconds: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Survey:
-    """Question to one sample: its equations on a bench with these effects."""
+    """Task for one sample: its equations on a bench with these effects."""
 
     job: BatchJob
     ends: tuple[float, float]
@@ -70,7 +70,7 @@ class _Survey:
 
 @dataclass(frozen=True, eq=False)
 class _Own:
-    """Question to one sample: its own diagnosis on a bench with these effects."""
+    """Task for one sample: its own diagnosis on a bench with these effects."""
 
     job: BatchJob
     effects: tuple[str, ...] | None
@@ -120,7 +120,7 @@ def diagnose_together(
     while bench is None:
         if len(fit) < _FEWEST:
             raise TooFewSamplesError(f"fewer than two samples can be fitted: {'; '.join(failed.values())}")
-        with contextlib.suppress(_LostError):  # evidences of different samples cannot be compared: begin again
+        with contextlib.suppress(_LostError):  # evidences of different sets of samples cannot be compared: start again
             bench = shared_bench(survey, knobs, ends, odds)
     names = None if effects is None else tuple(effects)
     asked = [_Own(job, names, bench.known) for job in fit]
@@ -143,7 +143,7 @@ def _last_stack(build: Build) -> Stack:
 
 
 def _recurring(own: Mapping[str, Diagnosis]) -> tuple[Recurring, ...]:
-    """Return the findings that two samples or more have, the most frequent first."""
+    """Return the findings common to two or more samples, the most frequent first."""
     found: dict[tuple[str, str], dict[str, Finding]] = {}
     for sample, one in own.items():
         for finding in one.findings:

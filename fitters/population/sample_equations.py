@@ -1,9 +1,9 @@
-"""What one sample says of the bench that all samples share: normal equations with its own constants integrated out.
+"""The evidence of one sample on the shared bench: normal equations with the sample's own constants integrated out.
 
-Near its fit, the residual of ln Z of a sample is linear in its own constants and errors, and in what it shares with the
-other samples: the analyzer's gain and phase, the fixture's residue, part of the model's own error, and effects at the
-terminals. Its own are integrated out (a Schur complement); what is left is as small as what is shared, so that any
-number of samples adds up at no cost.
+Near its fit, the residual of ln Z of a sample is linear in its own constants and errors, and in quantities shared with
+the other samples: the analyzer's gain and phase, the fixture's residue, part of the model's own error, and effects at
+the terminals. Its own are integrated out (a Schur complement); the remaining equations have only the shared unknowns,
+so that any number of samples can be added at no cost.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -32,26 +32,26 @@ from ..interface import FitTask
 FIXTURE = tuple(scales.FIXTURE)
 """The fixture's columns, in the order of the error model."""
 MODEL_ERRORS = tuple(product((0.0, 1e-4, 1e-3), scales.RHOS))
-"""Smooth and rough error of the model, relative: all samples have the same, and all together choose it."""
+"""Relative smooth and rough error of the model: common to all samples and estimated from all together."""
 _MODEL = ("tau", "imaginary")
 _HALF = float(np.sqrt(0.5))
-"""The model's own error is half a kind's, the same in all samples, and half a sample's own."""
+"""Half of the variance of the model's own error is common to samples of one kind, half is each sample's own."""
 _FAINT = -1.0
 """Trial size of an effect, in prior standard deviations of its logarithm."""
 Knobs = Mapping[str, Sequence[EffectParameter]]
-"""Parameters of each effect that a bench may have; the first is its size."""
+"""Parameters of each possible effect of a bench; the first is its size."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleEquations:
-    """Normal equations of one sample in what is shared."""
+    """Normal equations of one sample in the shared quantities."""
 
     sample: str
     keys: tuple[str, ...]
-    """What each column is: `slow 3`, `fixture inductance`, `tau 7`, `lead-inductance inductance`, shape (K,)."""
+    """Name of each column: `slow 3`, `fixture inductance`, `tau 7`, `lead-inductance inductance`, shape (K,)."""
     grams: Mapping[tuple[float, float], tuple[Reals, float]]
     """For each size of the model's own error in `MODEL_ERRORS`: the Gram matrix of these columns and of the residual,
-    the last, beside everything that is the sample's own, shape (K + 1, K + 1); and ln det of that."""
+    the last, with everything of the sample's own integrated out, shape (K + 1, K + 1); and ln det of that."""
     sizes: ErrorSizes
     shortfall: float
     """Missing ln likelihood of its fit."""
@@ -60,7 +60,7 @@ class SampleEquations:
 
 
 def bench_effects(stack: Stack, names: Collection[str] | None = None) -> Knobs:
-    """Return the effects that a jig, a lead, a cable can have: those at the terminals that have a size.
+    """Return the effects of a jig, a lead or a cable: those at the terminals that have a size.
 
     `names`: the effects to consider; None for all.
     """
@@ -96,7 +96,7 @@ def sample_equations(
 def _shared(
     problem: Problem, one: Hypothesis, ends: tuple[float, float], knobs: Knobs, known: Sequence[BenchEffect]
 ) -> tuple[tuple[str, ...], list[Complexes], dict[str, dict[str, float]]]:
-    """Return keys and columns, (N, K) for each recording, of what the sample shares, and where effects stand."""
+    """Return keys and columns, (N, K) for each recording, of the shared quantities, and the values of effects."""
     columns = one.fit.gram.columns
     keys: list[str] = []
     blocks: list[list[Complexes]] = [[] for _ in problem.recordings]
@@ -127,7 +127,7 @@ def _shared(
 
 
 def _kind_of(columns: ErrorColumns, problem: Problem) -> str:
-    """Return what must be alike for two samples to share the model's own error: layers, steps, and bands."""
+    """Return a key that is equal for samples sharing the model's own error: layers, steps, and bands."""
     steps = [f"{r.step}:{r.sweep.frequency[0]:.0f}-{r.sweep.frequency[-1]:.0f}" for r in problem.recordings]
     layers = [layer.name for layer in problem.build.layers]
     return "+".join([*layers, *dict.fromkeys(steps), str(len(columns.parts) - columns.parts.count("line"))])
@@ -151,7 +151,7 @@ def _trial(knob: EffectParameter, *, first: bool) -> float:
 
 
 def unit_of(knob: EffectParameter, value: float) -> float:
-    """Return the prior standard deviation of a parameter beside the size, near a value."""
+    """Return the prior standard deviation of a parameter other than the size, near a value."""
     spread = knob.expected[1]
     if knob.from_nothing:
         return abs(value) * spread
@@ -183,7 +183,7 @@ def _slopes(
 
 
 def _reduced(one: Hypothesis, sizes: ErrorSizes, shared: Sequence[Complexes]) -> tuple[Reals, float]:
-    """Return the Gram matrix of shared columns and residual beside what is the sample's own, and ln det of that."""
+    """Return the Gram matrix of shared columns and residual, the sample's own part integrated out, and its ln det."""
     made = one.fit.gram
     parts = {**sizes.of_columns(), "slow": 0.0, "fast": 0.0, "fixture": 0.0, "tau": _HALF * sizes.tau}
     scale = made.columns.scaled(parts)

@@ -1,9 +1,9 @@
-"""What all samples of a bench share, by one log evidence over all of them: effects at the terminals, fixture, analyzer.
+"""Shared effects of all samples of a bench, from one log evidence: effects at the terminals, fixture, analyzer.
 
 A shared effect has one size, common to all samples up to a scatter; its evidence is the sum over samples of their
 marginal evidence at that size, with the analyzer's error, the fixture's residue and half of the model's own error
-integrated out once for all samples. An effect that only some samples have, or each by another amount, asks for a
-large scatter, and is left to the diagnosis of each.
+integrated out once for all samples. An effect that only some samples have, or with different sizes, requires a
+large scatter, and is left to the diagnosis of each sample.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +26,9 @@ _HALF = float(np.sqrt(0.5))
 SCATTERS = {0.0: 0.5, 0.1: 0.125, 0.3: 0.125, 1.0: 0.125, 3.0: 0.125}
 """Relative scatter of a shared effect's size from sample to sample, with prior: one jig is as likely as any scatter."""
 COMMON = 0.3
-"""Largest scatter of an effect that counts as one that all samples share; beyond it, each has its own."""
+"""Largest scatter of a shared effect; beyond it, each sample has its own."""
 _TRIED = 3
-"""Budget: candidates fitted in all samples, beside those that are shared already."""
+"""Budget: number of further candidates fitted in all samples."""
 _MOST = 3
 """Budget: largest number of shared effects."""
 _PASSES = 4
@@ -56,10 +56,10 @@ class SharedParameter:
 
 @dataclass(frozen=True)
 class FixturePart(SharedParameter):
-    """A part of what open and short compensation left."""
+    """A part of the residual of open and short compensation."""
 
     probability: float
-    """That it is there."""
+    """Probability that it is present."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,15 @@ class SharedEffect:
     scatter: Mapping[str, float]
     """Posterior probability of each relative scatter of its size from sample to sample."""
     gain: float
-    """ln evidence over all samples beside the best explanation without it."""
+    """ln evidence over all samples relative to the best explanation without it."""
     alone: Mapping[str, float]
-    """ln evidence of it in each sample alone, by sample: what a single diagnosis would have."""
+    """ln evidence of it in each sample alone, by sample, as in a single diagnosis."""
     sizes: Mapping[str, tuple[float, float]]
     """Estimate of its size from each sample alone, with standard uncertainty."""
     alternatives: Mapping[str, float]
     """Probability of other effects in its place."""
     within_fixture: bool
-    """Whether it is no larger than what a compensation usually leaves."""
+    """Whether it is no larger than the usual residual of a compensation."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ class SharedBench:
 
     effects: tuple[SharedEffect, ...]
     known: tuple[BenchEffect, ...]
-    """The same with the values of all parameters, and the fixture's residue: what is known of every sample."""
+    """The same with the values of all parameters, and the fixture's residual, as prior knowledge for every sample."""
     fixture: Mapping[str, FixturePart]
-    """Residue of open and short compensation, common to all samples; empty where there is no sign of one."""
+    """Residual of open and short compensation, common to all samples; empty if there is no sign of one."""
     gain: float
     """Largest common gain error |d ln Z| beyond what constants could do, within the specification."""
     phase: float
@@ -99,7 +99,7 @@ class SharedBench:
     model_error: Mapping[str, float]
     """Sizes of the model's own error, common to all samples."""
     not_shared: tuple[str, ...]
-    """Effects that would explain much, but by another amount in each sample."""
+    """Effects that would explain much, but with a different size in each sample."""
 
 
 _Part = tuple[SampleEquations, Reals, float]
@@ -138,7 +138,7 @@ class _Sum:
         return _Sum.summed(self.keys, self.parts[number : number + 1])
 
     def scattered(self, key: str, spread: float) -> "_Sum":
-        """Return the equations where a size deviates in each sample from the common one, by this standard deviation."""
+        """Return the equations with a size that scatters between samples with this standard deviation."""
         if spread == 0:
             return self
         k = self.keys.index(key)
@@ -163,7 +163,7 @@ class _Quadratic:
 
 
 def _scales(total: _Sum, sizes: ErrorSizes, names: Sequence[str], knobs: Knobs) -> Reals:
-    """Return the prior standard deviation of every shared column's coefficient; 0 for one that is not there."""
+    """Return the prior standard deviation of every shared column's coefficient; 0 for an absent one."""
     scale = {"slow": sizes.slow, "fast": sizes.fast, "fixture": sizes.fixture}
     scale |= {"tau": _HALF * sizes.tau, "imaginary": _HALF * scales.IMAGINARY * sizes.tau}
     beside = {f"{name} {knob.name}" for name in names for knob in knobs[name][1:]}
@@ -207,7 +207,7 @@ def _log_density(values: Reals, knob: EffectParameter) -> Reals:
 def _best(
     equations: Sequence[SampleEquations], names: Sequence[str], knobs: Knobs, fixture: Mapping[str, float]
 ) -> tuple[_Sum, ErrorSizes]:
-    """Return the equations and the error sizes that all samples together make likeliest.
+    """Return the equations and the likeliest error sizes for all samples together.
 
     The model's own error, that of the analyzer and that of the fixture are common to all samples.
     """
@@ -243,9 +243,9 @@ def _weigh(found: _Quadratic, at: Sequence[float], knobs: Sequence[EffectParamet
 
 
 def _gain(found: _Quadratic, median: float, knob: EffectParameter) -> tuple[float, float]:
-    """Return ln evidence of an effect that is not there yet, over that without it, and its likeliest size.
+    """Return ln evidence of an absent effect, relative to that without it, and its likeliest size.
 
-    `found` is linear from nothing; the size is integrated over its prior.
+    `found` is linearised at zero size; the size is integrated over its prior.
     """
     spread = knob.expected[1]
     values: Reals = np.asarray(median * np.exp(spread * np.linspace(-6, 6, _NODES)), np.float64)
@@ -281,7 +281,7 @@ class _Explanation:
 
 
 def shared_bench(survey: Survey, knobs: Knobs, ends: tuple[float, float], odds: Mapping[str, float]) -> SharedBench:
-    """Return what all samples share. `knobs`, `odds`: of each effect at the terminals; `ends`: of ln frequency."""
+    """Return the shared effects. `knobs`, `odds`: of each effect at the terminals; `ends`: of ln frequency."""
     now = _explained(survey, (), {}, knobs)
     rejected: list[str] = []
     steps: list[tuple[_Explanation, list[tuple[_Explanation, float]]]] = []
@@ -389,7 +389,7 @@ def _typical(equations: Sequence[SampleEquations]) -> ErrorSizes:
 
 
 def _promising(now: _Explanation, knobs: Knobs, rejected: Sequence[str]) -> list[BenchEffect]:
-    """Return the effects that would explain much beside those that are there, the most first, at their likely sizes."""
+    """Return the effects that would explain most in addition to the present ones, best first, at their likely sizes."""
     at = now.total.parts[0][0].at
     gains: list[tuple[float, BenchEffect]] = []
     for name, own in knobs.items():
@@ -493,9 +493,9 @@ def _told(
 
 
 def _is_there(value: float, u: float) -> float:
-    """Return the probability that a part of the residue is there, from value and u in units of its prior.
+    """Return the probability that a part of the residual is present, from value and u in units of its prior.
 
-    The odds are those of any effect, times the densities at nothing, prior over posterior (Savage and Dickey).
+    The odds are those of any effect, times the ratio of prior to posterior density at zero (Savage and Dickey).
     """
     log_odds = 0.5 * (value / u) ** 2 + float(np.log(u * ODDS))
     return float(1 / (1 + np.exp(-min(log_odds, 700.0))))

@@ -1,8 +1,8 @@
 """A constant against temperature, or against another number noted at the measurements: polynomial and coefficients.
 
 value(x) = value(x0) [1 + a1 (x - x0) + a2 (x - x0)^2 ...], by least squares with equal weights. Its uncertainties come
-from the scatter around the curve: an error that all measurements of a series share, as of one micrometer, changes
-value(x0) but hardly a1 and a2.
+from the scatter around the curve: an error common to all measurements of a series, such as that of a micrometer,
+changes value(x0) but hardly a1 and a2.
 """
 
 from collections.abc import Sequence

@@ -44,7 +44,7 @@ class Bench:
     _random: np.random.Generator = field(init=False)
     _idle_random: np.random.Generator = field(init=False)
     _latest: tuple[object, Impedances] | None = field(init=False, default=None)
-    """What the last sweep of the device depended on, and its impedance: most sweeps of CONT are the same again."""
+    """The inputs of the device's last sweep and its impedance, cached because most sweeps of CONT are identical."""
 
     def __post_init__(self) -> None:
         self.new_sample(self.seed)
@@ -78,7 +78,7 @@ class Bench:
         self.content = content
 
     def measure(self, axis: Axis, point_seconds: Reals, reverse: bool, idle: bool = False) -> Impedances:
-        """Return one sweep as the bridge measures it, shape (N,), points in the order of the axis; bench time goes on.
+        """Return one sweep as the bridge measures it, shape (N,), points in the order of the axis; bench time advances.
 
         `point_seconds`, shape (N,), is how long each point takes; `reverse` sweeps from the last point to the first.
         An `idle` sweep is one of CONT. Their number depends on when clients connect, so they take no bench time and
@@ -119,7 +119,7 @@ class Bench:
         return -z if self.inverted else z
 
     def _instrument_error(self) -> Complexes:
-        """Return the error of this instrument in parts of its accuracy, shape (3,): fixed by the seed, at most 1."""
+        """Return the error of this instrument as fractions of its accuracy, shape (3,): set by the seed, at most 1."""
         random = np.random.default_rng([self.seed, 82])
         angle = 2 * np.pi * random.uniform(0, 1, 3)
         return random.uniform(0.2, 0.9, 3) * (np.cos(angle) + 1j * np.sin(angle))

@@ -1,4 +1,4 @@
-"""A blocking helper that gives the virtual bench one command."""
+"""A blocking helper that sends one command to the virtual bench."""
 
 import json
 import socket

@@ -49,7 +49,7 @@ class BenchPort:
         }
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one client until it goes."""
+        """Serve one client until it disconnects."""
         with contextlib.suppress(ConnectionError):
             while line := await self._line(reader):
                 writer.write(json.dumps(self.answer(line)).encode("utf-8") + b"\n")
@@ -58,7 +58,7 @@ class BenchPort:
     async def _line(self, reader: asyncio.StreamReader) -> bytes:
         try:
             return await reader.readline()
-        except ValueError:  # the line is longer than the limit; the rest of it is no command
+        except ValueError:  # the line is longer than the limit; its rest is not a command
             return b""
 
     def answer(self, line: bytes) -> dict[str, Any]:

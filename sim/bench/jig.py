@@ -32,11 +32,11 @@ class Jig:
         return np.asarray(self.short(frequency) + inner, dtype=np.complex128)
 
     def short(self, frequency: Frequencies) -> Impedances:
-        """Return the impedance seen with the contacts joined: series residuals alone, shape (N,)."""
+        """Return the impedance with the contacts joined: only the series residuals, shape (N,)."""
         return np.asarray(self.resistance + 2j * np.pi * frequency * self.inductance, dtype=np.complex128)
 
     def scaled(self, share: float) -> Self:
-        """Return a jig whose residuals are this share of these."""
+        """Return a jig whose residuals are this fraction of the given ones."""
         return replace(
             self,
             resistance=self.resistance * share,

@@ -1,4 +1,4 @@
-"""The transducer on the bench: a stack whose true constants are known here and nowhere else.
+"""The transducer on the bench: a stack whose true constants are defined only here.
 
 The numbers are those of the thesis (Tjelde, NTNU 2012, tables 4.1 to 4.7): a Pz27 disk whose fitted constants
 differ from the data sheet's, as real ones do, and two glued matching layers. Every seed gives another sample.
@@ -24,7 +24,7 @@ RADIAL_REFERENCE = 128e3
 """Hz, near the first radial resonance: where the radial constants are the stated ones."""
 
 ALPHA, D33F = 0.72, 1.2e-10
-"""c13E/c33E, and e33/c33E in C/N: motion through the thickness in a radial mode. Pz27's, not exactly."""
+"""c13E/c33E, and e33/c33E in C/N: thickness motion in a radial mode. Close to Pz27's."""
 
 STEPS = ("disk", "ml1", "ml2")
 """The gluing steps in order: each adds a glue line and a matching layer."""
@@ -35,19 +35,19 @@ GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
 
 @dataclass(frozen=True)
 class BenchSample:
-    """One transducer with all its layers, back to front; `seed` names it."""
+    """One transducer with all its layers, back to front, identified by `seed`."""
 
     seed: int
     layers: tuple[Piezo | Elastic, ...]
     radial: Radial
-    """The disk's radial constants; its eps33T is what follows from the thickness constants and these."""
+    """The disk's radial constants; its eps33T follows from these and the thickness constants."""
 
     def device(self, step: str, radial: bool) -> Model:
-        """Return what is on the bench after a gluing step, with or without the disk's radial modes.
+        """Return the device after a gluing step, with or without the disk's radial modes.
 
-        With them, losses are causal from mode to mode: over the five octaves between, what a permittivity loses moves
-        it by 2 %. `truth` has the constants at `RADIAL_REFERENCE` and at the thickness mode's antiresonance. What is
-        glued on does not load the radial modes. Raises BenchError for an unknown step.
+        With them, losses are causal between the modes: over the five octaves between them, the loss of a permittivity
+        changes it by 2 %. `truth` has the constants at `RADIAL_REFERENCE` and at the thickness mode's antiresonance.
+        Glued layers do not load the radial modes. Raises BenchError for an unknown step.
         """
         stack = self.stack(step)
         if not radial:
@@ -62,11 +62,11 @@ class BenchSample:
         return replace(both, arm=replace(both.arm, alpha=ALPHA, d33f=D33F, laws=laws))
 
     def stack(self, step: str) -> Stack:
-        """Return what is on the bench after a gluing step, in air. Raises BenchError for an unknown step."""
+        """Return the device after a gluing step, in air. Raises BenchError for an unknown step."""
         return Stack(layers=self.layers[: self._count(step)], back=AIR, front=AIR, area=AREA)
 
     def names(self, step: str) -> tuple[str, ...]:
-        """Return the layers that are there after a step, back to front. Raises BenchError."""
+        """Return the layers after a step, back to front. Raises BenchError."""
         return tuple(layer.name for layer in self.layers[: self._count(step)])
 
     def _count(self, step: str) -> int:
@@ -137,7 +137,7 @@ def _radial(about: Callable[[float, float], float], disk: Piezo) -> Radial:
 
 
 def _disk(about: Callable[[float, float], float]) -> Piezo:
-    """Return the Pz27 disk: centred on what the thesis found, which is 5 % stiffer than the data sheet says."""
+    """Return the Pz27 disk: centred on the thesis's results, which are 5 % stiffer than the data sheet."""
     density = about(7700.0, 0.003)
     speed = about(4434.0, 0.0025)
     return Piezo(

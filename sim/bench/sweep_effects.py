@@ -39,7 +39,7 @@ class Effects:
     """a in c33D (1 - a |S|), |S| the mean strain's amplitude; the loss grows by 4/(3 pi) a |S| (Rayleigh's law)."""
 
     def changed(self, **values: Any) -> "Effects":
-        """Return the effects with some changed. Raises BenchError for an unknown name or a value that is no number."""
+        """Return the effects with some changed. Raises BenchError for an unknown name or a non-numeric value."""
         names = [f.name for f in fields(self)]
         for name, value in values.items():
             if name not in names:

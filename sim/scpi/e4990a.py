@@ -1,8 +1,8 @@
-"""The Keysight E4990A: the part of its SCPI that public drivers send, on the same sweeps, bench and bridge.
+"""The Keysight E4990A: the SCPI commands that public drivers use, on the same sweeps, bench and bridge.
 
 Sources: rjollos/e4990a (Python, with pages of the manual), trcrenshaw/E4990A-ImpedanceAnalyzer, the E4990A classes of
 magdynlab (Diego Gonzalez Chavez) and of a probe station (PySide), a pymeasure driver that quotes the help's syntax of
-CALCulate, INITiate and TRIGger, and a MATLAB class. What none of them sends is in UNCONFIRMED.
+CALCulate, INITiate and TRIGger, and a MATLAB class. Features that none of them uses are in UNCONFIRMED.
 """
 
 from collections.abc import AsyncIterator, Callable
@@ -34,7 +34,7 @@ UNCONFIRMED = (
     "CORRection2:LOAD and the array behind CORRection2:ZMEasurement:LOAD",
     'the texts of the error queue beyond `+0,"No error"`',
 )
-"""What no public source says; this simulator takes it from the E5061B, a sister of the same generation."""
+"""Features without a public source; they are simulated like those of the E5061B of the same generation."""
 
 MEASURING, WAITING = 1 << 4, 1 << 5
 """Bits of the operation status condition."""
@@ -43,14 +43,14 @@ PARAMETERS = {
     "Z": "|Z|", "Y": "|Y|", "R": "R", "X": "X", "G": "G", "B": "B", "LS": "Ls", "LP": "Lp", "CS": "Cs", "CP": "Cp",
     "RS": "R", "RP": "Rp", "Q": "Q", "D": "D", "TZ": "theta_z", "TY": "theta_y", "IMP": "", "ADM": "",
 }  # fmt: skip
-"""What a trace shows, by CALCulate:PARameter:DEFine; complex for the last two."""
+"""Quantity of a trace by CALCulate:PARameter:DEFine; the last two are complex."""
 
 FREQUENCY = Number(LOWEST_HZ, HIGHEST_HZ, LOWEST_HZ, "HZ", 1e-3)
 STANDARD_NAMES = dict(zip(("OPEN", "SHORt", "LOAD"), STANDARDS, strict=True))
 
 
 def set_initial(instrument: Instrument) -> None:
-    """Give the settings what `*RST` gives them here, which differs from the other analyzer."""
+    """Set the defaults of this analyzer's `*RST`, which differ from the 4294A's."""
     state = instrument.state
     state.edges["FREQ"] = (LOWEST_HZ, 10e6)
     state.values |= {"BWFACT": 1, "PAVERFACT": 1}
@@ -71,7 +71,7 @@ def _answer(setting: Setting, value: object) -> str:
 
 
 def _restart(instrument: Instrument, axis: bool) -> None:
-    """Let a setting have its effect; segments have speed, level and averaging from the sweep."""
+    """Apply a setting; segments use speed, level and averaging of the sweep."""
     state = instrument.state
     state.table.segments = [
         replace(
@@ -90,7 +90,7 @@ def _restart(instrument: Instrument, axis: bool) -> None:
 
 
 def _value(header: str, setting: Setting, key: str, axis: bool = False) -> Node:
-    """Return a setting that the other analyzer has as well, under its mnemonic."""
+    """Return a setting that the 4294A also has, under its mnemonic."""
 
     def act(instrument: Instrument, unit: Unit) -> None:
         value = setting.parse(unit.arguments[0])
@@ -120,7 +120,7 @@ def _own(header: str, setting: Setting, key: str, then: Callable[[Instrument], N
 
 
 def _short_token(setting: Setting, argument: bytes) -> bytes:
-    """Return a token in its short form, where it was sent in the long one."""
+    """Return the short form of a token."""
     word = argument.upper()
     if isinstance(setting, Choice) and word.decode("latin-1") not in setting.tokens:
         return next((token.encode() for token in setting.tokens if word.startswith(token.encode())), word)
@@ -165,7 +165,7 @@ def _choose_type(instrument: Instrument) -> None:
 
 
 def _set_segments(instrument: Instrument, unit: Unit) -> None:
-    """SEGMent:DATA 7,<start/stop>,<6 switches>,<count>, then start, stop and points of each [, what is switched on]."""
+    """SEGMent:DATA 7,<start/stop>,<6 switches>,<count>, then start, stop, points [, settings switched on] of each."""
     values = [number(a) for a in unit.arguments]
     if (
         instrument.no_list
@@ -194,7 +194,7 @@ def _segments(instrument: Instrument, _: Unit) -> str:
 
 
 def _rearm(instrument: Instrument) -> None:
-    """Sweep on where the trigger comes from within; else wait for one."""
+    """Continue to sweep with the internal trigger, otherwise wait for a trigger."""
     scpi = instrument.scpi
     instrument.sweeper.hold()
     if scpi["cont"] and scpi["source"] == "INT":
@@ -248,7 +248,7 @@ def _encoded(instrument: Instrument, values: Reals) -> bytes:
 
 
 def _formatted(instrument: Instrument, _: Unit) -> bytes:
-    """FDATa: the chosen trace after every correction, in pairs; the second is 0 unless it is complex."""
+    """FDATa: the selected trace after every correction, in pairs; the second number is 0 unless it is complex."""
     axis, z = instrument.sweeper.axis, instrument.sweeper.data
     shown = str(instrument.scpi[f"PAR{instrument.scpi['trace']}"])
     with np.errstate(all="ignore"):
@@ -448,7 +448,7 @@ NODES = [
     _own("SENSe<Ch>:CORRection:COLLect:FPOints", Choice(("FIX", "USER"), "FIX"), "points"),
     *(node for name, standard in STANDARD_NAMES.items() for node in _standard(name, standard)),
 ]
-"""Everything the simulator knows; what it does not is -113, as in the instrument."""
+"""All commands of the simulator; others give -113, as in the instrument."""
 
 TREE = Tree(NODES)
 
@@ -467,7 +467,7 @@ def execute(instrument: Instrument, unit: Unit) -> bytes | None:
 
 
 async def perform(instrument: Instrument, message: bytes, _: Callable[[], bool]) -> AsyncIterator[bytes]:
-    """Carry out a program message; yield the answers one by one, without their newline."""
+    """Carry out a program message; yield the answers one by one, without newlines."""
     try:
         for unit in parse(message):
             if unit.header in ("*OPC?", "*WAI"):

@@ -1,4 +1,4 @@
-"""A tree of SCPI commands: headers in their long and short forms, levels that may be left out, numbered levels."""
+"""A tree of SCPI commands: headers in long and short forms, optional levels, numbered levels."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ _SENT = re.compile(r"([A-Z*]+)(\d*)")
 
 @dataclass(frozen=True)
 class Node:
-    """One header, as a manual prints it (`:SENSe<Ch>:FREQuency:STARt`), with what sets it and what it answers."""
+    """One header in a manual's notation (`:SENSe<Ch>:FREQuency:STARt`), with the functions of its command and query."""
 
     header: str
     act: Act | None = None
@@ -39,7 +39,7 @@ class Tree:
                     self._queries[path] = Entry(node.ask, 0, node.query_parameters)
 
     def _paths(self, header: str) -> Iterable[tuple[str, ...]]:
-        """Return the paths that a header stands for; levels in brackets may be left out."""
+        """Return the paths of a header; levels in brackets are optional."""
         levels: list[tuple[str, ...]] = []
         for level in re.findall(r"\[:?[^\]]+\]|[^:\[\]]+", header):
             found = _LEVEL.fullmatch(level.strip("[]:"))
@@ -52,7 +52,7 @@ class Tree:
         return (tuple(filter(None, path)) for path in product(*levels))
 
     def entry(self, header: str, query: bool) -> Entry:
-        """Return the entry of a header as it was sent, without its question mark. Raises CommandError.
+        """Return the entry of a received header, without its question mark. Raises CommandError.
 
         A number 1 at the end of a level is the same as none: the first channel, the first trace.
         """

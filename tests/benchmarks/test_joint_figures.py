@@ -1,4 +1,4 @@
-"""What many samples of a bench tell that one does not, on simulated laboratories (`make bench`)."""
+"""The joint diagnosis of many samples compared with single ones, on simulated laboratories (`make bench`)."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ COUNT = 12
 
 
 def together(jobs: Sequence[BatchJob]) -> SharedBench:
-    """What these samples share."""
+    """The shared effects of these samples."""
     build = jobs[0].task.build
     assert build is not None
     ends, knobs = ends_of([job.task for job in jobs]), bench_effects(stack_of(build, build.steps[-1]))
@@ -29,13 +29,13 @@ def together(jobs: Sequence[BatchJob]) -> SharedBench:
 
 
 def told(seed: int, inductance: float, own: float = 0.0) -> tuple[SharedBench, SharedBench]:
-    """What twelve samples share, and what the first would share with itself alone."""
+    """The shared effects of twelve samples, and those of the first one with itself."""
     jobs = [BatchJob(name, task) for name, task in laboratory(seed, COUNT, inductance, own).items()]
     return together(jobs), together(jobs[:1])
 
 
 def inductance_of(bench: SharedBench) -> tuple[float, float]:
-    """Series inductance of effects and fixture together, and its uncertainty if it is one of them alone."""
+    """Series inductance of effects and fixture together, and its uncertainty if it is due to one of them."""
     parts = [one.parameters["inductance"] for one in bench.effects if "inductance" in one.parameters]
     residue = bench.fixture.get("inductance")
     parts += [residue] if residue is not None else []

@@ -15,7 +15,7 @@ class Capacitance:
     summary = "capacitance and loss tangent at the top of the sweep"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Average Y/(j w). Raises FitError where there are too few points."""
+        """Average Y/(j w). Raises FitError if there are too few points."""
         began = time.perf_counter()
         step, sweep = [(step, sweep) for step, found in task.sweeps.items() for sweep in found][-1]
         top = slice(-(len(sweep.frequency) // 10), None)

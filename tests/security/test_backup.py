@@ -120,7 +120,7 @@ def test_a_failed_backup_is_an_alarm_until_one_succeeds(
         assert "this folder does not exist; is the share mounted?" in status.backup.says
         if sys.modules.get("prometheus_client"):
             assert b"pzctl_backup_alarm 1.0" in exposition(lab.metrics(), status)
-        assert lab.measure(build, "disk").sweeps, "the daemon measures on"
+        assert lab.measure(build, "disk").sweeps, "the daemon continues to measure"
         away.mkdir()
         wait_until(lambda: (now := lab.status().backup) and now.last_success and not now.failed)
         assert b"pzctl_backup_alarm 0.0" in exposition(lab.metrics(), lab.status())
@@ -158,7 +158,7 @@ def test_the_next_backup_updates_the_copy_and_keeps_the_previous_database(
     measure(journal, build, "2")
     back_up(journal, share, again=True)
     assert measurements(share / "journal") == 2
-    assert old.stat().st_ino == inode, "what is there is not copied again"
+    assert old.stat().st_ino == inode, "existing files are not copied again"
     assert (share / "journal" / "journal.sqlite.previous").exists()
     assert old.stat().st_nlink == 1
     assert not (journal.parent / "backup-stage").exists()

@@ -37,7 +37,9 @@ def test_two_clients_that_count_their_requests_get_answers_of_their_own(
     where, ana, ben = clients
     hers, his = (asked(where, key, measure(build, "1")) for key in (ana, ben))
     assert hers["measurement"] != his["measurement"]
-    assert asked(where, ana, measure(build, "1")) == hers, "sent again, it is answered again and not done again"
+    assert asked(where, ana, measure(build, "1")) == hers, (
+        "a repeated request gets its answer and is not executed again"
+    )
 
 
 def test_an_id_that_comes_with_other_content_is_refused(
@@ -55,7 +57,7 @@ def test_a_lease_is_of_use_to_its_own_key_alone(clients: tuple[Location, ClientK
     take = {"request": "lease", "id": "1", "owner": "ana", "seconds": 60.0}
     lease = asked(where, ana, take)["lease"]
     overheard = asked(where, ben, take)
-    assert overheard["error"]["code"] == "leased", "who repeats her request does not get her answer"
+    assert overheard["error"]["code"] == "leased", "another client that repeats her request does not get her answer"
     for request in (
         measure(build, "2", lease=lease),
         {"request": "cancel", "id": "3"},

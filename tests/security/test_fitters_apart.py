@@ -125,7 +125,7 @@ def test_a_disconnected_fitter_is_removed_and_its_name_is_free(tmp_path: Path) -
     assert [*supervisor.states] == ["anas", "bens", "mason"]
     now = LEASE + 1
     supervisor.forget_silent()
-    assert [*supervisor.states] == ["bens", "mason"], "what the daemon itself keeps stays"
+    assert [*supervisor.states] == ["bens", "mason"], "the daemon's own fitters stay"
     assert told[-1] == f"anas ended silent for {LEASE:g} s"
     assert not visitors.belongs_to_another("anas", "ben")
     assert supervisor.states["bens"] == FitterState("bens", "ready", "1")

@@ -132,7 +132,7 @@ def test_a_key_is_refused_after_its_day(keys: Path) -> None:
     assert not gate.somebody_was_barred()
     today = date(2027, 1, 2)
     assert not gate.allows(ana.public)
-    assert gate.somebody_was_barred(), "who hears is cut off"
+    assert gate.somebody_was_barred(), "the listener is disconnected"
     assert not gate.somebody_was_barred()
     with pytest.raises(RequestError, match="the key of 'ana' expired after 2027-01-01"):
         gate.check(ana.public, STATUS)
@@ -178,7 +178,7 @@ def test_the_key_before_a_rotation_expires_and_allows_no_more_than_the_new_one(k
     newest = rotate(keys, "ana", today[0] + WEEK, today[0])
     assert [gate.allows(key.public) for key in (old, new, newest)] == [False, True, True]
     path.unlink()
-    assert not gate.allows(new.public), "it counts only beside the present one"
+    assert not gate.allows(new.public), "it is valid only together with the present key"
     fresh = make_client(keys, "ana", "watch")
     assert [gate.allows(key.public) for key in (new, newest, fresh)] == [False, False, True], "nor beside another"
     rotate(keys, "ana", today[0] + WEEK, today[0])

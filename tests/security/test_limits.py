@@ -75,7 +75,7 @@ def test_a_plan_beyond_what_the_sample_stands_is_refused_before_it_is_accepted(
             lab.begin(tender, "disk", replace(gentle, **changes))
         assert lab.samples() == ()
         assert lab.measure(tender, "disk", gentle).sweeps
-        assert lab.measure(build, "disk", replace(gentle, oscillator_V=0.5)).sweeps, "another sample stands more"
+        assert lab.measure(build, "disk", replace(gentle, oscillator_V=0.5)).sweeps, "another sample allows more"
 
 
 def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_the_unit_removes_rights_that_the_daemon_does_not_need(key: str, value: 
 def test_the_unit_may_write_where_the_daemon_keeps_its_data_and_nowhere_else() -> None:
     homes = [value.removeprefix("PZCTL_HOME=") for value in unit()["Environment"] if value.startswith("PZCTL_HOME=")]
     assert homes == unit()["ReadWritePaths"]
-    assert unit()["RestartPreventExitStatus"] == ["2"], "wrong usage is not tried again"
+    assert unit()["RestartPreventExitStatus"] == ["2"], "wrong usage does not cause a restart"
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd here")
@@ -119,7 +119,7 @@ def test_prometheus_reads_what_the_daemon_counts_with_a_token_of_its_own(
 
     before = scraped()
     assert before.pop(("pzctl_disk_free_bytes", "")) > 1e6
-    assert before == {("pzctl_up", ""): 0.0}, "no daemon runs yet, and that is seen"
+    assert before == {("pzctl_up", ""): 0.0}, "no daemon runs yet, and the metric shows it"
     start_daemon()
     with connect() as lab:
         lab.measure(build, "disk")
@@ -171,12 +171,12 @@ def test_restore_drill_a_backup_replaces_a_data_folder_that_is_lost(
     shutil.copytree(shelf / "journal", restored / "journal")
     told = pzctl(restored, "journal", "verify", "--public-key", str(shelf / "public.pem"))
     assert "all intact" in told
-    assert "sealed up to" in told, "the seals came along, and hold"
+    assert "sealed up to" in told, "the seals were copied and are valid"
     monkeypatch.setenv("PZCTL_HOME", str(restored))
     start_daemon()
     with connect() as lab:
         found = [event.sweep() for event in lab.sweeps(measured.id)]
         assert all(np.array_equal(a.impedance, b.impedance) for a, b in zip(found, measured.sweeps, strict=True))
         lab.measure(build, "ml1")
-        assert lab.status().seq > last, "events are counted on from where they stood"
+        assert lab.status().seq > last, "the numbering of events continues"
     pzctl(restored, "journal", "verify", "--public-key", str(shelf / "public.pem"))

@@ -180,7 +180,7 @@ def test_with_a_certificate_the_page_is_served_by_https(certificate: tuple[Path,
         asked = urllib.request.Request(f"https://localhost:{port}/?token={token}")
         opener = urllib.request.build_opener(urllib.request.HTTPSHandler(context=trust), _Stay())
         with opener.open(asked) as answer:
-            assert "secure" in answer.headers["set-cookie"].lower(), "the token never goes out in the clear"
+            assert "secure" in answer.headers["set-cookie"].lower(), "the token is never sent unencrypted"
     finally:
         server.should_exit = True
         thread.join()

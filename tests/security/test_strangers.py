@@ -113,5 +113,5 @@ def test_a_web_page_commands_neither_the_simulator_nor_its_bench(start_daemon, b
             assert heard_from(where.bench, *first, b'{"command": "step", "name": "ml1"}\n') == b""
             assert heard_from(instrument, *first, b"\n*IDN?\n") == b""
         assert lab.bench({"command": "status"})["step"] == "disk"
-    assert b"4294A" in heard_from(instrument, b"*IDN?\n"), "what is no web page is answered"
+    assert b"4294A" in heard_from(instrument, b"*IDN?\n"), "a client that is not a web page is answered"
     assert b'"ok"' in heard_from(where.bench, b'{"command"', b': "status"}\n')

@@ -22,7 +22,7 @@ class ListOptions(TyperCommand):
     """A command of which `--before` and `--after` each take all files up to the next option."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Say the option before each of its files, as the parser wants it."""
+        """Repeat the option before each of its files, as the parser requires."""
         told: list[str] = []
         current = ""
         for word in args:
@@ -78,7 +78,7 @@ def compare(
 
 
 def _one(own: "tuple[Sweep, ...]", other: "tuple[Sweep, ...]", picture: Path | None, as_json: bool) -> None:
-    """Compare two sides of one device, and say what was found."""
+    """Compare two sides of one device, and print the result."""
     from ....fitters.compare.compare import compare as find_out
     from ...report.json_output.comparison_json import comparison_json
     from ...report.pictures.comparison_picture import comparison_picture
@@ -100,7 +100,7 @@ def _one(own: "tuple[Sweep, ...]", other: "tuple[Sweep, ...]", picture: Path | N
 def _many(
     sides: "tuple[tuple[Sweep, ...], tuple[Sweep, ...]]", files: list[Path], picture: Path | None, as_json: bool
 ) -> None:
-    """Compare several devices, and say what they have in common; `files` are those after."""
+    """Compare several devices, and print their common changes; `files` are those after."""
     from ....fitters.compare.many import compare_many
     from ...report.json_output.comparison_json import many_json
     from ...report.tables.comparison_output import print_many
@@ -137,7 +137,7 @@ def _from_journal(sample: str, step: str | None) -> "tuple[tuple[Sweep, ...], tu
 
 
 def _sides(recordings: list[Path], before: list[Path], after: list[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the files of both sides. Raises UsageError where they are not told apart."""
+    """Return the files of both sides. Raises UsageError if they cannot be assigned."""
     if recordings and (before or after):
         raise UsageError(f"{recordings[0]}: give two files, or --before FILE... --after FILE..., not both")
     if not recordings and not (before and after):

@@ -1,4 +1,4 @@
-"""`pzctl diagnose --all`: what the samples of a bench share, and what is each one's own."""
+"""`pzctl diagnose --all`: shared effects of the samples of a bench, and effects of single samples."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""The options of `pzctl measure` for what is noted beside the sweep, read into a build."""
+"""The options of `pzctl measure` for notes on the measurement, read into a build."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class NoteOptions:
     note: Sequence[str] = ()
 
     def check(self, step: str | None) -> None:
-        """Raise UsageError or MetadataError for options that cannot be kept."""
+        """Raise UsageError or MetadataError for invalid options."""
         if self.mass is not None and step is None:
             raise UsageError("--mass needs --step: it is the mass of one gluing step")
         self.metadata()
@@ -62,7 +62,7 @@ class NoteOptions:
             ) from None
 
     def noted(self, build: "Build", step: str) -> "Build":
-        """Return the build with everything that is noted at this measurement. Raises PzctlError."""
+        """Return the build with all notes on this measurement. Raises PzctlError."""
         from ...files.config import settings
         from ...samples.measurement_notes import noted_build
 

@@ -1,7 +1,7 @@
 """The page docs/real-recordings.md: the diagnosis of every published recording of other people's devices.
 
 `python -m pzctl.daemon.cli.proof.real_page FOLDER PAGE` diagnoses all recordings of a folder, two at the same time, and
-writes the page. What is known of each device stands in `real_builds/devices.toml`.
+writes the page. `real_builds/devices.toml` has the known facts about each device.
 """
 
 import math
@@ -35,12 +35,12 @@ _JOBS = 2
 
 
 class NoRecordingsError(CannotError):
-    """The folder holds none of the recordings that are to be diagnosed."""
+    """The folder contains none of the recordings to be diagnosed."""
 
 
 @dataclass(frozen=True)
 class RealDevice:
-    """One device, or recordings that are fitted together, and what is known of it."""
+    """One device, or recordings that are fitted together, and its known facts."""
 
     name: str
     paths: tuple[Path, ...]
@@ -48,23 +48,23 @@ class RealDevice:
     build: str | None
     step: str
     fitter: str
-    """Empty where the stack's diagnosis applies."""
+    """Fitter used instead of a diagnosis; empty if the stack's diagnosis applies."""
 
 
 @dataclass(frozen=True)
 class RealAnswer:
-    """What was said of a device."""
+    """The answer on a device."""
 
     device: RealDevice
     verdict: str
-    """As of a diagnosis, or which fitter took its place."""
+    """The verdict of a diagnosis, or the fitter used instead."""
     findings: tuple[Finding, ...]
     checks: tuple[str, ...]
     """Sentences of the data checks."""
     remaining: float | None
-    """Root mean square of |ln(Z_model/Z)|; None where nothing could be fitted."""
+    """Root mean square of |ln(Z_model/Z)|; None if nothing could be fitted."""
     says: str
-    """The nearest explanation where nothing is named; the results of a fitter, or why it has none."""
+    """The closest explanation if nothing is named; the results of a fitter, or the reason for having none."""
     seconds: float = 0.0
 
 
@@ -81,7 +81,7 @@ def devices(folder: Path) -> Iterator[RealDevice]:
 
 
 def answered(device: RealDevice, thin: int = 1, effects: Sequence[str] | None = None) -> RealAnswer:
-    """Diagnose a device; `thin`: use one point of so many; `effects`: the candidates, None for all.
+    """Diagnose a device; `thin`: use every `thin`-th point; `effects`: the candidates, None for all.
 
     A device that no stack describes is checked and fitted by its fitter, or by a circuit.
     """

@@ -1,4 +1,4 @@
-"""The sections [[effects]] of build.toml: effects that the sample is known to have.
+"""The sections [[effects]] of build.toml: known effects of the sample.
 
 [[effects]]
 effect = "lead-inductance"                    # a name of `pzctl diagnose`, or "learned"

@@ -1,4 +1,4 @@
-"""Effects that a diagnosis found, written to the end of a build file."""
+"""Writes effects found by a diagnosis to the end of a build file."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from .build_table import BuildError
 
 
 def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> None:
-    """Write effects to the end of a build file, which stays as it is otherwise. Raises BuildError."""
+    """Append effects to a build file, without other changes to it. Raises BuildError."""
     try:
         before = path.read_text(encoding="utf-8-sig")
         build = parse_build(before, str(path))

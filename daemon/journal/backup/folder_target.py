@@ -1,4 +1,4 @@
-"""Backup into a folder, such as a mounted share: arrays that are missing there, then the database, then all is read."""
+"""Backup into a folder, such as a mounted share: copies missing arrays and the database, then reads all back."""
 
 from contextlib import closing
 from pathlib import Path
@@ -11,14 +11,14 @@ from ..stores.folder_lock import is_written
 from .snapshot import Snapshot
 
 PREVIOUS = f"{DATABASE}.previous"
-"""The database of the backup before, beside the new one."""
+"""The database of the previous backup, kept beside the new one."""
 
 
 def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: bool) -> None:
     """Bring the journal in `target/journal` up to date, and read all of it back. Raises JournalError, OSError.
 
-    `again`: there was a backup before, so one must be there; otherwise a share that is not mounted would be filled.
-    The database there is replaced only by one that continues it, and put back if the new copy is damaged.
+    `again`: there was a backup before, so one must exist; otherwise an unmounted share's folder might be filled.
+    The database there is replaced only by one that continues it, and restored if the new copy is damaged.
     """
     journal = target / "journal"
     database = journal / DATABASE
@@ -43,7 +43,7 @@ def back_up_to_folder(source: Path, taken: Snapshot, target: Path, *, again: boo
 
 
 def _check_target(target: Path, journal: Path, *, again: bool) -> None:
-    """Raise JournalError if the share is not mounted, or if its journal is another's."""
+    """Raise JournalError if the share is not mounted, or if its journal is a different one."""
     if not target.is_dir():
         raise JournalError(f"{target}: this folder does not exist; is the share mounted?")
     if again and not (journal / DATABASE).exists():
@@ -56,7 +56,7 @@ def _check_target(target: Path, journal: Path, *, again: bool) -> None:
 
 
 def _copy_arrays(source: ArrayFolder, target: ArrayFolder, events: tuple[str, ...]) -> None:
-    """Copy the arrays that the target lacks, or holds only a part of."""
+    """Copy the arrays that are missing or incomplete in the target."""
     for event in events:
         here, there = source.path(event), target.path(event)
         if here.is_symlink() or not here.exists():
@@ -71,7 +71,7 @@ def _copy_arrays(source: ArrayFolder, target: ArrayFolder, events: tuple[str, ..
 
 
 def _read_back(journal: Path) -> None:
-    """Raise JournalError if the copy is damaged; then the database before is the backup again."""
+    """Raise JournalError if the copy is damaged, after restoring the previous database."""
     with closing(JournalReader(journal)) as copy:
         faults = copy.verify()
     if not faults:

@@ -11,7 +11,7 @@ from ..stores.database_file import DATABASE
 from .snapshot import Snapshot
 
 OPTIONS = ("--timeout=120", "--protect-args", "-e", "ssh -o BatchMode=yes -o ConnectTimeout=20")
-"""Nothing is asked at a terminal; a dead connection ends; no shell over there reads the name of the folder."""
+"""No questions at a terminal; dead connections time out; no remote shell interprets the name of the folder."""
 
 _CODE_PARTIAL = 23
 """rsync's exit status if a file could not be transferred."""
@@ -20,7 +20,7 @@ _CODE_PARTIAL = 23
 def back_up_by_rsync(source: Path, taken: Snapshot, target: str, *, again: bool) -> None:
     """Bring the journal in `TARGET/journal` up to date, and compare checksums of all its files. Raises JournalError.
 
-    `again`: there was a backup before, so one must be there. The database before is kept as `journal.sqlite.previous`.
+    `again`: there was a backup before, so one must exist. The previous database is kept as `journal.sqlite.previous`.
     """
     with closing(JournalReader(source)) as journal:
         if faults := journal.verify():
@@ -39,7 +39,8 @@ def back_up_by_rsync(source: Path, taken: Snapshot, target: str, *, again: bool)
     arrays = ("-a", f"--files-from={listed}", "--", f"{source}/", f"{there}/")
     rows = ("-a", "--include=journal.sqlite", "--include=seals.jsonl", "--exclude=*", "--", f"{taken.folder}/", there)
     _run(*arrays)
-    _run("--ignore-times", "--backup", "--suffix=.previous", *rows)  # two databases of one second may have one size
+    # two databases of the same second may have the same size
+    _run("--ignore-times", "--backup", "--suffix=.previous", *rows)
     for compared in (arrays, rows):
         said = _run("--dry-run", "--checksum", "--itemize-changes", *compared)
         differs = [line for line in said.splitlines() if line[:1] in "<>c"]

@@ -13,12 +13,12 @@ from ..stores.chain import head_of
 from ..stores.database_file import DATABASE, SEALS, database_fault
 
 STAGE = "backup-stage"
-"""Folder in the data folder for the database while it is copied; what a kill leaves there is removed."""
+"""Folder in the data folder for the database while it is copied; remains of a killed backup are removed."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A journal's database at one moment, in a folder of its own; the arrays stay where they are."""
+    """A journal's database at one moment, in a separate folder; the arrays are not copied."""
 
     folder: Path
     events: int

@@ -1,1 +1,1 @@
-"""Whether a journal is what it was: the audit trail, seals, verification of the chain, and repair."""
+"""Integrity of a journal: the audit trail, seals, verification of the chain, and repair."""

@@ -149,7 +149,7 @@ def _columns(data: bytes, index: ArrayIndex) -> list[bytes]:
 
 
 def _salvaged(kept: Path | None, items: Sequence[_Item], report: RepairReport) -> Salvage:
-    """Return what can be read of the old database, if it is one of these arrays; tell the report what cannot."""
+    """Return the readable contents of the old database, if it belongs to these arrays; add the rest to the report."""
     if kept is None:
         report.lost.append("there was no database")
         return Salvage()
@@ -164,7 +164,7 @@ def _salvaged(kept: Path | None, items: Sequence[_Item], report: RepairReport) -
 
 
 def _keep_database(folder: Path, usable: bool) -> Path | None:
-    """Copy a usable database, or rename the files of another one; return the path of what was kept, if anything."""
+    """Copy a usable database, or rename the files of an unusable one; return the path of the kept database, if any."""
     kept = free_name(folder / f"{DATABASE}.before-repair")
     if usable:
         with closing(sqlite3.connect(folder / DATABASE)) as db, closing(sqlite3.connect(kept)) as copy:
@@ -309,7 +309,7 @@ class _Rebuild:
             chain_found(self._store, station, "gaps", "first = ?", first)
 
     def _set_states(self, station: str, items: Sequence[_Item], written: Sequence[str]) -> None:
-        """Set the states of measurements: as the old database tells, else complete if no segment is missing."""
+        """Set the states of measurements: from the old database, otherwise complete if no segment is missing."""
         sweeps = {item.event.measurement: item.event for item in items if isinstance(item.event, SweepEvent)}
         for measurement in dict.fromkeys([*sweeps, *written]):
             saved = self._saved.measurements.get(measurement)

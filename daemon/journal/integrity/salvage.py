@@ -1,4 +1,4 @@
-"""Reading what is left of a damaged database: every row that SQLite still finds and that its chain does not contradict.
+"""Salvages a damaged database: every row that SQLite can still read and that its chain does not contradict.
 
 The database is copied first, because SQLite changes a file that it opens with its write-ahead log.
 """
@@ -48,7 +48,7 @@ class SavedMeasurement:
 
 @dataclass
 class Salvage:
-    """What could be read of a damaged database."""
+    """The readable contents of a damaged database."""
 
     runs: list[tuple[str, str, str]] = field(default_factory=list[tuple[str, str, str]])
     """The id, time and station of each run, in the order in which they began."""
@@ -65,7 +65,7 @@ class Salvage:
 
 
 def salvage(database: Path) -> Salvage:
-    """Return what can be read of the database at this path, whose write-ahead log may lie beside it."""
+    """Return the readable contents of the database at this path, which may have a write-ahead log beside it."""
     found = Salvage()
     with tempfile.TemporaryDirectory(dir=database.parent, prefix="salvage-") as folder:
         for end in ("", "-wal"):
@@ -74,7 +74,7 @@ def salvage(database: Path) -> Salvage:
         try:
             with closing(sqlite3.connect(Path(folder) / DATABASE, isolation_level=None)) as db:
                 db.text_factory = _text
-                db.execute("PRAGMA writable_schema=ON")  # else SQLite reads nothing of a file that was cut off
+                db.execute("PRAGMA writable_schema=ON")  # otherwise SQLite reads nothing of a truncated file
                 version = db.execute("PRAGMA user_version").fetchone()[0]
                 if version != VERSION:
                     found.lost.append(f"nothing can be taken from a damaged database of version {version}")
@@ -94,7 +94,7 @@ class _Reader:
         self._digests: dict[tuple[str, str, str], str] = {}
 
     def read(self) -> None:
-        """Read all tables, the chain first, as it tells whether a row is what was written."""
+        """Read all tables, the chain first, which tells whether a row is unchanged."""
         for _, station, kind, subject, digest in self._rows("chain", "station, kind, subject, digest"):
             self._digests[station, kind, subject] = digest
         for _, station, row in self._whole("runs"):
@@ -193,7 +193,7 @@ def _event(row: _Row) -> Event | None:
 
 
 def last_states(events: Sequence[SavedEvent]) -> dict[str, str]:
-    """Return the last state of each measurement that its events tell."""
+    """Return the last state of each measurement according to its events."""
     ordered = sorted(events, key=lambda saved: saved.row[0])
     states = [saved.event for saved in ordered if isinstance(saved.event, StateEvent)]
     return {event.measurement: event.state for event in states if event.measurement}

@@ -1,1 +1,1 @@
-"""How a journal is kept: events in SQLite or PostgreSQL, arrays in files, and the chain of hashes over the rows."""
+"""Storage of a journal: events in SQLite or PostgreSQL, arrays in files, and the chain of hashes over the rows."""

@@ -104,7 +104,7 @@ DROP = "DROP VIEW IF EXISTS constants; DROP VIEW IF EXISTS constants_all;"
 SQLITE_VIEWS = (f"CREATE VIEW constants_all AS {_sqlite()}", f"CREATE VIEW constants AS {_LATEST}")
 POSTGRES_VIEWS = f"{DROP} CREATE VIEW constants_all AS {_postgres()}; CREATE VIEW constants AS {_LATEST};"
 POSTGRES_MARK = hashlib.sha256(POSTGRES_VIEWS.encode()).hexdigest()[:16]
-"""Comment on the view in PostgreSQL, by which a daemon sees whether the views are those of its version."""
+"""Comment on the view in PostgreSQL, which tells a daemon whether the views are those of its version."""
 
 
 def constants_query(*, latest: bool, postgres: bool) -> str:

@@ -21,7 +21,7 @@ _NUMBERS = (
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Return a comparison as one JSON object, without the curves; a number that is missing or infinite is null."""
+    """Return a comparison as one JSON object, without the curves; a missing or infinite number is null."""
     return {
         "verdict": comparison.verdict,
         "probability": number(comparison.probability),
@@ -47,7 +47,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def many_json(found: ManyCompared, files: Sequence[str]) -> dict[str, Any]:
-    """Return several devices compared as one JSON object; `files` are those after, by device."""
+    """Return a comparison of several devices as one JSON object; `files` are those after, by device."""
     return {
         "devices": [{"file": file} | comparison_json(one) for file, one in zip(files, found.devices, strict=True)],
         "common": [msgspec.to_builtins(one) for one in found.common],

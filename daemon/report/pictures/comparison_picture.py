@@ -1,4 +1,4 @@
-"""A comparison as a picture: both recordings, what changed between them, and what explains it."""
+"""A comparison as a picture: both recordings, their difference, and its explanation."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +11,7 @@ from .picture_file import as_label, save_picture
 
 BEFORE, AFTER, EXPLAINED, LEFT, HELD = "#8a8f98", "#1f5fa8", "#e07b12", "#b4342a", "#4b7f52"
 _STRIP = 0.025
-"""Height of the strip that marks what was held out, of the axes."""
+"""Height of the strip that marks held-out data, relative to the axes."""
 
 
 def comparison_picture(found: Mapping[str, Any], curve: ComparedCurve, path: Path) -> Path:
@@ -20,7 +20,7 @@ def comparison_picture(found: Mapping[str, Any], curve: ComparedCurve, path: Pat
 
 
 def comparison_figure(found: Mapping[str, Any], curve: ComparedCurve) -> Any:
-    """Return the figure: |Z| and phase of both, and below how far apart they are without and with the findings."""
+    """Return the figure: |Z| and phase of both, and below them the difference without and with the findings."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

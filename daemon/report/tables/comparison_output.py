@@ -10,7 +10,7 @@ from ....models.base.uncertain_numbers import with_uncertainty
 
 
 def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
-    """Print a comparison (the object of `comparison_json`): the verdict that anyone understands, then the evidence."""
+    """Print a comparison (the object of `comparison_json`): the verdict in plain words, then the evidence."""
     console.print(found["says"][0], style="bold", highlight=False)
     for finding in found["findings"]:
         console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
@@ -25,7 +25,7 @@ def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
 
 
 def print_many(console: Console, found: Mapping[str, Any]) -> None:
-    """Print several devices compared (the object of `many_json`): what they have in common, then each."""
+    """Print a comparison of several devices (the object of `many_json`): the common changes, then each device."""
     for k, sentence in enumerate(found["says"]):
         console.print(sentence if k == 0 else f"- {sentence}", style="bold" if k == 0 else "yellow", highlight=False)
     for one in found["common"]:

@@ -19,7 +19,7 @@ from .population_table import population_json, population_table
 
 _FIXTURE = "fixture-residual"
 _TOLD = 0.01
-"""Probability from which another explanation is told."""
+"""Smallest probability at which another explanation is mentioned."""
 
 
 def joint_json(joint: JointDiagnosis) -> dict[str, Any]:
@@ -42,7 +42,7 @@ def joint_json(joint: JointDiagnosis) -> dict[str, Any]:
 
 
 def _shared(one: SharedEffect, count: int) -> dict[str, Any]:
-    """Return a shared effect in the form of a finding, with what each sample says of it."""
+    """Return a shared effect in the form of a finding, with the result from each sample."""
     return {
         "effect": one.effect,
         "where": TERMINALS,
@@ -62,7 +62,7 @@ def _shared(one: SharedEffect, count: int) -> dict[str, Any]:
 
 
 def _fixture(bench: SharedBench) -> list[dict[str, Any]]:
-    """Return the fixture's residue as a finding, where a part of it is more probable than not."""
+    """Return the fixture's residual as a finding, if a part of it is more probable than not."""
     there = {name: part for name, part in bench.fixture.items() if part.probability >= NAMED}
     if not there:
         return []
@@ -79,7 +79,7 @@ def _fixture(bench: SharedBench) -> list[dict[str, Any]]:
 
 
 def shared_sentences(joint: JointDiagnosis) -> list[str]:
-    """Return what the samples share, one sentence each; one sentence where they share nothing."""
+    """Return one sentence for each shared effect; one sentence if there is none."""
     bench, count = joint.shared, len(joint.own)
     says = [_sentence(one, count) for one in bench.effects]
     left = [_sizes(one["parameters"]) for one in _fixture(bench)]
@@ -101,7 +101,7 @@ def _sentence(one: SharedEffect, count: int) -> str:
 
 
 def print_joint(console: Console, joint: JointDiagnosis) -> None:
-    """Print what is shared, each sample's own findings, and the statistics of the constants."""
+    """Print the shared effects, each sample's own findings, and the statistics of the constants."""
     console.print("What all samples share", style="bold", highlight=False)
     for sentence in shared_sentences(joint):
         console.print(f"- {sentence}", highlight=False, markup=False)
@@ -131,7 +131,7 @@ def _recurring(one: Recurring) -> str:
 
 
 def _size_table(one: SharedEffect) -> Table:
-    """Return a table of what each sample alone says of a shared effect."""
+    """Return a table of a shared effect's size from each sample alone."""
     name, size = next(iter(one.parameters.items()))
     table = Table(
         title=f"{one.effect}, {name} by each sample alone", title_justify="left", header_style="bold", box=SIMPLE_HEAD

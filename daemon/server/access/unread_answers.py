@@ -1,7 +1,7 @@
-"""How much of the answers to each connection was not read yet, so that nobody fills the daemon's memory by not reading.
+"""Unread answers per connection, so that a client that does not read cannot fill the daemon's memory.
 
-libzmq keeps a number of answers for a connection, however large they are, and does not say what it sent. The kernel
-(TCP_INFO) tells how many bytes the other side has acknowledged; only Linux provides this number.
+libzmq keeps a number of answers for a connection, however large they are, and does not report what it sent. The kernel
+(TCP_INFO) reports how many bytes the other side has acknowledged; only Linux provides this number.
 """
 
 import os
@@ -12,13 +12,13 @@ import time
 from dataclasses import dataclass
 
 MOST_UNREAD = 64 << 20
-"""Bytes of answers to one connection that wait to be read; one answer has at most some 16 MB."""
+"""Most bytes of unread answers to one connection; one answer has at most some 16 MB."""
 
 MOST_UNREAD_BY_ALL = 512 << 20
 """The same of all connections together."""
 
 LITTLE = 64 << 10
-"""Bytes of an answer that is not counted: libzmq keeps few enough of them."""
+"""Size of an answer below which it is not counted: libzmq keeps only a few of them."""
 
 MOST_KNOWN = 1000
 """Number of connections after which those that have ended are forgotten."""
@@ -40,16 +40,16 @@ class _Reader:
     given: int
     read: int
     at: float
-    """When it was last seen to read."""
+    """Time when it last read something."""
 
 
 class UnreadAnswers:
-    """Counts the bytes that were answered to each connection and are not acknowledged; on other systems none."""
+    """Counts the unacknowledged bytes of answers to each connection; on other systems none."""
 
     def __init__(self) -> None:
         self._readers: dict[str, _Reader] = {}
         self._handles: set[int] = set()
-        """Descriptors of connections that had a large answer; nothing is asked about the others."""
+        """Descriptors of connections that had a large answer; the others are not checked."""
 
     def answered(self, handle: int, size: int) -> None:
         """Record an answer to the connection with this descriptor."""
@@ -62,7 +62,7 @@ class UnreadAnswers:
             reader.given += size
 
     def too_much(self, handle: int) -> int:
-        """Return the bytes that wait to be read if they are too many for a further answer, else 0."""
+        """Return the number of unread bytes if they are too many for a further answer, else 0."""
         reader = self._reader(handle) if handle in self._handles else None
         waiting = 0 if reader is None else reader.given - reader.read
         if waiting > MOST_UNREAD:
@@ -74,7 +74,7 @@ class UnreadAnswers:
         return 0
 
     def _reader(self, handle: int) -> _Reader | None:
-        """Return a connection as it is now, or None if the kernel tells nothing about it."""
+        """Return the present state of a connection, or None if the kernel has no data about it."""
         link, told = _link(handle), _told(handle)
         if told is None:
             return None
@@ -85,11 +85,11 @@ class UnreadAnswers:
             reader.read, reader.at = acknowledged, now
         elif not unsent and now - reader.at > FORGOTTEN:
             reader.given = acknowledged
-        reader.given = max(reader.given, acknowledged)  # heartbeats and frames' heads are no allowance
+        reader.given = max(reader.given, acknowledged)  # heartbeats and frame headers do not count as answers
         return reader
 
     def _forget_closed(self) -> None:
-        """Forget connections that have ended, and look again at the others."""
+        """Forget connections that have ended, and check the others again."""
         links = {_link(int(name)): int(name) for name in os.listdir("/proc/self/fd")}  # noqa: PTH208
         self._readers = {link: reader for link, reader in self._readers.items() if link in links}
         for link in [*self._readers]:
@@ -105,7 +105,7 @@ def _link(handle: int) -> str:
 
 
 def _told(handle: int) -> tuple[int, int] | None:
-    """Return a connection's acknowledged bytes and those that the kernel has still to send, or None."""
+    """Return a connection's acknowledged bytes and those that the kernel has not sent yet, or None."""
     if sys.platform != "linux":
         return None
     try:

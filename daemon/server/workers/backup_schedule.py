@@ -1,4 +1,4 @@
-"""The scheduled backup: a process of its own at the planned times, whose result is kept, published and shown."""
+"""The scheduled backup: a separate process at the planned times, whose result is stored, published and shown."""
 
 import asyncio
 import logging
@@ -22,13 +22,13 @@ from .subprocesses import last_line, start_child
 log = logging.getLogger(__name__)
 
 LOOK = 0.5
-"""Seconds between two looks whether a backup is due, or done."""
+"""Seconds between two checks whether a backup is due or done."""
 
 RETRY = timedelta(hours=1)
-"""After a failure the backup is tried again after this time at the latest."""
+"""Longest time until a failed backup is tried again."""
 
 LATE = 2
-"""After this number of intervals without success a backup is late."""
+"""Number of intervals without success after which a backup is late."""
 
 
 class BackupSchedule:
@@ -67,18 +67,18 @@ class BackupSchedule:
         wait = timedelta(hours=plan.every_hours)
         if known.failed:
             wait = min(wait, RETRY)
-        return not timedelta(0) <= datetime.now(UTC) - last < wait  # a clock set back does not put it off
+        return not timedelta(0) <= datetime.now(UTC) - last < wait  # a clock set back does not delay it
 
     async def _back_up(self, plan: BackupPlan) -> None:
         self._known = msgspec.structs.replace(self._known, running=True)
         try:
             done, says = await self._run(plan)
-        except OSError as error:  # no log, no process: a failure of the backup, not of the daemon
+        except OSError as error:  # no log or no process: a failure of the backup, not of the daemon
             done, says = False, f"{error.filename or 'backup'}: {error.strerror or error}"
         self._ended(done, says)
 
     async def _run(self, plan: BackupPlan) -> tuple[bool, str]:
-        """Run the process; return whether it succeeded, and its last words."""
+        """Run the process; return whether it succeeded, and its last line."""
         output = log_file(self._folder, "backup")
         again = ["--again"] if self._known.last_success else []
         arguments = [str(journal_folder(self._folder)), plan.to, *again]
@@ -90,7 +90,7 @@ class BackupSchedule:
             while process.poll() is None:
                 await asyncio.sleep(LOOK)
         finally:
-            if process.poll() is None:  # not waited for: a process that waits for a dead share cannot be ended
+            if process.poll() is None:  # do not wait: a process that waits for a dead share cannot be ended
                 if sys.platform == "win32":
                     process.kill()
                 else:
@@ -110,7 +110,7 @@ class BackupSchedule:
 
 
 def _remembered(folder: Path, plan: BackupPlan) -> BackupState:
-    """Return the state that the daemon before this one kept, if the target is the same."""
+    """Return the state stored by the previous daemon, if the target is the same."""
     fresh = BackupState(plan.to, plan.every_hours)
     try:
         kept = from_json(backup_file(folder).read_bytes(), _decoder)

@@ -1,4 +1,4 @@
-"""The process that makes one backup, beside the daemon and with less claim to the processor."""
+"""The process that makes one backup, with a lower priority than the daemon."""
 
 import argparse
 import os
@@ -15,7 +15,7 @@ from .subprocesses import end_with_parent
 
 
 def main() -> None:
-    """Back up; the last line of the output says what was done, or why not."""
+    """Back up; the last line of the output gives the result or the reason of a failure."""
     parser = argparse.ArgumentParser()
     parser.add_argument("journal", type=Path)
     parser.add_argument("target")

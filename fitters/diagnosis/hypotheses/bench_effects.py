@@ -1,4 +1,4 @@
-"""Effects at the terminals that are known beforehand, because other samples of the same bench have shown them."""
+"""Effects at the terminals that are known from other samples of the same bench."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ FIXTURE_UNITS = dict(zip(FIXTURE, ("H", "ohm", "ohm", "F", "S"), strict=True))
 
 
 class FixtureResidue(Effect):
-    """What open and short compensation left, of either sign: the error model's fixture beyond first order."""
+    """Residual of open and short compensation, of either sign: the error model's fixture beyond first order."""
 
     name = "fixture-residual"
     stage = Stage.CABLE

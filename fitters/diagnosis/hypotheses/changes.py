@@ -1,4 +1,4 @@
-"""Changes of the recordings by an effect, and what of them the constants could not do."""
+"""Changes of the recordings by an effect, and the part of them that the constants cannot imitate."""
 
 import numpy as np
 

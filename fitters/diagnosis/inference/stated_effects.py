@@ -1,4 +1,4 @@
-"""Findings as a build states them, so that a fit has them in its model."""
+"""Findings in the form of a build's effects, so that a fit includes them in its model."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from .finite_diameter import NAME as FINITE_DIAMETER
 def stated(
     problem: Problem, final: Hypothesis, named: Sequence[NamedEffect], coarseness: float
 ) -> tuple[EffectSpec, ...]:
-    """Return those of the named effects that belong to the sample; effects of a sweep do not."""
+    """Return the named effects that belong to the sample, without effects of a sweep."""
     return tuple(_stated(problem, final, one, coarseness) for one in named if _belongs_to_the_sample(one))
 
 

@@ -1,1 +1,1 @@
-"""Physics outside the catalogue: at which place it acts, and which law it follows."""
+"""Physics outside the catalogue: its place and its law."""

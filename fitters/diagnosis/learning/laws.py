@@ -1,4 +1,4 @@
-"""Which law a correction follows: causal, passive laws of growing order, compared by evidence."""
+"""The law of a correction: causal, passive laws of growing order are compared by evidence."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from .places import PlacedCorrection
 _TRIALS = 6
 """Start values of a frequency or a delay over its range."""
 _FLOOR = 0.05
-"""Smallest uncertainty of a drawn correction that counts, relative to its largest value."""
+"""Smallest uncertainty of a drawn correction that is used, relative to its largest value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class LearnedCorrection:
 def learned_laws(
     problem: Problem, parent: Hypothesis, placed: PlacedCorrection, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[LearnedCorrection, ...]:
-    """Return the laws fitted at a place beside a hypothesis, most probable first."""
+    """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
     stack = stack_of(problem.recordings[-1].model)
     made: list[tuple[LearnedLaw, Candidate, Hypothesis]] = []
     for law in laws(placed.place.quantity):
@@ -67,7 +67,7 @@ def learned_laws(
 def _fitted(
     problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]], placed: PlacedCorrection
 ) -> Hypothesis | None:
-    """Return the law fitted from where the smooth correction ended."""
+    """Return the law fitted from the result of the smooth correction."""
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
     values = {name: value for name, value in placed.hypothesis.values.items() if not name.startswith(one.prefix)}
@@ -81,7 +81,7 @@ def _fitted(
 
 
 def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, stack: Stack) -> list[dict[str, float]]:
-    """Return parameters with which the law comes closest to the smooth correction, from the best of many starts."""
+    """Return the parameters with which the law is closest to the smooth correction, from the best of many starts."""
     knobs = effect.effect_parameters(stack, placed.place.where)
     largest = float(np.max(np.abs(placed.correction)))
     u = np.hypot(np.hypot(placed.u_re, placed.u_im), _FLOOR * largest)

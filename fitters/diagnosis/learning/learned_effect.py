@@ -1,4 +1,4 @@
-"""The law that was learned as one more effect of a conclusion."""
+"""The learned law as a further effect of a conclusion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,9 +15,9 @@ from .laws import LearnedCorrection, learned_laws
 from .places import PlacedCorrection
 
 _SAID = 0.01
-"""Probability from which another law is mentioned."""
+"""Smallest probability at which another law is mentioned."""
 _TRIED = 2
-"""Budget: places at which laws are fitted."""
+"""Budget: number of places at which laws are fitted."""
 
 
 def with_learned(

@@ -1,4 +1,4 @@
-"""Where the missing physics acts: the place at which a smooth correction explains most, by evidence."""
+"""The place of the missing physics: where a smooth correction explains most, by evidence."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ from ..hypotheses.hypothesis import Hypothesis, fitted, marginal_of
 from ..hypotheses.problem import Candidate, Problem
 
 PLACES = 4
-"""Budget: places at which a correction is fitted; the others explain less to first order."""
+"""Budget: number of places at which a correction is fitted; the others explain less to first order."""
 SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Prior standard deviations of a correction, equally probable."""
 _SHOWN = 60
 """Frequencies at which a correction is drawn."""
 _STEP = 0.5
-"""Part of a linear step from which a nonlinear fit starts: a whole one overshoots at a resonance."""
+"""Fraction of a linear step from which a nonlinear fit starts: a full step overshoots at a resonance."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedCorrection:
-    """A smooth correction at one place, fitted."""
+    """A fitted smooth correction at one place."""
 
     place: Place
     steps: tuple[str, ...]
@@ -49,9 +49,9 @@ class PlacedCorrection:
 def placed_corrections(
     problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[PlacedCorrection, ...]:
-    """Return a smooth correction at each place of the device beside a hypothesis, most probable first.
+    """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
 
-    No other smooth error of the model is allowed beside it: the question is which place alone explains what is left.
+    No other smooth error of the model is allowed with it: the question is which single place explains the residual.
     """
     try:
         alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
@@ -97,7 +97,7 @@ def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
 
 
 def _same(made: Hypothesis, found: list[tuple[Place, tuple[str, ...], Hypothesis]]) -> bool:
-    """Return whether a correction of one face does what one of the other does: a symmetric device has one place."""
+    """Return whether corrections of both faces are equivalent: a symmetric device has only one place."""
     own = made.effects[-1]
     return any(
         place.quantity == "impedance"
@@ -108,7 +108,7 @@ def _same(made: Hypothesis, found: list[tuple[Place, tuple[str, ...], Hypothesis
 
 
 _TWINS = 0.1
-"""Difference of ln evidence below which the corrections of both faces are one and the same."""
+"""Difference of ln evidence below which the corrections of both faces are equivalent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +118,9 @@ class _Trial:
     candidate: Candidate
     log_evidence: float
     sizes: ErrorSizes
-    """Sizes of the errors that are left beside it."""
+    """Sizes of the remaining errors."""
     start: dict[str, float]
-    """Where a fit starts."""
+    """Start of a fit."""
 
 
 def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
@@ -142,7 +142,8 @@ def _fitted(problem: Problem, parent: Hypothesis, trial: _Trial) -> Hypothesis |
     made: list[Hypothesis] = []
     effects = (*parent.effects, trial.candidate)
     for values, near in ((dict(parent.values), False), (trial.start, True)):
-        for sizes in dict.fromkeys((trial.sizes, parent.fit.sizes)):  # one by one: each leads to an end of its own
+        # one by one, because each leads to a different minimum
+        for sizes in dict.fromkeys((trial.sizes, parent.fit.sizes)):
             try:
                 made.append(fitted(problem, effects, values, (sizes,), near=near, rounds=4, tau=False))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
@@ -151,7 +152,7 @@ def _fitted(problem: Problem, parent: Hypothesis, trial: _Trial) -> Hypothesis |
 
 
 def candidate(effect: SmoothCorrection, steps: tuple[str, ...], stack: Stack) -> Candidate:
-    """Return a correction as a candidate; what it explains has no odds of its own."""
+    """Return a correction as a candidate, without prior odds."""
     where = effect.place.where
     return Candidate(effect, where, steps, effect.effect_parameters(stack, where))
 

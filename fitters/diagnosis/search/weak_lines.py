@@ -1,4 +1,4 @@
-"""Weak lines of a device, found in what a hypothesis leaves: part of the error model, not findings.
+"""Weak lines of a device in the residual of a hypothesis: they are part of the error model, not findings.
 
 Every device has further resonances much too weak to matter. A rough error of the same size at all frequencies describes
 them badly: it is too large everywhere else. Each line that a recording shows therefore gets two columns of its own.
@@ -19,15 +19,15 @@ from ..decision_rules import LINES
 from ..hypotheses.hypothesis import Hypothesis
 
 _QS = (20.0, 40.0, 80.0, 160.0, 320.0)
-"""Quality factors tried; what is broader is smooth."""
+"""Quality factors tried; broader lines are covered by the smooth errors."""
 _SPACING = 0.5
 """Spacing of the trial frequencies in line widths."""
 _FEWEST, _ON_A_LINE = 20, 2
-"""Fewest points of a recording, and on the width of a line, from which a line can be told from noise."""
+"""Fewest points of a recording, and within the width of a line, that distinguish a line from noise."""
 _REFINEMENTS = 5
 """Steps from a trial to the best frequency and Q beside it."""
 _EXPECTED = 3.0
-"""Lines expected in a recording before it is seen: two ceramics in three have one to five."""
+"""Prior mean of the number of lines in a recording: two ceramics in three have one to five."""
 
 
 def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
@@ -37,7 +37,7 @@ def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
 
 
 def _lines_of(parent: Hypothesis, step: str) -> list[WeakLine]:
-    """Return the better of two sets: beside the hypothesis's own rough errors, and instead of them."""
+    """Return the better of two sets: in addition to the hypothesis's rough errors, and instead of them."""
     own = parent.fit.sizes
     without = own.at("rho", 0.0).at("bend", 0.0)
     sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, without))]
@@ -46,7 +46,7 @@ def _lines_of(parent: Hypothesis, step: str) -> list[WeakLine]:
 
 @dataclass(eq=False)
 class _Residual:
-    """What a hypothesis leaves of the recordings of one step, with everything that it can still absorb."""
+    """Residual of a hypothesis in the recordings of one step, with everything that it can still absorb."""
 
     parent: Hypothesis
     step: str

@@ -1,4 +1,4 @@
-"""Effects that a build says its sample has: part of the model of its steps, with parameters that are fitted."""
+"""Effects stated in a build: part of the model of its steps, with fitted parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ def known_effects(specs: Sequence[EffectSpec], stacks: Mapping[str, Stack]) -> t
 
 
 def with_effects(stack: Stack, step: str, known: Sequence[KnownEffect]) -> Stack | Device:
-    """Return the model of a step: its stack, extended by those of these effects that it has."""
+    """Return the model of a step: its stack, extended by the effects of this step."""
     there = [one for one in known if step in one.steps]
     if not there:
         return stack
@@ -90,7 +90,7 @@ def parameter_key(knob: EffectParameter) -> str:
 
 
 def effect_parameters(spec: EffectSpec, stacks: Mapping[str, Stack]) -> tuple[Effect, tuple[EffectParameter, ...]]:
-    """Return the effect that a build names, and its parameters at that place. Raises KnownEffectError."""
+    """Return the effect named in a build, and its parameters at that place. Raises KnownEffectError."""
     steps = _steps_of(spec, stacks)
     stack = stacks[steps[-1]]
     effect = _learned(spec, stack) if spec.effect == NAME else _of_catalogue(spec)

@@ -1,1 +1,1 @@
-"""Physics that no catalogue lists: corrections as functions of frequency, and the laws they follow."""
+"""Physics outside the catalogue: corrections as functions of frequency, and their laws."""

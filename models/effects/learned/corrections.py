@@ -161,7 +161,7 @@ class CorrectedLaw(ModifiedLaw):
 
 @dataclass(frozen=True)
 class CorrectedInterface(Joins):
-    """An interface without thickness that yields (`compliant`) or has mass, by a function of frequency."""
+    """An interface without thickness that is compliant (`compliant`) or has mass, as a function of frequency."""
 
     compliant: bool
     size: float

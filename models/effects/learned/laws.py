@@ -1,8 +1,8 @@
 """Laws that a correction may follow: causal and passive functions of frequency with a few parameters.
 
 `x` is f/f0, f0 the reference (the half-wave resonance of the active layer). A correction of a constant is zero at the
-reference, so that the constant keeps its meaning; a correction that adds an impedance or an admittance is the whole
-of it, in units of its natural size. Each is passive for sizes above zero.
+reference, so that the constant keeps its meaning; a correction that adds an impedance or an admittance is the complete
+quantity, in units of its natural size. Each is passive for sizes above zero.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,7 +45,7 @@ def _shape(name: str, low: float, high: float, null: float) -> EffectParameter:
 
 
 def _relaxed(x: Reals, at: float, spread: float, skew: float) -> Complexes:
-    """Return Havriliak and Negami's function; Cole and Cole's for skew 1, Debye's for spread 1, too."""
+    """Return Havriliak and Negami's function: Cole and Cole's for skew 1, Debye's if spread is 1 as well."""
     return np.asarray((1 + (1j * x / at) ** spread) ** -skew, np.complex128)
 
 
@@ -90,7 +90,7 @@ def laws(quantity: Quantity) -> tuple[Law, ...]:
 
 
 def _of_constant(quantity: Quantity) -> tuple[Law, ...]:
-    if quantity == "coupling":  # it dissipates nothing by itself, so that it may rise or fall
+    if quantity == "coupling":  # it dissipates nothing, so it may rise or fall
         return (*_with_sign(-1.0, _power, ""), *_with_sign(1.0, _falling_power, "-falling"))
     return _with_sign(-1.0, _power, "") if quantity == "stiffness" else _with_sign(1.0, _falling_power, "")
 

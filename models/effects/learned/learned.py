@@ -61,12 +61,12 @@ class LearnedLaw(Effect):
         )
 
     def _scale(self, name: str) -> tuple[float, str]:
-        """Return a parameter's value where the law has 1, and its unit."""
+        """Return the value of a parameter for which the law has 1, and its unit."""
         scales = {"size": (self.natural, self.unit), "at": (self.f0, "Hz"), "delay": (1 / self.f0, "s")}
         return scales.get(name, (1.0, "1"))
 
     def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
-        """Return what was learned, with its numbers."""
+        """Return the sentence on the learned law, with its numbers."""
         numbers = {name: f"{with_uncertainty(value, u)}{_unit(unit)}" for name, (value, u, unit) in sizes.items()}
         law = self.law.says.format(**{knob.name: numbers.get(knob.name, "?") for knob in self.law.parameters})
         element = next((f" ({name} {numbers[name]})" for name in ("inductance", "capacitance") if name in numbers), "")
@@ -75,7 +75,7 @@ class LearnedLaw(Effect):
         return f"{what[0].upper()}{what[1:]} {verb}{law}{element}. No effect of the catalogue says so."
 
     def dimensionless(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the parameters as the law takes them."""
+        """Return the parameters in the law's units."""
         return {name: value / self._scale(name)[0] for name, value in values.items()}
 
     def correction(self, values: Mapping[str, float]) -> Correction:
@@ -84,7 +84,7 @@ class LearnedLaw(Effect):
         return lambda frequency: of(np.asarray(frequency / f0, np.float64), own)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return the circuit element that a part at the terminals amounts to."""
+        """Return the circuit element that is equivalent to a correction at the terminals."""
         size, omega = values["size"], 2 * np.pi * self.f0
         kind = self.place.quantity, self.law.name
         if size <= 0 or self.place.quantity not in ("series", "shunt"):

@@ -76,7 +76,7 @@ def test_only_the_older_measurements_go(tmp_path: Path, build: Build, monkeypatc
         ids.append(keeper.begin_measurement(str(k), build, "disk")[0])
         for state in ("queued", "measured"):
             keeper.append(StateEvent(state=state, measurement=ids[-1], sample=SampleStep("s", "disk")))
-    assert keeper.prune("2026-01-01", tmp_path / "nothing") == 0, "no measurement is older, so nothing goes with one"
+    assert keeper.prune("2026-01-01", tmp_path / "nothing") == 0, "no measurement is older, so nothing is removed"
     assert keeper.prune("2026-02-01", tmp_path / "copy") == 3
     assert [one.id for one in keeper.measurements()] == ids[1:]
     assert keeper.verify() == []

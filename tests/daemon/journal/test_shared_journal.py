@@ -144,7 +144,7 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
             lab.begin(build, "disk")
         with pytest.raises(DaemonError, match="the journal cannot be read"):
             lab.samples()
-        assert lab.status().queue == (waiting,), "the daemon answers; what waits is not begun"
+        assert lab.status().queue == (waiting,), "the daemon answers; queued measurements do not begin"
         start_server()
         ended: list[str | None] = []
         while len(ended) < 2:

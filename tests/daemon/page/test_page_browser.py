@@ -125,7 +125,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     assert browser.run("document.querySelectorAll('#constants tbody tr:not(.held)').length") == 1, "only c33D was free"
 
     # A kept fit is in the journal with its author's name, and listed with the others.
-    assert browser.run("document.getElementById('hand-keep-it').disabled"), "nobody has said who it is"
+    assert browser.run("document.getElementById('hand-keep-it').disabled"), "no name was entered"
     browser.run("document.getElementById('hand-by').focus()")
     browser.type("Ana")
     browser.key("Enter")

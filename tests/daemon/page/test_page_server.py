@@ -40,7 +40,7 @@ def _home(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_token_only_this_machine_by_its_own_name() -> None:
     assert ask("/")[0] == 200
-    assert ask("/", host="evil.example:8294")[0] == 421, "a foreign name that was made to point here"
+    assert ask("/", host="evil.example:8294")[0] == 421, "a foreign host name that resolves to this machine"
     assert ask("/", host="localhost:1")[0] == 200
 
 
@@ -57,7 +57,7 @@ def test_commands_come_from_the_page_itself() -> None:
     assert ask("/api/cancel", method="POST", origin="http://evil.example")[0] == 403
     assert ask("/api/cancel", method="POST")[0] == 403
     status, _, body = ask("/api/cancel", method="POST", origin="http://127.0.0.1:8294")
-    assert (status, b"no daemon runs" in body) == (409, True), "let through, and answered with the sentence"
+    assert (status, b"no daemon runs" in body) == (409, True), "accepted, and answered with a sentence"
 
 
 def test_the_page_may_load_nothing_from_outside() -> None:

@@ -88,7 +88,7 @@ def test_the_report_is_complete_and_self_contained(reported: Path) -> None:
     assert re.search(r"disk\.c33D</td><td>1\.5\d+\(\d+\)e11 \+ ", text)
     assert "HEWLETT-PACKARD,4294A" in text
     assert "Near 1: model and recording agree" in text
-    assert "<image" not in text, "pictures are lines and faces: in a PDF an image would stand elsewhere"
+    assert "<image" not in text, "pictures are vector graphics: in a PDF an image would be misplaced"
 
 
 def test_names_from_outside_cannot_become_markup(reported: Path) -> None:

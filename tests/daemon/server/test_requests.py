@@ -114,7 +114,7 @@ def test_garbage_is_counted_and_harms_nobody(start_daemon, dealer) -> None:
     big = dealer(where.requests)
     big.send(b"x" * (9 << 20))
     with connect() as lab:
-        assert lab.status().garbage >= len(garbage), "what is no ZMTP may still look like some of its frames"
+        assert lab.status().garbage >= len(garbage), "bytes that are not ZMTP may still look like frames"
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_every_chosen_resonance_has_its_points_within_the_time(seen, seconds):
         assert core.max() <= one.linewidth / 20 * (1 + 1e-6) + 2e-3
     weakest = min(one.strength for one in kept)
     assert all(one.strength <= weakest for one in seen if one not in kept), "a weaker one was kept instead"
-    assert np.max(np.diff(f) / f[:-1]) < 0.1, "no hole in the background"
+    assert np.max(np.diff(f) / f[:-1]) < 0.1, "no gap in the background"
 
 
 def test_a_segment_saves_more_time_than_its_set_up_costs():

@@ -81,7 +81,7 @@ def test_held_out_points_are_predicted_only_with_the_effect(lead_case) -> None:
     with_lead = held_out_chi2(lead_case.problem, lead_case.final)
     assert with_lead == pytest.approx(1, abs=0.4)
     assert held_out_chi2(lead_case.problem, lead_case.null) > 1000 * with_lead
-    assert unforeseen(lead_case.problem, lead_case.final) == (), "a lead is felt in every band"
+    assert unforeseen(lead_case.problem, lead_case.final) == (), "a lead affects every band"
 
 
 def test_another_sample_confirms_a_lead_it_shares_and_contradicts_one_it_lacks(lead_case, nothing) -> None:

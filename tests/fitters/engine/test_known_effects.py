@@ -1,4 +1,4 @@
-"""Effects that a build states: part of the model, fitted like constants."""
+"""Effects stated in a build are part of the model and fitted like constants."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ INDUCTANCE = 3.7e-8
 
 @pytest.fixture(scope="module")
 def behind_a_lead() -> dict[str, tuple[Sweep, ...]]:
-    """A disk behind an inductance, whose impedance is added here."""
+    """A disk in series with an inductance, whose impedance is added here."""
     random = np.random.default_rng(4)
     noise = 2e-4 * (random.normal(size=F.size) + 1j * random.normal(size=F.size))
     build = parse_build(TEXT)
@@ -49,13 +49,13 @@ def test_a_stated_lead_is_fitted_with_its_uncertainty(behind_a_lead: dict[str, t
     assert without.chi2_per_dof > 20 * fit.chi2_per_dof
 
 
-def test_what_is_stated_is_not_looked_for_again(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
+def test_a_stated_effect_is_not_searched_again(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
     task = FitTask(parse_build(TEXT + LEAD), behind_a_lead)
     diagnosis = diagnose(task, effects=("lead-inductance", "stray-capacitance"))
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
 
 
-def test_a_fitter_without_effects_says_so(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
+def test_a_fitter_without_effects_refuses_such_a_build(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
     task = FitTask(parse_build(TEXT + LEAD), behind_a_lead)
     with pytest.raises(TaskError, match=r"cannot model the effects of build .* \(lead-inductance at terminals\)"):
         load_fitter("mason-nelder-mead").fit(task)
@@ -94,7 +94,7 @@ def test_a_finding_is_written_to_the_build_and_read_again(
         ((LEAD, LEAD + LEAD), "lead-inductance at terminals is given twice"),
     ],
 )
-def test_an_effect_that_cannot_be_is_refused_with_a_sentence(change: tuple[str, str], says: str) -> None:
+def test_an_impossible_effect_is_refused_with_a_sentence(change: tuple[str, str], says: str) -> None:
     with pytest.raises(BuildError, match=says):
         parse_build(TEXT + LEAD.replace(*change))
 

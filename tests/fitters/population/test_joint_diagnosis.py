@@ -1,4 +1,4 @@
-"""What samples of one bench share: a lead in all is found, one of its own in each is not, and nothing is nothing."""
+"""Shared effects of samples of one bench: a common lead is found, different leads are not, and no effect gives none."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,7 +23,7 @@ EFFECTS = ("lead-inductance", "leakage")
 
 
 def bench(leads: Sequence[float], seed: int) -> Mapping[str, FitTask]:
-    """Disks with other constants each, a lead each, and an analyzer that errs as specified."""
+    """Disks with different constants, a lead each, and an analyzer with errors within its specification."""
     rng = np.random.default_rng(seed)
     slope = complex(*rng.normal(0, 3e-4, 2))
     tasks: dict[str, FitTask] = {}
@@ -36,7 +36,7 @@ def bench(leads: Sequence[float], seed: int) -> Mapping[str, FitTask]:
 
 
 def shared(tasks: Mapping[str, FitTask]) -> SharedBench:
-    """What these samples share, all in this process."""
+    """The shared effects of these samples, computed in this process."""
     ends, knobs = ends_of(list(tasks.values())), bench_effects(STACK, EFFECTS)
 
     def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
@@ -45,7 +45,7 @@ def shared(tasks: Mapping[str, FitTask]) -> SharedBench:
     return shared_bench(survey, knobs, ends, dict.fromkeys(EFFECTS, 1.0))
 
 
-def test_a_lead_of_all_samples_is_one_size() -> None:
+def test_a_common_lead_has_one_size() -> None:
     found = shared(bench([9e-9] * 4, 3))
     (lead,) = found.effects
     assert (lead.effect, lead.probability > 0.8) == ("lead-inductance", True)
@@ -56,13 +56,13 @@ def test_a_lead_of_all_samples_is_one_size() -> None:
     assert set(lead.sizes) == set(lead.alone) == {"S1", "S2", "S3", "S4"}
 
 
-def test_leads_of_one_s_own_are_not_shared() -> None:
+def test_different_leads_are_not_shared() -> None:
     found = shared(bench([0.0, 30e-9, 2e-9, 12e-9], 4))
     assert not found.effects
     assert "lead-inductance" in found.not_shared
 
 
-def test_the_fixture_s_residue_is_known_better_from_many_samples_and_nothing_is_nothing() -> None:
+def test_many_samples_determine_the_fixtures_residual_better() -> None:
     few, many = shared(bench([2e-9] * 2, 5)), shared(bench([2e-9] * 6, 5))
     assert many.fixture["inductance"].value == pytest.approx(2e-9, abs=3 * many.fixture["inductance"].u)
     assert many.fixture["inductance"].u < few.fixture["inductance"].u
@@ -73,7 +73,7 @@ def test_the_fixture_s_residue_is_known_better_from_many_samples_and_nothing_is_
     assert all(part.probability < 0.5 for part in nothing.fixture.values())
 
 
-def test_what_is_known_of_the_bench_is_not_found_in_a_sample_again() -> None:
+def test_a_shared_effect_is_not_found_again_in_a_sample() -> None:
     (task,) = bench([3e-8], 7).values()
     values = {"inductance": 3e-8, "resistance": 0.0, "skin": 0.0}
     without = diagnose(task, EFFECTS)
@@ -83,7 +83,7 @@ def test_what_is_known_of_the_bench_is_not_found_in_a_sample_again() -> None:
     assert beside.final.constants["disk.c33D"].re == pytest.approx(without.final.constants["disk.c33D"].re, rel=1e-3)
 
 
-def test_a_sample_that_cannot_be_fitted_stops_nobody() -> None:
+def test_a_sample_that_cannot_be_fitted_does_not_stop_the_others() -> None:
     tasks = dict(bench([9e-9] * 3, 8))
     flat = FitTask(BUILD, {"disk": (Sweep(F, np.full(F.size, 50.0 + 0j)),)})
     jobs = [BatchJob(name, task) for name, task in (*tasks.items(), ("flat", flat))]
@@ -97,11 +97,11 @@ def test_a_sample_that_cannot_be_fitted_stops_nobody() -> None:
 
 
 def double(x: int) -> int:
-    """Twice x, but not of 3."""
+    """Return twice x, but raise for 3."""
     if x == 3:
         raise TooFewSamplesError("three")
     return 2 * x
 
 
-def test_results_come_in_order_with_the_sentence_of_what_failed() -> None:
+def test_results_are_in_order_with_a_sentence_for_each_failure() -> None:
     assert results_of(double, [1, 3, 2]) == [2, Failure("three"), 4]

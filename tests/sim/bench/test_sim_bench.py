@@ -166,7 +166,7 @@ def test_open_short_load_over_the_wire(lab_with):
         client.say(setup)
         client.line()
     truth = reference.impedance()
-    assert np.max(abs(wire.impedance() / truth - 1)) > 0.5, "150 nH are no small thing at 4 MHz"
+    assert np.max(abs(wire.impedance() / truth - 1)) > 0.5, "150 nH matter at 4 MHz"
     for command, content in (("COMA", "open"), ("COMB", "short"), ("COMC", "load")):
         lab.bench("connect", what=content)
         wire.say(command + ";*OPC?")

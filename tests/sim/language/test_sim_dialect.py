@@ -163,7 +163,7 @@ def test_a_sweep_is_overlapped_and_its_data_appear_at_the_end(lab_with):
     lab = lab_with(time_scale=0.1)
     wire, other = lab.wire(), lab.wire()
     wire.say("*RST;*CLS;ESNB 1;*SRE 4;STAR 1 MHZ;STOP 6 MHZ;SING;*OPC?")
-    assert other.ask("BWFACT?") == "1", "*OPC? holds up nobody else"
+    assert other.ask("BWFACT?") == "1", "*OPC? blocks no other client"
     assert not np.any(other.impedance()), "nothing yet"
     assert int(other.ask("*STB?")) & 4 == 0
     assert wire.line() == "1\n"

@@ -40,7 +40,7 @@ def test_a_sweep_by_service_request_as_the_manual_does_it(bus):
     assert poll(wire) == 0
     wait_for_request(wire)
     assert poll(wire) == 64 | 4
-    assert poll(wire) == 4, "the poll took the request, the event stays"
+    assert poll(wire) == 4, "the poll cleared the request; the event stays"
     wire.say("OUTPDATA?")
     wire.say("++read eoi")
     assert wire.stream.read(8) == b"#6003216"
@@ -60,7 +60,7 @@ def test_a_read_times_out_during_opc_but_the_status_byte_can_be_polled(bus):
     wire.say("++read_tmo_ms 1")
     wire.say("*RST;*CLS;*SRE 16;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING;*OPC?")
     wire.say("++read eoi")
-    assert poll(wire) & 16 == 0, "nothing came, and nothing is there yet"
+    assert poll(wire) & 16 == 0, "nothing was received, and no answer is ready"
     wait_for_request(wire)
     assert poll(wire) == 64 | 16
     assert wire.ask("++read eoi") == "1"
@@ -113,7 +113,7 @@ def test_pyvisa_reaches_it_by_its_gpib_address(bus):
             assert time.monotonic() < until
         pairs = link.query_binary_values("OUTPDATA?", "d", is_big_endian=True, container=np.array)
         assert pairs.size == 102
-        assert float(link.query("STAR?")) == 1.5e6, "the + came through the escapes"
+        assert float(link.query("STAR?")) == 1.5e6, "the escaped + arrived"
     finally:
         link.close()
         adapter.close()
