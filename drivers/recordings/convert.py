@@ -84,7 +84,7 @@ def loss_is_signed(parameter: str, a: Reals, b: Reals) -> bool:
     if parameter not in _LOSS_BESIDE_REACTANCE or np.all(a > 0) or np.all(a < 0):
         return False
     alike = np.sign(a) == np.sign(b)
-    return bool(min(np.mean(alike[a > 0]), np.mean(alike[a < 0])) > _SURELY)
+    return all(np.count_nonzero(alike & part) > _SURELY * np.count_nonzero(part) for part in (a > 0, a < 0))
 
 
 def to_impedance(parameter: str, frequency: Reals, a: Reals, b: Reals) -> Impedances:
