@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.linalg.lapack import dpttrf, dtbtrs
+from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
@@ -17,6 +17,8 @@ from .prior_scales import ROUGH_LENGTH
 Rough = tuple[float, float]
 """Sizes of the rough errors of the model and of the effects' formulas."""
 
+_LEAST = 1e-3
+"""Smallest rough error at a point that is computed with, relative to the noise there: a millionth of its variance."""
 _ORDER = 5
 """Order of the differences from which the noise was estimated."""
 
@@ -70,12 +72,12 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
 
 @dataclass(frozen=True, eq=False)
 class WhitenedColumns:
-    """Columns whitened by the whole covariance K: X^T K^-1 Y is `plain plain^T` minus `rough rough^T`."""
+    """Columns whitened by the whole covariance K: X^T K^-1 Y is the sum of `left` of X times `right` of Y."""
 
-    plain: Sequence[Reals]
-    """For each recording, shape (P, 2N), in units of the coloured noise."""
-    rough: Sequence[Reals]
-    """Of each recording that has a rough error, shape (P, 2N)."""
+    left: Sequence[Reals]
+    """For each recording, shape (P, 2N)."""
+    right: Sequence[Reals]
+    """The same array where there is only coloured noise."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -83,15 +85,28 @@ class WhitenedColumns:
 
     def lengths(self) -> Reals:
         """Return the diagonal of X^T K^-1 X, shape (P,)."""
-        more = sum(np.einsum("pn,pn->p", own, own) for own in self.plain)
-        less = sum(np.einsum("pn,pn->p", own, own) for own in self.rough)
-        return np.asarray(more - less, np.float64)
+        return self.products(self.left, self.right)
 
     def times(self, other: "WhitenedColumns") -> Reals:
         """Return X^T K^-1 Y, shape (P, Q)."""
-        more = sum(own @ its.T for own, its in zip(self.plain, other.plain, strict=True))
-        less = sum(own @ its.T for own, its in zip(self.rough, other.rough, strict=True))
-        return np.asarray(more - less, np.float64)
+        count = len(self.left[0]), len(other.left[0])
+        return sum((own @ its.T for own, its in zip(self.left, other.right, strict=True)), np.zeros(count))
+
+    def pairs(self) -> Reals:
+        """Return, for each pair of neighbouring columns, both squared lengths and the product, shape (P/2, 3)."""
+        return np.stack(
+            [
+                self.products([X[i::2] for X in self.left], [Y[j::2] for Y in self.right])
+                for i, j in ((0, 0), (1, 1), (0, 1))
+            ],
+            axis=1,
+        )
+
+    @staticmethod
+    def products(left: Sequence[Reals], right: Sequence[Reals]) -> Reals:
+        """Return the sum of products of each row with the one of the same number, shape (P,)."""
+        rows = (np.einsum("pn,pn->p", X, Y) for X, Y in zip(left, right, strict=True))
+        return sum(rows, np.zeros(len(left[0])))
 
 
 class Kernel:
@@ -108,9 +123,8 @@ class Kernel:
 
     def whitened(self, columns: RealColumns) -> WhitenedColumns:
         """Return columns in units of K from columns in units of white noise."""
-        plain = [one.plain(X) for one, X in zip(self._ones, columns, strict=True)]
-        rough = [one.rough(Y) for one, Y in zip(self._ones, plain, strict=True) if one.is_rough]
-        return WhitenedColumns([_flat(Y) for Y in plain], [_flat(V) for V in rough])
+        sides = [one.sides(X) for one, X in zip(self._ones, columns, strict=True)]
+        return WhitenedColumns([_flat(left) for left, _ in sides], [_flat(right) for _, right in sides])
 
 
 class _One:
@@ -132,33 +146,39 @@ class _One:
         middle[[0, -1]] = scale
         step = np.exp(-np.abs(np.diff(log_f)) / ROUGH_LENGTH)
         between = np.maximum(1 - step**2, 1e-12)
-        T = np.ones(n)
-        T[:-1] += step**2 / between
-        T[1:] += step**2 / between
-        self._amplitude = size * weight
-        diagonal = T + self._amplitude**2 * middle
-        beside = -step / between - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
+        self._beside = -step / between
+        self._middle = np.ones(n)
+        self._middle[:-1] += step**2 / between
+        self._middle[1:] += step**2 / between
+        self._amplitude = np.maximum(size * weight, _LEAST)
+        diagonal = self._middle + self._amplitude**2 * middle
+        beside = self._beside - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
-        # M = L D L^T: columns of M^-1/2 V need only L, whose diagonal is one
-        self._lower = np.zeros((2, n), order="F")
-        self._lower[1, :-1] = e
-        self._root = 1 / np.sqrt(d)
+        self._factor = d, e
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
-    def plain(self, X: Reals) -> Reals:
-        """Return columns (P, 2, N) in units of the coloured noise."""
-        return _whitened(X if self._under == 1 else self._under * X, self._colour)
+    def sides(self, X: Reals) -> tuple[Reals, Reals]:
+        """Return the factors of X^T K^-1 X from columns in units of white noise, each (P, 2, N).
 
-    def rough(self, Y: Reals) -> Reals:
-        """Return M^-1/2 times the rough error's share of columns, shape (P, 2, N): M is its precision beside noise."""
-        share = self._amplitude * _back(Y, self._colour)
-        if not share.size:
-            return share
-        flat = share.reshape(-1, share.shape[-1]).T
-        solved, _ = dtbtrs(self._lower, flat, uplo="L", diag="U", overwrite_b=1)
-        return np.asarray(self._root * solved.T, np.float64).reshape(share.shape)
+        K = R + A T^-1 A, R the coloured noise, A the rough error's amplitudes, T its precision at unit amplitude. Its
+        inverse is A^-1 T M^-1 A R^-1 with M = T + A R^-1 A: a product, where the usual difference of R^-1 and a
+        correction would lose all digits if the rough error is much larger than the noise.
+        """
+        scaled = X if self._under == 1 else self._under * X
+        white = _whitened(scaled, self._colour)
+        if not self.is_rough:
+            return white, white
+        part = scaled / self._amplitude
+        left = self._middle * part
+        left[..., 1:] += self._beside * part[..., :-1]
+        left[..., :-1] += self._beside * part[..., 1:]
+        right = self._amplitude * _back(white, self._colour)
+        if right.size:
+            solved, _ = dpttrs(*self._factor, right.reshape(-1, right.shape[-1]).T, overwrite_b=1)
+            right = np.asarray(solved.T, np.float64).reshape(right.shape)
+        return left, right
 
 
 def _flat(Y: Reals) -> Reals:

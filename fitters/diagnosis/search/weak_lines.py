@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....models.base.arrays import Complexes, Reals
 from ...error_model.error_columns import WeakLine, line_columns
@@ -85,7 +84,7 @@ class _Residual:
             return [], self._evidence([])
         found: list[WeakLine] = []
         white = self.kernel.white(self._columns(trials))
-        lengths = _pairs(white)
+        lengths = white.pairs()
         width = self._width()
         price = 0.0
         for _ in range(LINES):
@@ -113,7 +112,7 @@ class _Residual:
                 for stretch in (1 / steeper, 1.0, steeper)
             ]
             white = self.kernel.white(self._columns(near))
-            gains = self._gains(G, seen.times(white), _pairs(white))
+            gains = self._gains(G, seen.times(white), white.pairs())
             line = near[int(np.argmax(gains))]
             apart, steeper = apart / 1.6, steeper**0.7
         return line
@@ -186,13 +185,3 @@ class _Residual:
         _, log_det = np.linalg.slogdet(S)
         fall = float((g / unit) @ np.linalg.solve(S, g / unit))
         return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
-
-
-def _pairs(white: WhitenedColumns) -> Reals:
-    """Return, for each pair of neighbouring columns, their two squared lengths and their product, shape (T, 3)."""
-
-    def of(blocks: Sequence[Reals], i: int, j: int) -> NDArray[np.float64]:
-        products = (np.einsum("tn,tn->t", X[i::2], X[j::2]) for X in blocks)
-        return sum(products, np.zeros(len(white.plain[0]) // 2))
-
-    return np.stack([of(white.plain, i, j) - of(white.rough, i, j) for i, j in ((0, 0), (1, 1), (0, 1))], axis=1)
