@@ -18,6 +18,8 @@ _LOSS_FLOOR = 1e-7
 _ANGLE_LIMIT = 1.5
 LEAST_Q = 0.5
 # Quality factor of critical damping: below it nothing oscillates, and (1 + j/Q) describes no wave in a layer.
+_HIGHEST_LOG_Q = 100.0
+# ln of a quality factor beyond which nothing changes: an optimiser's long step must not overflow.
 _H_UNIT = 1e8
 # V/m. Above it the coordinate of h33 is logarithmic, like those of the constants that it is correlated with: the valley
 # along c33D/(h33^2 eps33S), which thickness and density leave open to a per cent, is then straight. h33 has any sign.
@@ -53,7 +55,7 @@ def quality(name: str) -> Block:
     """Return the block of a quality factor, which is above that of critical damping: x = ln(Q - 1/2)."""
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
-        above = np.exp(x)
+        above = np.exp(np.minimum(x, _HIGHEST_LOG_Q))
         return LEAST_Q + above, above[:, None]
 
     return Block((name,), (name,), forward, lambda p: np.log(np.maximum(p - LEAST_Q, _LOSS_FLOOR)))
