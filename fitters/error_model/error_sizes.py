@@ -126,7 +126,7 @@ class Value:
 
 @dataclass(eq=False)
 class Gram:
-    """Inner products of columns, derivatives and residual, by colour and roughness; cached."""
+    """Inner products of columns, derivatives and residual by colour and roughness, and marginal likelihoods; cached."""
 
     columns: ErrorColumns
     J: Sequence[Complexes]
@@ -135,9 +135,15 @@ class Gram:
     _known: dict[tuple[float, Rough], tuple[Reals, float]] = field(
         default_factory=dict[tuple[float, Rough], tuple[Reals, float]]
     )
+    _values: dict[ErrorSizes, Value] = field(default_factory=dict[ErrorSizes, Value])
 
     def value(self, sizes: ErrorSizes) -> Value:
-        """Return the marginal likelihood with errors of these sizes."""
+        """Return the marginal likelihood with errors of these sizes. Raises LinAlgError."""
+        if sizes not in self._values:
+            self._values[sizes] = self._valued(sizes)
+        return self._values[sizes]
+
+    def _valued(self, sizes: ErrorSizes) -> Value:
         G, log_det = self._gram(sizes.colour, sizes.rough)
         scale = self.columns.scaled(sizes.of_columns())
         on = np.flatnonzero(scale > 0)
@@ -248,15 +254,19 @@ def rough_guess(made: Gram) -> ErrorSizes:
     return ErrorSizes(rho=min(scales.RHOS, key=lambda one: abs(one - size)))
 
 
-def chosen(made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str]) -> tuple[ErrorSizes, Value]:
-    """Maximise the marginal likelihood over the sizes, one part after the other, from the best of the starts.
+def chosen(
+    made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str], *, all_starts: bool = True
+) -> tuple[ErrorSizes, Value]:
+    """Maximise the marginal likelihood over the sizes, one part after the other.
 
-    Sizes whose covariance is not positive definite because of rounding are skipped. Raises LinAlgError if all starts
-    are.
+    From all starts, or only from the one with the largest marginal likelihood. Sizes whose covariance is not positive
+    definite because of rounding are skipped. Raises LinAlgError if all starts are.
     """
     begun = _evaluated(made, starts)
     if not begun:
         raise np.linalg.LinAlgError("no covariance")
+    if not all_starts:
+        begun = [_largest(begun)]
     now, value = _largest([_around(made, sizes, value, order, again=False) for sizes, value in begun])
     for _ in range(_ROUNDS):
         before = now

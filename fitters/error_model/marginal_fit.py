@@ -240,7 +240,8 @@ def fit(
         if not fixed:
             made = marginal.gram(x, columns)
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
-            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order)
+            # Later rounds only follow the descent; another start has its turn if it has become the better one.
+            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         used += steps
         if steps <= 1 and k > 0:

@@ -146,17 +146,22 @@ class _One:
         middle[[0, -1]] = scale
         step = np.exp(-np.abs(np.diff(log_f)) / ROUGH_LENGTH)
         between = np.maximum(1 - step**2, 1e-12)
-        self._beside = -step / between
-        self._middle = np.ones(n)
-        self._middle[:-1] += step**2 / between
-        self._middle[1:] += step**2 / between
+        beside_of_T = -step / between
+        middle_of_T = np.ones(n)
+        middle_of_T[:-1] += step**2 / between
+        middle_of_T[1:] += step**2 / between
         self._amplitude = np.maximum(size * weight, _LEAST)
-        diagonal = self._middle + self._amplitude**2 * middle
-        beside = self._beside - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
+        diagonal = middle_of_T + self._amplitude**2 * middle
+        beside = beside_of_T - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)
         if failed:
             raise np.linalg.LinAlgError("rough error")
         self._factor = d, e
+        self._within, self._after, self._before = (  # T A^-1
+            middle_of_T / self._amplitude,
+            beside_of_T / self._amplitude[:-1],
+            beside_of_T / self._amplitude[1:],
+        )
         self.log_det += float(np.sum(np.log(d))) + float(np.sum(np.log(between)))
 
     def sides(self, X: Reals) -> tuple[Reals, Reals]:
@@ -170,10 +175,9 @@ class _One:
         white = _whitened(scaled, self._colour)
         if not self.is_rough:
             return white, white
-        part = scaled / self._amplitude
-        left = self._middle * part
-        left[..., 1:] += self._beside * part[..., :-1]
-        left[..., :-1] += self._beside * part[..., 1:]
+        left = self._within * scaled
+        left[..., 1:] += self._after * scaled[..., :-1]
+        left[..., :-1] += self._before * scaled[..., 1:]
         right = self._amplitude * _back(white, self._colour)
         if right.size:
             solved, _ = dpttrs(*self._factor, right.reshape(-1, right.shape[-1]).T, overwrite_b=1)

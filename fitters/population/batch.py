@@ -5,7 +5,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
@@ -138,12 +138,13 @@ def attempted(call: "Callable[[_Item], _Result]", item: "_Item") -> "_Result | F
 def results_of(
     call: "Callable[[_Item], _Result]",
     items: "Sequence[_Item]",
-    client: Any = None,
+    workers: Any,
     heard: "Callable[[int, _Result | Failure], None]" = lambda _k, _r: None,
 ) -> "list[_Result | Failure]":
-    """Run `call` with every item, on the cores of this machine or on a Dask cluster; return results in their order.
+    """Run `call` with every item; return results in their order.
 
-    `client`: as from `on_dask`; None for this machine. `heard` is called with each result as it arrives.
+    `workers`: from `process_pool`, or the client of a Dask cluster from `on_dask`. `heard` is called with each result
+    as it arrives.
     """
     made: dict[int, _Result | Failure] = {}
 
@@ -158,18 +159,13 @@ def results_of(
                 made[k] = Failure(f"the worker could not do it: {type(error).__name__}: {error}")
             heard(k, made[k])
 
-    if client is not None:
-        futures = {client.submit(attempted, call, item, pure=False): k for k, item in enumerate(items)}
-        gather(futures, _finished_on_dask(client, futures))
-    elif items:
-        one = partial(_numbered, call)
-        with started(one, list(enumerate(items)), min(len(items), os.cpu_count() or 1)) as waiting:
-            gather({future: k for future, (k, _) in waiting.items()}, as_completed(waiting))
+    if isinstance(workers, ProcessPoolExecutor):
+        here = {workers.submit(attempted, call, item): k for k, item in enumerate(items)}
+        gather(here, as_completed(here))
+    else:
+        futures = {workers.submit(attempted, call, item, pure=False): k for k, item in enumerate(items)}
+        gather(futures, _finished_on_dask(workers, futures))
     return [made[k] for k in range(len(items))]
-
-
-def _numbered(call: "Callable[[_Item], _Result]", item: "tuple[int, _Item]") -> "_Result | Failure":
-    return attempted(call, item[1])
 
 
 def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:

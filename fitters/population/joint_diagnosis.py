@@ -1,6 +1,7 @@
 """The joint diagnosis of many samples: shared effects, effects of single samples, and the scatter of constants."""
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from ..engine.parameters.assembly import stack_of
 from ..interface import FitError
 from .batch import BatchJob, Failure, results_of
 from .population_statistics import Population, spreads
+from .process_pool import process_pool
 from .sample_equations import Knobs, SampleEquations, bench_effects, ends_of, sample_equations
 from .shared_effects import SharedBench, shared_bench
 
@@ -97,18 +99,33 @@ def diagnose_together(
     `effects`: the effects to consider; None for all. `client`: of a Dask cluster, as from `on_dask`; None for the cores
     of this machine. Raises TooFewSamplesError if fewer than two samples can be fitted.
     """
+    if len(jobs) < _FEWEST:
+        raise TooFewSamplesError(f"{len(jobs)} samples: two or more are needed to tell what they share")
+    if client is not None:
+        return _diagnosed(jobs, sheets, effects, client, progress)
+    with process_pool(min(len(jobs), os.cpu_count() or 1)) as pool:
+        return _diagnosed(jobs, sheets, effects, pool, progress)
+
+
+def _diagnosed(
+    jobs: Sequence[BatchJob],
+    sheets: Mapping[str, Quantity],
+    effects: Collection[str] | None,
+    workers: Any,
+    progress: Callable[[str], None],
+) -> JointDiagnosis:
     began = time.perf_counter()
     failed: dict[str, str] = {}
     fit = list(jobs)
     builds = [job.task.build for job in jobs if job.task.build is not None]
-    if len(fit) < _FEWEST or not builds:
-        raise TooFewSamplesError(f"{len(fit)} samples: two or more are needed to tell what they share")
+    if not builds:
+        raise TooFewSamplesError("no sample has a build file")
     ends, knobs = ends_of([job.task for job in fit]), bench_effects(_last_stack(builds[0]), effects)
     odds = {one.name: one.odds for one in catalogue()}
 
     def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
         progress(f"{len(fit)} samples with {', '.join(one.name for one in known) or 'nothing'} in common")
-        found = results_of(_surveyed, [_Survey(job, ends, knobs, known) for job in fit], client)
+        found = results_of(_surveyed, [_Survey(job, ends, knobs, known) for job in fit], workers)
         lost = {job.sample: one.says for job, one in zip(fit, found, strict=True) if isinstance(one, Failure)}
         if lost:
             failed.update(lost)
@@ -125,7 +142,7 @@ def diagnose_together(
     names = None if effects is None else tuple(effects)
     asked = [_Own(job, names, bench.known) for job in fit]
     progress(f"diagnosing {len(asked)} samples")
-    told = results_of(_own, asked, client, lambda k, _: progress(f"{asked[k].job.sample} is diagnosed"))
+    told = results_of(_own, asked, workers, lambda k, _: progress(f"{asked[k].job.sample} is diagnosed"))
     own: dict[str, Diagnosis] = {}
     for one, answer in zip(asked, told, strict=True):
         if isinstance(answer, Failure):

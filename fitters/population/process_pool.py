@@ -15,10 +15,8 @@ _Answer = TypeVar("_Answer")
 
 
 @contextlib.contextmanager
-def started(
-    call: Callable[[_Item], _Answer], items: Iterable[_Item], workers: int
-) -> "Generator[dict[Future[_Answer], _Item]]":
-    """Run `call` with every item in separate processes, `workers` at a time; yield the futures with their items.
+def process_pool(workers: int) -> Generator[ProcessPoolExecutor]:
+    """Start so many processes, each with one thread for linear algebra, and yield their pool.
 
     If the block ends early, above all by Ctrl-C, running calls are ended and waiting ones dropped.
     """
@@ -26,8 +24,8 @@ def started(
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_ctrl_c_to_the_parent)
     try:
         with _one_thread_each(), ctrl_c_blocked():
-            futures = {pool.submit(call, item): item for item in items}
-        yield futures
+            pool.submit(_nothing)  # the first call starts all processes
+        yield pool
     except BaseException:
         for child in set(multiprocessing.active_children()) - set(before):
             child.terminate()
@@ -36,6 +34,19 @@ def started(
         pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown(wait=True)
+
+
+@contextlib.contextmanager
+def started(
+    call: Callable[[_Item], _Answer], items: Iterable[_Item], workers: int
+) -> "Generator[dict[Future[_Answer], _Item]]":
+    """Run `call` with every item in a pool of so many processes; yield the futures with their items."""
+    with process_pool(workers) as pool:
+        yield {pool.submit(call, item): item for item in items}
+
+
+def _nothing() -> None:
+    """Do nothing, in another process."""
 
 
 def _leave_ctrl_c_to_the_parent() -> None:

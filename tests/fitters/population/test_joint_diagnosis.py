@@ -13,6 +13,7 @@ from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.population.batch import BatchJob, Failure, results_of
 from pzctl.fitters.population.joint_diagnosis import TooFewSamplesError, diagnose_together
+from pzctl.fitters.population.process_pool import process_pool
 from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
 from pzctl.fitters.population.shared_effects import SharedBench, shared_bench
 from pzctl.models.sweep import Sweep
@@ -99,7 +100,8 @@ def test_a_sample_that_cannot_be_fitted_does_not_stop_the_others() -> None:
 
 def test_results_are_in_order_with_a_sentence_for_each_failure() -> None:
     # Another process cannot import a function of a test module; this one it can.
-    first, missing, last = results_of(read_build, [THESIS_BUILD, Path("not-there.toml"), THESIS_BUILD])
+    with process_pool(2) as pool:
+        first, missing, last = results_of(read_build, [THESIS_BUILD, Path("not-there.toml"), THESIS_BUILD], pool)
     assert first == last == BUILD
     assert isinstance(missing, Failure)
     assert "not-there.toml" in missing.says
