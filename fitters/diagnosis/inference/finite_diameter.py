@@ -84,6 +84,9 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
     began = time.perf_counter()
     try:
         alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED)
+        # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
+        if _probability(task, disk_result(alone, 0.0), null, null) < NAMED:
+            return None
         whole, added = _with_terminals(alone, progress)
         result = disk_result(whole, time.perf_counter() - began)
     except FitError:
