@@ -42,13 +42,15 @@ def diagnose(
     others: Mapping[str, FitTask] | None = None,
     learn: bool = False,
     known: Sequence[BenchEffect] = (),
+    jobs: int = 1,
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
     `effects` names the catalogue effects to consider; None considers all. `hold_out` is one of `held_out.KINDS`: the
     data reserved for validation. `others` are further samples by name, on which the findings are tested. `learn`:
     whether to look for a law of what no effect of the catalogue explains. `known` are effects at the terminals that all
-    samples of the bench have: they are part of every hypothesis. Raises FitError if the recordings cannot be fitted or
+    samples of the bench have: they are part of every hypothesis. `jobs`: number of processes that fit hypotheses at the
+    same time; the result does not depend on it. Raises FitError if the recordings cannot be fitted or
     contain no such data to hold out, EffectError for an unknown effect.
     """
     began = time.perf_counter()
@@ -58,17 +60,17 @@ def diagnose(
     bare = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
     problem, taken = with_bench_effects(bare, known), {one.name for one in known}
     choice = tuple(one for one in candidates(problem, effects) if one.effect.name not in taken)
-    search = GreedySearch(problem, (*choice, *flaws(problem)), progress)
+    search = GreedySearch(problem, (*choice, *flaws(problem)), progress, jobs)
     search.run()
     found = conclude(search)
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
     if found.something_left and not problem.build.effects and any(one.effect.name == lateral.NAME for one in choice):
-        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress)
+        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress, jobs)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
-    places = placed_corrections(search.problem, found.final, progress) if found.something_left else ()
+    places = placed_corrections(search.problem, found.final, progress, jobs) if found.something_left else ()
     if learn and places:
         found = with_learned(search.problem, found, places, progress)
         final = as_refit(problem, found.final)

@@ -168,16 +168,50 @@ def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
 
 
 @dataclass(frozen=True, eq=False)
+class Minimum:
+    """What determines a fit, for a given marginal likelihood."""
+
+    x: Reals
+    """Coordinates, shape (M,)."""
+    sizes: ErrorSizes
+    columns_at: Reals
+    """Coordinates at which the columns of errors were computed, shape (M,)."""
+    fast: bool
+    """Whether these include fast instrument errors."""
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
 class MarginalFit:
     """A minimum of the marginal likelihood."""
 
     marginal: Marginal
-    x: Reals
-    sizes: ErrorSizes
+    minimum: Minimum
     gram: Gram
     value: Value
-    evaluations: int
-    converged: bool
+
+    @classmethod
+    def at(cls, marginal: Marginal, minimum: Minimum, columns: ErrorColumns | None = None) -> "MarginalFit":
+        """Return the fit with this minimum; `columns` are those at `minimum.columns_at`, if they are known."""
+        if columns is None:
+            columns = marginal.columns(minimum.columns_at, fast=minimum.fast)
+        made = marginal.gram(minimum.x, columns)
+        return cls(marginal, minimum, made, made.value(minimum.sizes))
+
+    @property
+    def x(self) -> Reals:
+        """Coordinates, shape (M,)."""
+        return self.minimum.x
+
+    @property
+    def sizes(self) -> ErrorSizes:
+        """Sizes of the errors."""
+        return self.minimum.sizes
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last descent ended at a minimum."""
+        return self.minimum.converged
 
     @property
     def log_evidence(self) -> float:
@@ -231,23 +265,23 @@ def fit(
     """
     if not tau:
         starts = tuple(own.at("tau", 0.0) for own in starts)
-    sizes, used, steps = starts[0], 0, 0
+    sizes, steps = starts[0], 0
     order = [name for name in ORDER if (fast or name != "fast") and (tau or name != "tau")]
-    columns = marginal.columns(x, fast=fast)
+    at = x
+    columns = marginal.columns(at, fast=fast)
     for k in range(rounds):
         if k > 0:
-            columns = marginal.columns(x, fast=fast)
+            at = x
+            columns = marginal.columns(at, fast=fast)
         if not fixed:
             made = marginal.gram(x, columns)
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
-        used += steps
         if steps <= 1 and k > 0:
             break
-    made = marginal.gram(x, columns)
-    return MarginalFit(marginal, x, sizes, made, made.value(sizes), used, converged=steps < _STEPS)
+    return MarginalFit.at(marginal, Minimum(x, sizes, at, fast, converged=steps < _STEPS), columns)
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:

@@ -54,6 +54,9 @@ def diagnose(
         bool,
         typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders: what they share."),
     ] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=64, help="Number of processes; without it, one on each core.")
+    ] = None,
     dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -63,6 +66,7 @@ def diagnose(
     """
     from ....fitters.diagnosis.diagnose import diagnose as run_diagnosis
     from ....fitters.diagnosis.inference.inflated_uncertainty import widened
+    from ....fitters.engine.on_cores import available_cores
     from ....fitters.interface import FitTask
     from ....models.effects import find_effect
     from ...files.builds.build_file import read_build
@@ -92,7 +96,7 @@ def diagnose(
     screen = console(stderr=True)
     task = FitTask(device, read_steps(recordings, accuracy))
     with screen.status("diagnosing") as status:
-        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others, learn)
+        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores())
     if unseen:
         diagnosis = widened(diagnosis)
     shown_diagnosis = diagnosis_json(diagnosis)

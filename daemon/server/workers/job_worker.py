@@ -41,6 +41,7 @@ def diagnose(
 ) -> None:
     """Diagnose a measurement; submit the diagnosis or the reason for none. Raises EffectError, DaemonError."""
     from ....fitters.diagnosis.diagnose import diagnose as run_diagnosis
+    from ....fitters.engine.on_cores import available_cores
     from ...report.json_output.experiment_json import deciding_json
     from ...report.tables.diagnosis_output import diagnosis_curves, diagnosis_json
 
@@ -50,7 +51,7 @@ def diagnose(
     key = (measurement, _ids(sweeps), DIAGNOSIS, diagnosis_version(effects, also, propose))
     try:
         task = task_of(sweeps)
-        diagnosis = run_diagnosis(task, effects)
+        diagnosis = run_diagnosis(task, effects, jobs=available_cores())
         answer = diagnosis_json(diagnosis) | deciding_json(task, diagnosis, task_of(own_sweeps), propose)
     except FitError as error:
         client.submit(*key, str(error))

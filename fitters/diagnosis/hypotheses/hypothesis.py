@@ -12,7 +12,7 @@ from ...engine.parameters.assembly import coordinates_of
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
-from ...error_model.marginal_fit import Marginal, MarginalFit, fit, plain
+from ...error_model.marginal_fit import Marginal, MarginalFit, Minimum, fit, plain
 from ..decision_rules import APPROXIMATE, COARSENED, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, slopes_by_size
@@ -104,8 +104,18 @@ def fitted(
     x = marginal.objective.coordinates.x
     if not near:
         x = plain(marginal, x)
-    found = fit(marginal, x, starts, rounds, fast=fast, tau=tau)
-    priors = SizePriors(effects, marginal.objective.coordinates.free)
+    return _weighed(effects, fit(marginal, x, starts, rounds, fast=fast, tau=tau))
+
+
+def at_minimum(
+    problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float], minimum: Minimum
+) -> Hypothesis:
+    """Return the hypothesis that `fitted` from these values found in another process."""
+    return _weighed(effects, MarginalFit.at(marginal_of(problem, effects, values), minimum))
+
+
+def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
+    priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
 

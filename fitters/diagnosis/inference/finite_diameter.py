@@ -7,6 +7,7 @@ model describes them to the noise. The whole disk is therefore fitted anew, with
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import expit
@@ -20,6 +21,7 @@ from ...disk.two_d.disk2d import FittedDisk, disk_result, fitted_disk, with_effe
 from ...disk.two_d.tensor_start import implausibility
 from ...engine.covariance import estimate
 from ...engine.objective import Objective
+from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Coordinates
 from ...interface import Curve, FitError, FitResult, FitTask
@@ -70,7 +72,9 @@ class FiniteDisk:
         return self.result.rms_log_error < _DESCRIBED
 
 
-def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None]) -> FiniteDisk | None:
+def finite(
+    task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None], jobs: int = 1
+) -> FiniteDisk | None:
     """Fit the two-dimensional disk; return it if it is more probable than the `best` one-dimensional explanation.
 
     Effects at the terminals are looked for on it as on a plate. Return None otherwise: also if there is no recording of
@@ -83,11 +87,11 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED)
+        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED, jobs=jobs)
         # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
         if _probability(task, disk_result(alone, 0.0), null, null) < NAMED:
             return None
-        whole, added = _with_terminals(alone, progress)
+        whole, added = _with_terminals(alone, progress, jobs)
         result = disk_result(whole, time.perf_counter() - began)
     except FitError:
         return None
@@ -95,7 +99,9 @@ def finite(task: FitTask, null: Refit, best: Refit, progress: Callable[[str], No
     return FiniteDisk(result, probability, added) if probability > NAMED else None
 
 
-def _with_terminals(alone: FittedDisk, progress: Callable[[str], None]) -> tuple[FittedDisk, tuple[BesideTheRim, ...]]:
+def _with_terminals(
+    alone: FittedDisk, progress: Callable[[str], None], jobs: int
+) -> tuple[FittedDisk, tuple[BesideTheRim, ...]]:
     """Return the disk with the effects at its terminals that its recordings show, largest gain first."""
     nominal = stack_of(alone.disk.build, alone.disk.build.step(alone.disk.step))
     steps = (alone.disk.step,)
@@ -107,46 +113,52 @@ def _with_terminals(alone: FittedDisk, progress: Callable[[str], None]) -> tuple
     ]
     best, taken, found = alone, list[Candidate](), list[BesideTheRim]()
     for _ in range(_TERMINALS):
-        trials: list[tuple[float, FittedDisk, Candidate]] = []
-        for one in left:
-            progress(f"trying {one.effect.name} beside the finite diameter")
-            made = _beside(best, [*taken, one])
-            if made is not None:
-                trials.append((_log_odds(best, made, one), made, one))
+        progress(f"trying {len(left)} effects beside the finite diameter")
+        ends = on_cores([partial(_beside, best, taken, one, z) for one in left for z in _STARTS], jobs)
+        trials: list[tuple[float, dict[str, float], Candidate]] = []
+        for k, one in enumerate(left):
+            own = [end for end in ends[k * len(_STARTS) : (k + 1) * len(_STARTS)] if end is not None]
+            if own:
+                chi2, values = min(own, key=lambda end: end[0])
+                trials.append((_log_odds(best, chi2, one), values, one))
         if not trials:
             break
         trials.sort(key=lambda trial: -trial[0])
-        odds, made, one = trials[0]
+        odds, values, one = trials[0]
         others = float(np.sum(np.exp(np.array([trial[0] for trial in trials]) - odds)))
         probability = float(expit(odds)) / others
         if probability < NAMED:
             break
+        made = _fitted(best, [*taken, one], values)
         found.append(BesideTheRim(one, probability, _effect_sizes(made, one), _chi2_alone(best)))
         best, left = made, [other for other in left if other is not one]
         taken.append(one)
     return best, tuple(found)
 
 
-def _beside(alone: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk | None:
-    """Return the best of the fits from a few sizes of the last effect."""
-    values, _ = alone.descent.objective.coordinates.forward(alone.descent.x)
-    known = [one for one in effects if one.parameters[0] in values]
-    new = [one for one in effects if one not in known]
-    made: list[FittedDisk] = []
-    for z in _STARTS:
-        start = {name: value for one in known for name, value in values.items() if name in one.parameters}
-        start |= {
-            name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
-            for one in new
-            for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
-        }
-        added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
-        blocks = [block for one in effects for block in one.blocks(start)]
-        try:
-            made.append(with_effects(_without(alone, known), added, blocks, start))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            continue
-    return min(made, key=_chi2_alone, default=None)
+def _beside(
+    best: FittedDisk, known: Sequence[Candidate], one: Candidate, z: float
+) -> tuple[float, dict[str, float]] | None:
+    """Return misfit and parameters of the effects when fitted with a further one, which starts `z` deviations away."""
+    values, _ = best.descent.objective.coordinates.forward(best.descent.x)
+    start = {name: values[name] for other in known for name in other.parameters}
+    start |= {
+        name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
+        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
+    }
+    try:
+        made = _fitted(best, [*known, one], start)
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    values, _ = made.descent.objective.coordinates.forward(made.descent.x)
+    return _chi2_alone(made), {name: values[name] for name in start}
+
+
+def _fitted(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
+    """Return the disk fitted with these effects; it may have some of them already."""
+    added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
+    blocks = [block for one in effects for block in one.blocks(start)]
+    return with_effects(_without(best, effects[:-1]), added, blocks, start)
 
 
 def _without(found: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk:
@@ -179,10 +191,10 @@ def _chi2_alone(found: FittedDisk) -> float:
     return max(1.0, float(np.mean(np.concatenate(squares))))
 
 
-def _log_odds(before: FittedDisk, after: FittedDisk, one: Candidate) -> float:
-    """Return ln odds of an effect beside the rim, by the rule of `_probability`."""
-    points = sum(recording.sweep.frequency.size for recording in after.descent.objective.recordings)
-    was, left = _chi2_alone(before), _chi2_alone(after)
+def _log_odds(before: FittedDisk, left: float, one: Candidate) -> float:
+    """Return ln odds of an effect beside the rim that leaves this misfit, by the rule of `_probability`."""
+    points = sum(recording.sweep.frequency.size for recording in before.descent.objective.recordings)
+    was = _chi2_alone(before)
     gain = points * float(np.log(was / left)) - len(one.parameters) / 2 * float(np.log(2 * points))
     return gain / _coarseness(points * float(np.log(left))) + float(np.log(ODDS * one.effect.odds))
 

@@ -1,7 +1,8 @@
 """The place of the missing physics: where a smooth correction explains most, by evidence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from ....models.effects import Device
 from ....models.effects.learned.corrections import Place, places
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
+from ...engine.on_cores import on_cores
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
-from ...error_model.marginal_fit import ORDER
+from ...error_model.marginal_fit import ORDER, Minimum
 from ...error_model.uncertainty_sources import spread_of
-from ..hypotheses.hypothesis import Hypothesis, fitted, marginal_of
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
 from ..hypotheses.problem import Candidate, Problem
 
 PLACES = 4
@@ -47,26 +49,25 @@ class PlacedCorrection:
 
 
 def placed_corrections(
-    problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None
+    problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None, jobs: int = 1
 ) -> tuple[PlacedCorrection, ...]:
     """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
 
     No other smooth error of the model is allowed with it: the question is which single place explains the residual.
+    `jobs`: number of processes.
     """
     try:
         alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
-    screened = [
-        (trial, place, steps)
-        for place, steps in _places(problem).items()
-        if (trial := _screened(problem, parent, place, steps)) is not None
-    ]
+    everywhere = list(_places(problem).items())
+    progress(f"trying a correction of each of {len(everywhere)} places")
+    trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
+    screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
     screened.sort(key=lambda trial: -trial[0].log_evidence)
+    fits = _fitted(problem, parent, [trial for trial, *_ in screened[:PLACES]], jobs)
     found: list[tuple[Place, tuple[str, ...], Hypothesis]] = []
-    for trial, place, steps in screened[:PLACES]:
-        progress(f"trying a correction of {place.says}")
-        made = _fitted(problem, parent, trial)
+    for made, (_, place, steps) in zip(fits, screened, strict=False):
         if made is not None and not _same(made, found):
             found.append((place, steps, made))
     if not found:
@@ -123,6 +124,16 @@ class _Trial:
     """Start of a fit."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Start of a fit."""
+
+    effects: tuple[Candidate, ...]
+    values: Mapping[str, float]
+    sizes: ErrorSizes
+    near: bool
+
+
 def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
     """Return the best size of a correction to first order."""
     stack = stack_of(problem.recordings[-1].model)
@@ -138,17 +149,34 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
     return max(trials, key=lambda trial: trial.log_evidence, default=None)
 
 
-def _fitted(problem: Problem, parent: Hypothesis, trial: _Trial) -> Hypothesis | None:
-    made: list[Hypothesis] = []
-    effects = (*parent.effects, trial.candidate)
-    for values, near in ((dict(parent.values), False), (trial.start, True)):
+def _fitted(problem: Problem, parent: Hypothesis, trials: Sequence[_Trial], jobs: int) -> list[Hypothesis | None]:
+    """Return the best fit of each correction; None where there is none."""
+    plans = [
+        _Plan((*parent.effects, trial.candidate), values, sizes, near)
+        for trial in trials
+        for values, near in ((dict(parent.values), False), (trial.start, True))
         # one by one, because each leads to a different minimum
-        for sizes in dict.fromkeys((trial.sizes, parent.fit.sizes)):
-            try:
-                made.append(fitted(problem, effects, values, (sizes,), near=near, rounds=4, tau=False))
-            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-                continue
-    return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
+        for sizes in dict.fromkeys((trial.sizes.at("tau", 0.0), parent.fit.sizes.at("tau", 0.0)))
+    ]
+    ends = on_cores([partial(_end, problem, plan) for plan in plans], jobs)
+    best: dict[Candidate, tuple[float, Minimum, _Plan]] = {}
+    for plan, end in zip(plans, ends, strict=True):
+        own = plan.effects[-1]
+        if end is not None and (own not in best or end[0] > best[own][0]):
+            best[own] = *end, plan
+    return [
+        None if end is None else at_minimum(problem, end[2].effects, end[2].values, end[1])
+        for end in (best.get(trial.candidate) for trial in trials)
+    ]
+
+
+def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
+    """Return the ln evidence and the minimum that a fit reaches."""
+    try:
+        made = fitted(problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, tau=False)
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return made.log_evidence, made.fit.minimum
 
 
 def candidate(effect: SmoothCorrection, steps: tuple[str, ...], stack: Stack) -> Candidate:

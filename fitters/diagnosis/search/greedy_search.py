@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from ....models.base.errors import PzctlError
+from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
+from ...error_model.marginal_fit import Minimum
 from ..decision_rules import (
     FITTED_FIRST,
     FITTED_LATER,
@@ -22,13 +25,24 @@ from ..decision_rules import (
     WORTH,
 )
 from ..hypotheses.changes import change_by
-from ..hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, resembling, screened
 from .weak_lines import weak_lines
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Start of a fit with these effects."""
+
+    effects: tuple[Candidate, ...]
+    values: Mapping[str, float]
+    sizes: tuple[ErrorSizes, ...]
+    near: bool = False
+    rounds: int = 3
 
 
 @dataclass(eq=False)
@@ -38,6 +52,8 @@ class GreedySearch:
     problem: Problem
     candidates: tuple[Candidate, ...]
     progress: Callable[[str], None] = lambda _: None
+    jobs: int = 1
+    """Number of processes that fit hypotheses at the same time. The result does not depend on it."""
     found: dict[frozenset[Candidate], Hypothesis] = field(default_factory=dict[frozenset[Candidate], Hypothesis])
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     _likely: Candidate | None = None
@@ -86,19 +102,10 @@ class GreedySearch:
             return
         self.progress(f"accounting for {len(lines)} weak resonances")
         self.problem = replace(self.problem, lines=lines)
-        again = dict.fromkeys((self.found[frozenset()], *self.ranked[:RECHECKED]))
-        self.found = {}
-        for one in again:
-            self._refit(one)
-
-    def _refit(self, one: Hypothesis) -> None:
-        try:
-            self._take(
-                fitted(self.problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, fast=self._fast)
-            )
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            if not one.effects:
-                raise
+        null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
+        sizes = null.fit.sizes, ErrorSizes()
+        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True)}
+        self._fit([_Plan(one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True) for one in again])
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
@@ -117,8 +124,7 @@ class GreedySearch:
         left = self._beside(rest)
         own = change_by(self.problem, one, effect)
         alike = [found for found in resembling(self.problem, rest, own, left) if found.gain > RESEMBLING]
-        for found in alike[:SUBSTITUTES]:
-            self._try(rest, found.candidate, [found])
+        self._fit([plan for found in alike[:SUBSTITUTES] for plan in self._plans(rest, found.candidate, [found])])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
@@ -131,6 +137,7 @@ class GreedySearch:
 
     def relocate(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
+        plans: list[_Plan] = []
         for effect in one.effects:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
@@ -140,7 +147,8 @@ class GreedySearch:
                 if frozenset((*rest, other)) in self.found:
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
-                self._fit((*rest, other), {**one.values, **there}, (one.fit.sizes,))
+                plans.append(_Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
+        self._fit(plans)
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
@@ -163,7 +171,7 @@ class GreedySearch:
         """Fit the most promising candidates beside a hypothesis."""
         self._grown.add(parent.key)
         left = self._beside(parent)
-        lists = screened(self.problem, parent, left)
+        lists = screened(self.problem, parent, left, self.jobs)
         for promise in lists[0]:
             self.twins[promise.candidate] = promise.twins
         if not parent.effects and lists[1]:
@@ -178,38 +186,42 @@ class GreedySearch:
                     shortfall - promises[rank].gain, exact=True
                 ):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
-        for one, promises in chosen.items():
-            self.progress(f"trying {one.effect.name} at {one.where}")
-            self._try(parent, one, promises)
+        beside = ", ".join(one.effect.name for one in parent.effects)
+        self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
+        self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises)])
 
-    def _try(self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate]) -> None:
+    def _plans(self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate]) -> list[_Plan]:
         effects = (*parent.effects, one)
-        starts = (ErrorSizes(colour=parent.fit.sizes.colour), parent.fit.sizes)
-        for promise in _apart(promises):
-            self._fit(effects, {**parent.values, **promise.start}, starts, rounds=2)
+        sizes = (ErrorSizes(colour=parent.fit.sizes.colour), parent.fit.sizes)
+        return [_Plan(effects, {**parent.values, **promise.start}, sizes, rounds=2) for promise in _apart(promises)]
 
-    def _fit(
-        self,
-        effects: tuple[Candidate, ...],
-        values: Mapping[str, float],
-        starts: Sequence[ErrorSizes],
-        *,
-        near: bool = False,
-        rounds: int = 3,
-    ) -> None:
-        """Fit these effects from `values`, and keep the hypothesis unless one of the same effects is better.
+    def _fit(self, plans: Sequence[_Plan]) -> None:
+        """Fit all these, and keep each hypothesis unless one of the same effects is better."""
+        if self.jobs == 1:
+            made = [self._fitted(plan) for plan in plans]
+        else:
+            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
+            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
+        for one in made:
+            if one is not None:
+                self._take(one)
 
-        What cannot be computed there, physics or covariance, is none.
-        """
-        null = self.found[frozenset()]
+    def _minimum(self, plan: _Plan) -> Minimum | None:
+        made = self._fitted(plan)
+        return None if made is None else made.fit.minimum
+
+    def _at(self, plan: _Plan, minimum: Minimum | None) -> Hypothesis | None:
+        return None if minimum is None else at_minimum(self.problem, plan.effects, plan.values, minimum)
+
+    def _fitted(self, plan: _Plan) -> Hypothesis | None:
+        """Return the fit; None if it cannot be computed, physics or covariance."""
+        sizes = (*plan.sizes, self.found[frozenset()].fit.sizes)
         try:
-            self._take(
-                fitted(
-                    self.problem, effects, values, (*starts, null.fit.sizes), near=near, rounds=rounds, fast=self._fast
-                )
+            return fitted(
+                self.problem, plan.effects, plan.values, sizes, near=plan.near, rounds=plan.rounds, fast=self._fast
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            return
+            return None
 
     def _take(self, made: Hypothesis) -> None:
         if np.isfinite(made.log_weight):
@@ -231,10 +243,8 @@ class GreedySearch:
             again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
             if not again:
                 break
-            for one in again:
-                self._fine.add(one.key)
-                start = (one.fit.sizes,) if one.fit.converged else (ErrorSizes(colour=one.fit.sizes.colour),)
-                self._fit(one.effects, one.values, start, near=True, rounds=4)
+            self._fine.update(one.key for one in again)
+            self._fit([_Plan(one.effects, one.values, _restart(one), near=True, rounds=4) for one in again])
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""
@@ -249,9 +259,8 @@ class GreedySearch:
 
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""
-        for effect in one.effects:
-            rest = tuple(other for other in one.effects if other is not effect)
-            self._fit(rest, one.values, (one.fit.sizes,), near=True)
+        rests = [tuple(other for other in one.effects if other is not effect) for effect in one.effects]
+        self._fit([_Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in rests])
         self.polish()
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
@@ -264,6 +273,11 @@ class GreedySearch:
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:
+    """Return the sizes of errors from which a fit is continued: other ones if it has not converged with its own."""
+    return (one.fit.sizes,) if one.fit.converged else (ErrorSizes(colour=one.fit.sizes.colour),)
 
 
 def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Reals
 from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
+from ...engine.on_cores import on_cores
 from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns
 from ...error_model.error_sizes import USUAL, ErrorSizes
@@ -41,14 +43,15 @@ class ScreenedCandidate:
 
 
 def screened(
-    problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate]
+    problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int = 1
 ) -> tuple[list[ScreenedCandidate], ...]:
     """Return three lists of candidates beside a hypothesis, largest gain first.
 
     The lists differ in how they treat the residual: as noise, as errors of a good device and instrument, or as the
-    hypothesis's own errors.
+    hypothesis's own errors. `jobs`: number of processes.
     """
-    trials = [(one, values, change) for one in candidates for values, change in _changes(problem, parent, one)]
+    changed = on_cores([partial(_changes, problem, parent, one) for one in candidates], jobs)
+    trials = [(one, *change) for one, own in zip(candidates, changed, strict=True) for change in own]
     if not trials:
         return [], [], []
     changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]

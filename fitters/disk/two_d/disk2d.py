@@ -106,14 +106,15 @@ def fitted_disk(
     rounds: int = _ROUNDS,
     progress: Callable[[str], None] = lambda _: None,
     enough: float = 0.0,
+    jobs: int = 1,
 ) -> FittedDisk:
-    """Fit the disk; parameters and errors raised as for `finite_disk`."""
+    """Fit the disk; parameters and errors raised as for `finite_disk`. `jobs`: number of processes."""
     disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
     electrode, disk = _electrode(disk), _within_reach(disk)
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
-    descent, error = _descend(disk, full, model, task.free, rounds, enough)
+    descent, error = _descend(disk, full, model, task.free, rounds, enough, jobs)
     return FittedDisk(disk, model, descent, error, electrode)
 
 
@@ -264,12 +265,18 @@ def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple
 
 
 def _descend(
-    disk: BareDisk, full: FullDisk, model: Disk2D, free: tuple[str, ...] | None, rounds: int, enough: float
+    disk: BareDisk,
+    full: FullDisk,
+    model: Disk2D,
+    free: tuple[str, ...] | None,
+    rounds: int,
+    enough: float,
+    jobs: int,
 ) -> tuple[Descent, float]:
     """Return the deepest minimum, and the estimated error of the reduced model there."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
-    x, evaluations = searched(disk, model, recordings, coordinates, priors, enough)
+    x, evaluations = searched(disk, model, recordings, coordinates, priors, enough, jobs)
     error, before, settled = math.inf, math.inf, False
     for _ in range(rounds):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))

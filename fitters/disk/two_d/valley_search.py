@@ -1,7 +1,8 @@
 """Search for the right valley: from every ceramic of the library to a start for the final descent."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -10,6 +11,7 @@ from ....models.base.arrays import Reals
 from ....models.disk2d.disk_model import Disk2D
 from ...engine.descent import descend
 from ...engine.objective import Objective
+from ...engine.on_cores import on_cores
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 from ..bare_disk import BareDisk
@@ -33,8 +35,9 @@ def searched(
     coordinates: Coordinates,
     priors: Sequence[Known],
     enough: float = 0.0,
+    jobs: int = 1,
 ) -> tuple[Reals, int]:
-    """Return the bottom of the deepest valley, and the number of evaluations.
+    """Return the bottom of the deepest valley, and the number of evaluations; `jobs`: number of processes.
 
     Misfit is counted as noise, less and less of it: the more, the wider the valleys. If the most promising places alone
     lead below `enough`, rms of ln Z, no others are followed.
@@ -44,12 +47,12 @@ def searched(
     coarse = [replace(_thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
     if enough > 0:
-        x, more = _followed(coarse, coordinates, priors, places, _HURRIED)
+        x, more = _followed(coarse, coordinates, priors, places, _HURRIED, jobs)
         ratios = Objective(coarse, coordinates, ()).log_ratios(x)
         evaluations += more
         if max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios) < enough:
             return x, evaluations
-    x, more = _followed(coarse, coordinates, priors, places, _SEARCH)
+    x, more = _followed(coarse, coordinates, priors, places, _SEARCH, jobs)
     return x, evaluations + more
 
 
@@ -59,19 +62,34 @@ def _followed(
     priors: Sequence[Known],
     places: list[Reals],
     search: Sequence[tuple[float, int, int]],
+    jobs: int,
 ) -> tuple[Reals, int]:
     evaluations = 0
     for misfit, count, most in search:
         objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)
-        tried = [descend(objective, x, _ROUGH, most) for x in places[:count]]
-        evaluations += sum(descent.evaluations for descent in tried)
-        tried.sort(key=lambda descent: descent.cost)
+        tried = on_cores([partial(_bottom, objective, x, most) for x in places[:count]], jobs)
+        evaluations += sum(bottom.evaluations for bottom in tried)
+        tried.sort(key=lambda bottom: bottom.cost)
         places = []
-        for descent in tried:
-            near = any(np.abs(descent.x - x).max() < _SAME for x in places)
-            if descent.cost < _FAR * tried[0].cost and not near:
-                places.append(descent.x)
+        for bottom in tried:
+            near = any(np.abs(bottom.x - x).max() < _SAME for x in places)
+            if bottom.cost < _FAR * tried[0].cost and not near:
+                places.append(bottom.x)
     return places[0], evaluations
+
+
+@dataclass(frozen=True, eq=False)
+class _Bottom:
+    """End of a descent."""
+
+    x: Reals
+    cost: float
+    evaluations: int
+
+
+def _bottom(objective: Objective, x: Reals, most: int) -> _Bottom:
+    end = descend(objective, x, _ROUGH, most)
+    return _Bottom(end.x, end.cost, end.evaluations)
 
 
 def _thinned(recording: Recording) -> Recording:

@@ -152,6 +152,12 @@ def test_a_partial_explanation_is_not_certain(cases: Path) -> None:
     assert named.probability < 0.995, "evidence of hundreds of nats, had the taper not spoilt it"
 
 
+def test_the_result_does_not_depend_on_the_number_of_processes(cases: Path) -> None:
+    alone, _ = diagnosed(cases, "lead-and-taper")
+    shared = diagnose(given(cases, "lead-and-taper")[0], jobs=3)
+    assert (shared.verdict, shared.findings) == (alone.verdict, alone.findings)
+
+
 def bare_disk(cases: Path) -> tuple[Sweep, Reals, Complexes]:
     """Return the recording of a disk without hidden effects, its frequencies, and its admittance."""
     sweep = read_recording(cases / "null" / "disk.csv")
