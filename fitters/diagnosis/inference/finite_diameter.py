@@ -4,6 +4,7 @@ Radial overtones and the edge mode are no small addition to the thickness mode, 
 model describes them to the noise. The whole disk is therefore fitted anew, with all ten constants, by `disk2d`.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -84,10 +85,13 @@ def finite(
     left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
     if left < _SHOWS:
         return None
+    # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too.
+    terminals = {effect.name for effect in outside_effects()}
+    hopeless = math.inf if any(one.effect.name in terminals for one in best.effects) else left
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED, jobs=jobs)
+        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED, hopeless=hopeless, jobs=jobs)
         # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
         if _probability(task, disk_result(alone, 0.0), null, null) < NAMED:
             return None

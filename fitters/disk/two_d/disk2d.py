@@ -106,15 +106,20 @@ def fitted_disk(
     rounds: int = _ROUNDS,
     progress: Callable[[str], None] = lambda _: None,
     enough: float = 0.0,
+    hopeless: float = math.inf,
     jobs: int = 1,
 ) -> FittedDisk:
-    """Fit the disk; parameters and errors raised as for `finite_disk`. `jobs`: number of processes."""
+    """Fit the disk; parameters and errors raised as for `finite_disk`.
+
+    `hopeless`: rms of ln Z that a description must not exceed; if the most promising places lead to no such one,
+    FitError is raised. `jobs`: number of processes.
+    """
     disk = bare_disk(task, Disk2DFitter.name, round_one=True, frees=True)
     electrode, disk = _electrode(disk), _within_reach(disk)
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
     progress(f"fitting {disk.step}")
     model = _model(disk, reduced)
-    descent, error = _descend(disk, full, model, task.free, rounds, enough, jobs)
+    descent, error = _descend(disk, full, model, task.free, rounds, (enough, hopeless), jobs)
     return FittedDisk(disk, model, descent, error, electrode)
 
 
@@ -270,13 +275,13 @@ def _descend(
     model: Disk2D,
     free: tuple[str, ...] | None,
     rounds: int,
-    enough: float,
+    limits: tuple[float, float],
     jobs: int,
 ) -> tuple[Descent, float]:
-    """Return the deepest minimum, and the estimated error of the reduced model there."""
+    """Return the deepest minimum, and the estimated error of the reduced model there; `limits`: enough and hopeless."""
     coordinates, recordings = _parts(disk, model, free)
     priors = tensor_priors(disk)
-    x, evaluations = searched(disk, model, recordings, coordinates, priors, enough, jobs)
+    x, evaluations = searched(disk, model, recordings, coordinates, priors, *limits, jobs)
     error, before, settled = math.inf, math.inf, False
     for _ in range(rounds):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))

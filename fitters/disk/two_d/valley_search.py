@@ -1,5 +1,6 @@
 """Search for the right valley: from every ceramic of the library to a start for the final descent."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,6 +15,7 @@ from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
+from ...interface import FitError
 from ..bare_disk import BareDisk
 from .tensor_start import matched
 
@@ -35,12 +37,13 @@ def searched(
     coordinates: Coordinates,
     priors: Sequence[Known],
     enough: float = 0.0,
+    hopeless: float = math.inf,
     jobs: int = 1,
 ) -> tuple[Reals, int]:
     """Return the bottom of the deepest valley, and the number of evaluations; `jobs`: number of processes.
 
     Misfit is counted as noise, less and less of it: the more, the wider the valleys. If the most promising places alone
-    lead below `enough`, rms of ln Z, no others are followed.
+    lead below `enough`, rms of ln Z, no others are followed; if they leave more than `hopeless`, FitError is raised.
     """
     model = replace(model, rough=True)
     places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
@@ -49,8 +52,11 @@ def searched(
     if enough > 0:
         x, more = _followed(coarse, coordinates, priors, places, _HURRIED, jobs)
         ratios = Objective(coarse, coordinates, ()).log_ratios(x)
+        left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
         evaluations += more
-        if max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios) < enough:
+        if left > hopeless:
+            raise FitError(f"a disk of finite diameter leaves {left:.2g} of ln Z, more than {hopeless:.2g}")
+        if left < enough:
             return x, evaluations
     x, more = _followed(coarse, coordinates, priors, places, _SEARCH, jobs)
     return x, evaluations + more
