@@ -16,6 +16,7 @@ from scipy.special import expit
 from ....models.base.errors import PzctlError
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.effects import Added, find_effect, outside_effects
+from ....models.effects.base.effect import TERMINALS
 from ....models.effects.base.terminal_effects import TerminalEffects
 from ...disk.bare_disk import bare_disk
 from ...disk.two_d.disk2d import FittedDisk, disk_result, fitted_disk, with_effects
@@ -82,18 +83,17 @@ def finite(
     a round bare disk, if the disk is too wide for its rim to matter, or if the best explanation leaves too little for
     lateral modes.
     """
-    left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in best.objective.log_ratios(best.descent.x))
+    left = _rms(best)
     if left < _SHOWS:
         return None
     # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too.
-    terminals = {effect.name for effect in outside_effects()}
-    hopeless = math.inf if any(one.effect.name in terminals for one in best.effects) else left
+    hopeless = math.inf if any(one.where == TERMINALS for one in best.effects) else left
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
         alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED, hopeless=hopeless, jobs=jobs)
         # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
-        if _probability(task, disk_result(alone, 0.0), null, null) < NAMED:
+        if disk_result(alone, 0.0).rms_log_error > _rms(null):
             return None
         whole, added = _with_terminals(alone, progress, jobs)
         result = disk_result(whole, time.perf_counter() - began)
@@ -101,6 +101,11 @@ def finite(
         return None
     probability = _probability(task, result, null, best)
     return FiniteDisk(result, probability, added) if probability > NAMED else None
+
+
+def _rms(one: Refit) -> float:
+    """Return the largest rms of ln(Z_model/Z) of a recording."""
+    return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in one.objective.log_ratios(one.descent.x))
 
 
 def _with_terminals(
@@ -200,12 +205,16 @@ def _log_odds(before: FittedDisk, left: float, one: Candidate) -> float:
     points = sum(recording.sweep.frequency.size for recording in before.descent.objective.recordings)
     was = _chi2_alone(before)
     gain = points * float(np.log(was / left)) - len(one.parameters) / 2 * float(np.log(2 * points))
-    return gain / _coarseness(points * float(np.log(left))) + float(np.log(ODDS * one.effect.odds))
+    return gain / _coarseness(points, left) + float(np.log(ODDS * one.effect.odds))
 
 
-def _coarseness(short: float) -> float:
-    """Return how much ln evidence counts as one nat if this much is missing."""
-    return 1 + COARSENED_RIM * max(0.0, short)
+def _coarseness(points: int, left: float, accuracy: float = 1.0) -> float:
+    """Return how much ln evidence counts as one nat if the better explanation leaves this misfit.
+
+    What it leaves within the `accuracy` of its model is not missing, however small the noise; both are in units of the
+    variance of the noise.
+    """
+    return 1 + COARSENED_RIM * max(0.0, points * float(np.log(left / max(1.0, accuracy))))
 
 
 def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
@@ -237,7 +246,8 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     layer = disk.layer.name
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
-    log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
+    accuracy = result.chi2_per_dof * (_DESCRIBED / result.rms_log_error) ** 2
+    log_odds = gain / _coarseness(points, min(chi2, *plates), accuracy) - against
     return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
