@@ -9,6 +9,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .daemon.client.async_client import connect_async as connect_async
     from .daemon.client.client import connect as connect
+    from .daemon.files.builds.build_file import read_build as read_build
+    from .daemon.report.analysis import compare as compare
+    from .daemon.report.analysis import diagnose as diagnose
+    from .daemon.report.analysis import fit as fit
+    from .daemon.report.analysis import model as model
+    from .daemon.report.analysis import read as read
     from .daemon.samples.constant_table import constants as constants
     from .daemon.samples.sweep_table import sweeps as sweeps
     from .models.build import Build as Build
@@ -21,12 +27,33 @@ _HOME = {
     "Segment": ".models.sweep_plan",
     "Sweep": ".models.sweep",
     "SweepPlan": ".models.sweep_plan",
+    "compare": ".daemon.report.analysis",
     "connect": ".daemon.client.client",
     "connect_async": ".daemon.client.async_client",
     "constants": ".daemon.samples.constant_table",
+    "diagnose": ".daemon.report.analysis",
+    "fit": ".daemon.report.analysis",
+    "model": ".daemon.report.analysis",
+    "read": ".daemon.report.analysis",
+    "read_build": ".daemon.files.builds.build_file",
     "sweeps": ".daemon.samples.sweep_table",
 }
-__all__ = ["Build", "Segment", "Sweep", "SweepPlan", "connect", "connect_async", "constants", "sweeps"]
+__all__ = [
+    "Build",
+    "Segment",
+    "Sweep",
+    "SweepPlan",
+    "compare",
+    "connect",
+    "connect_async",
+    "constants",
+    "diagnose",
+    "fit",
+    "model",
+    "read",
+    "read_build",
+    "sweeps",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,7 +18,12 @@ _FITTED: dict[str, Any] = {"color": "tab:red", "linewidth": 0.9, "label": "fitte
 
 
 def fit_picture(result: FitResult, path: Path) -> Path:
-    """Draw |Z|, phase, G, B and residual, with one column per sweep, and return the path. Raises PictureError."""
+    """Draw `fit_figure` and return the path. Raises PictureError."""
+    return save_picture(fit_figure(result), path, dpi=110)
+
+
+def fit_figure(result: FitResult) -> Any:
+    """Return a figure of |Z|, phase, G, B and residual, with one column per sweep."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -41,7 +46,7 @@ def fit_picture(result: FitResult, path: Path) -> Path:
         f"{as_label(result.build)} by {as_label(result.fitter)}: chi2/dof {result.chi2_per_dof:.3g}, "
         f"RMS log error {result.rms_log_error:.2g}"
     )
-    return save_picture(figure, path, dpi=110)
+    return figure
 
 
 def _column(axes: Any, curve: Curve, noise: float) -> None:

@@ -1,0 +1,67 @@
+"""Analyses in Python: the guide works as written, results are those of the commands, and errors are one sentence."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pzctl
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD
+from pzctl.drivers.recordings.write import write_csv
+from pzctl.fitters.interface import TaskError
+
+GUIDE = Path(__file__).parents[3] / "docs" / "python.md"
+LEAD = 2e-8
+
+
+@pytest.fixture(scope="module")
+def guide(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The names that the guide's code defines, in a folder with a disk's recordings without and with a longer lead."""
+    folder = tmp_path_factory.mktemp("guide")
+    (folder / "build.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8"), encoding="utf-8")
+    f = np.linspace(1e6, 8e6, 201)
+    rng = np.random.default_rng(5)
+    Z = pzctl.model(folder / "build.toml", "disk").impedance(f)
+    for name, seen in (("disk", Z), ("after", Z + 2j * np.pi * f * LEAD)):
+        noise = 3e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+        write_csv(pzctl.Sweep(f, seen * np.exp(noise)), folder / f"{name}.csv")
+    names: dict[str, Any] = {"folder": folder}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for block in re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL):
+            exec(block, names)  # noqa: S102
+    return names
+
+
+def test_a_fit_shows_its_table_and_its_curves(guide: dict[str, Any]) -> None:
+    found = guide["found"]
+    true = pzctl.model(guide["folder"] / "build.toml", "disk").parameters()["disk.c33D.re"]
+    assert abs(found["disk.c33D"].re - true) < 4 * found["disk.c33D"].u_re
+    assert "disk.c33D" in str(found)
+    shown = found._repr_html_()
+    assert "disk.c33D" in shown
+    assert "<svg" in shown
+    assert (guide["folder"] / "disk.png").stat().st_size > 10_000
+    with pytest.raises(KeyError, match=r"no constant 'disk\.c99'; there are disk\.c33D"):
+        found["disk.c99"]
+
+
+def test_a_diagnosis_names_the_lead_with_its_size(guide: dict[str, Any]) -> None:
+    (finding,) = guide["diagnosis"].findings
+    assert finding.effect == "lead-inductance"
+    assert finding.parameters["inductance"].value == pytest.approx(LEAD, rel=0.05)
+    assert "lead-inductance" in guide["diagnosis"]._repr_html_()
+
+
+def test_a_comparison_names_the_change(guide: dict[str, Any]) -> None:
+    assert guide["change"].verdict == "explained"
+    assert "<svg" in guide["change"]._repr_html_()
+
+
+def test_an_error_is_one_sentence(guide: dict[str, Any]) -> None:
+    with pytest.raises(TaskError, match=r"no step 'ml9'; it has disk, ml1, ml2$"):
+        pzctl.model(guide["folder"] / "build.toml", "ml9")
+    with pytest.raises(TaskError, match="no recording is given"):
+        pzctl.fit(guide["folder"] / "build.toml", {})
