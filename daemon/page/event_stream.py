@@ -23,7 +23,10 @@ AGAIN = 1.0
 
 
 class EventStream:
-    """One listener for all pages. It never delays the acquisition: the daemon drops events that are not read."""
+    """The daemon's events as they happen, as server-sent events.
+
+    One listener serves all pages. It never delays the acquisition: the daemon drops events that are not read.
+    """
 
     def __init__(self, may_hear: Callable[[Scope], bool] = lambda _: True) -> None:
         """`may_hear` is asked before each event whether an open page may still receive it."""

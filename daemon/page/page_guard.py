@@ -48,16 +48,21 @@ def user_of(scope: Scope) -> PageUser:
 
 def shown_token(request: Request) -> str:
     """Return the token in a browser's cookie or in a program's `Authorization: Bearer` header."""
+    return _bearer(request) or request.cookies.get(COOKIE, "")
+
+
+def _bearer(request: Request) -> str:
+    """Return the token in the header of a program's request, which no other site can make a browser send."""
     scheme, _, bearer = request.headers.get("authorization", "").partition(" ")
-    return bearer.strip() if scheme.lower() == "bearer" else request.cookies.get(COOKIE, "")
+    return bearer.strip() if scheme.lower() == "bearer" else ""
 
 
 class Guard:
     """Checks the access of every request.
 
     Without tokens, only requests to a loopback name of this machine pass; otherwise a request needs a token. A command
-    (POST) also needs the right to act and must come from the page itself, so that another site in the same browser
-    cannot send one.
+    (POST) also needs the right to act, and must come from the page itself or show its token in a header, so that
+    another site in the same browser cannot send one.
     """
 
     def __init__(self, app: ASGIApp, token: str | None, users: PageUsers | None) -> None:
@@ -108,8 +113,10 @@ class Guard:
         if user is None:
             return PlainTextResponse("this page needs a token: open the address that holds yours", 401)
         if request.method == "POST":
-            if urlsplit(request.headers.get("origin", "")).netloc != host:
-                return PlainTextResponse("commands are accepted from the page itself only", 403)
+            has_tokens = self._token is not None or self._users is not None
+            if urlsplit(request.headers.get("origin", "")).netloc != host and not (has_tokens and _bearer(request)):
+                says = "commands are accepted from the page itself, or with the header `Authorization: Bearer TOKEN`"
+                return JSONResponse({"error": says}, 403)
             if user.right != "act":
                 return JSONResponse({"error": f"{user.name} has the right to read only, so commands are refused"}, 403)
         return None

@@ -35,6 +35,7 @@ from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
 from .event_stream import EventStream
 from .manual_fit_pool import ManualFitPool, ManualFitRequest
+from .openapi import openapi
 from .page_client import PageClient
 from .page_comparison import ComparisonRequest, compared
 from .page_guard import Guard, shown_token, user_of
@@ -70,26 +71,48 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         manual_fits.close()
         worker.close()
 
+    def look(request: ManualFitRequest, _: PageUser) -> Response:
+        """Return the curves and the misfit of a fit by hand."""
+        return JSONResponse(manual_fits.look(request))
+
+    def fit(request: ManualFitRequest, _: PageUser) -> Response:
+        """Fit by hand: only what the request frees."""
+        return JSONResponse(manual_fits.fit(request))
+
     def keep(request: ManualFitRequest, user: PageUser) -> Response:
+        """Keep a fit by hand in the journal."""
         return JSONResponse(manual_fits.keep(_signed(request, user)))
+
+    def compare(request: ComparisonRequest, _: PageUser) -> Response:
+        """Say what changed between two sweeps of the journal."""
+        return JSONResponse(compared(worker, request))
+
+    def document(_: dict[str, str], __: PageUser) -> Response:
+        """Return this document."""
+        return JSONResponse(openapi(routes, bodies))
 
     async def index(_: Request) -> Response:
         return FileResponse(STATIC / "index.html")
 
+    commands: dict[str, tuple[type[msgspec.Struct], Callable[[Any, PageUser], Response]]] = {
+        "/api/measure": (MeasureCommand, handlers.measure),
+        "/api/diagnose": (DiagnoseCommand, handlers.diagnose),
+        "/api/cancel": (NoFields, handlers.cancel),
+        "/api/look": (ManualFitRequest, look),
+        "/api/fit": (ManualFitRequest, fit),
+        "/api/keep": (ManualFitRequest, keep),
+        "/api/compare": (ComparisonRequest, compare),
+    }
+    bodies = {path: fields for path, (fields, _) in commands.items()}
     routes = [
         Route("/", index),
+        Route("/api/openapi.json", _answering(document)),
         Route("/api/events", events, methods=["GET"]),
         Route("/metrics", _answering(handlers.metrics)),
         Route("/api/now", _answering(handlers.now)),
         Route("/api/record/{name:path}", _answering(handlers.record)),
         Route("/api/history", _answering(handlers.history)),
-        _command("/api/measure", _Measure, handlers.measure),
-        _command("/api/diagnose", _Diagnose, handlers.diagnose),
-        _command("/api/cancel", NoFields, handlers.cancel),
-        _command("/api/look", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.look(request))),
-        _command("/api/fit", ManualFitRequest, lambda request, _: JSONResponse(manual_fits.fit(request))),
-        _command("/api/keep", ManualFitRequest, keep),
-        _command("/api/compare", ComparisonRequest, lambda request, _: JSONResponse(compared(worker, request))),
+        *(_command(path, fields, work) for path, (fields, work) in commands.items()),
         Route("/download/{measurement}/{segment}.csv", _answering(handlers.download)),
         Route("/report/{name:path}", _answering(handlers.report)),
         Route("/chart/{constant}", _answering(handlers.chart)),
@@ -99,7 +122,7 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
     return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token, users=users)])
 
 
-class _Mass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class BalanceMass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A mass from the balance."""
 
     value: Annotated[float, msgspec.Meta(gt=0)]
@@ -108,17 +131,19 @@ class _Mass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Standard uncertainty of the balance, grams."""
 
 
-class _Measure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class MeasureCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A measurement of one step."""
 
     step: str
     metadata: dict[str, str | float] = {}
     """What to note with it: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
-    mass_g: _Mass | None = None
+    mass_g: BalanceMass | None = None
     """Mass of all layers of this step; a datum of the density."""
 
 
-class _Diagnose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DiagnoseCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The diagnosis of a measurement."""
+
     measurement: str
 
 
@@ -133,6 +158,7 @@ def _answering(work: Callable[[dict[str, str], PageUser], Response]) -> Callable
     async def endpoint(request: Request) -> Response:
         return await _in_thread(work, request.path_params, user_of(request.scope))
 
+    endpoint.__doc__ = work.__doc__
     return endpoint
 
 
@@ -146,6 +172,7 @@ def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]
             return JSONResponse({"error": str(error)}, error.status)
         return await _in_thread(work, body, user_of(request.scope))
 
+    endpoint.__doc__ = work.__doc__
     return Route(path, endpoint, methods=["POST"])
 
 
@@ -249,7 +276,7 @@ class _PageRequestHandlers:
             journal.close()
         return JSONResponse({"samples": [_constants(record) for record in records]})
 
-    def measure(self, command: _Measure, user: PageUser) -> Response:
+    def measure(self, command: MeasureCommand, user: PageUser) -> Response:
         """Start measuring a step; a simulated bench first glues the layer."""
         check_metadata(command.metadata, "metadata")
         mass = command.mass_g and Quantity(command.mass_g.value / 1e3, u=command.mass_g.u / 1e3, source="balance")
@@ -263,7 +290,7 @@ class _PageRequestHandlers:
                 build = noted_build(build, command.step, notes, mass, settings({}).get("readers", ()))
             return JSONResponse({"measurement": lab.begin(build, command.step)})
 
-    def diagnose(self, command: _Diagnose, user: PageUser) -> Response:
+    def diagnose(self, command: DiagnoseCommand, user: PageUser) -> Response:
         """Request the diagnosis of a measurement; the result arrives as an event."""
         with PageClient(user.name) as lab:
             lab.diagnose(command.measurement)
