@@ -14,6 +14,7 @@ import typer
 from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 from .note_options import NoteOptions
+from .repeats import Pause, duration
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,6 +45,11 @@ class Report:
 def measure(
     build: Annotated[Path | None, typer.Option(help="build.toml; without it, the thesis's transducer.")] = None,
     step: Annotated[str | None, typer.Option(help="One gluing step; without it, all of them in order.")] = None,
+    sample: Annotated[str | None, typer.Option(help="Name of the sample, if one build serves many.")] = None,
+    repeat: Annotated[int, typer.Option(min=1, max=100_000, help="Measure the step so many times.")] = 1,
+    every: Annotated[
+        str, typer.Option(metavar="TIME", help="With --repeat: from start to start, for example 30s, 10min or 2h.")
+    ] = "0s",
     fit: Annotated[bool, typer.Option("--fit", help="Fit after each step and print the constants.")] = False,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
@@ -85,16 +91,13 @@ def measure(
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
     from ...client.result_waiter import require
-    from ...files.builds.build_file import THESIS_BUILD, read_build
-    from ...files.builds.limits_table import with_limits
     from ...report.terminal import console
 
     notes = NoteOptions(operator, temperature, mass, batch, barcode, note or ())
     notes.check(step)  # before anything is started
-    device = with_limits(read_build(build or THESIS_BUILD), limits)
-    names = [gluing_step.name for gluing_step in device.steps]
-    if step is not None and step not in names:
-        raise UsageError(f"--step {step}: build {device.name!r} has the steps {', '.join(names)}")
+    device = _device(build, limits, sample)
+    names = _steps(device, step, repeat)
+    pause = Pause(duration(every, "--every"))
     wanted = tuple(fitter or (["mason"] if fit else []))
     screen = console(stderr=as_json)
     report = Report(device.name)
@@ -103,11 +106,13 @@ def measure(
         for name in wanted:
             require(name, fitters)  # before anything is swept
         diagnoser = _diagnoser(lab, device, screen, yes) if diagnose else None
-        for name in [step] if step else names:
+        for name in names:
             _prepare(lab, name, simulated, screen)
-            _one_step(lab, notes.noted(device, name), name, wanted, screen, report, adaptive)
-            if diagnoser is not None:
-                report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
+            for k in range(repeat):
+                pause.wait(screen, f"{name}: {k} of {repeat} measured")
+                _one_step(lab, notes.noted(device, name), name, wanted, screen, report, adaptive)
+                if diagnoser is not None:
+                    report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:
             report.diagnoses += _in_the_background(lab, report, screen)
         if simulated:
@@ -116,6 +121,34 @@ def measure(
             _against_truth(report.truth, report.fits[-1], screen)
     if as_json:
         print(json.dumps(asdict(report)))
+    _exit_by_verdict(report)
+
+
+def _device(build: Path | None, limits: Path | None, sample: str | None) -> "Build":
+    """Return the build, under the name of the sample. Raises BuildError."""
+    from ...files.builds.build_check import check_build_name
+    from ...files.builds.build_file import THESIS_BUILD, read_build
+    from ...files.builds.limits_table import with_limits
+
+    device = with_limits(read_build(build or THESIS_BUILD), limits)
+    if sample is None:
+        return device
+    check_build_name(sample, "--sample")
+    return replace(device, name=sample)
+
+
+def _steps(device: "Build", step: str | None, repeat: int) -> list[str]:
+    """Return the steps to measure. Raises UsageError."""
+    names = [gluing_step.name for gluing_step in device.steps]
+    if step is not None and step not in names:
+        raise UsageError(f"--step {step}: build {device.name!r} has the steps {', '.join(names)}")
+    if repeat > 1 and step is None and len(names) > 1:
+        raise UsageError(f"--repeat {repeat} needs --step; build {device.name!r} has the steps {', '.join(names)}")
+    return [step] if step else names
+
+
+def _exit_by_verdict(report: Report) -> None:
+    """End with the status of the worst verdict, if the build has limits."""
     verdicts = [fit["verdict"]["verdict"] for fit in report.fits if "verdict" in fit]
     if verdicts:
         from ....fitters.population.conformity import worst

@@ -1,0 +1,40 @@
+"""`pzctl measure --sample --repeat --every`: one build for many samples, and series that run by themselves."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PZCTL = Path(sys.executable).with_name("pzctl")
+
+
+def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, "PZCTL_HOME": str(home)}
+    return subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False, cwd=home)
+
+
+def test_a_series_under_the_name_of_a_sample(tmp_path: Path) -> None:
+    words = ("--step", "disk", "--sample", "X7", "--repeat", "3", "--every", "0.5s", "--time-scale", "0", "--json")
+    done = pzctl(tmp_path, "measure", *words)
+    assert done.returncode == 0, done.stderr
+    ids = [one["id"] for one in json.loads(done.stdout)["measurements"]]
+    assert len(set(ids)) == 3
+    (sample,) = json.loads(pzctl(tmp_path, "samples", "--json").stdout)["samples"]
+    assert sample["name"] == "X7"
+    assert [one["id"] for one in sample["measurements"]] == ids
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--repeat", "3"], "--repeat 3 needs --step; build 'thesis' has the steps disk, ml1, ml2"),
+        (["--step", "disk", "--every", "soon"], "--every 'soon': a number with s, min or h is needed"),
+        (["--sample", "../x"], "--sample is '../x'; allowed are letters"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(tmp_path: Path, words: list[str], says: str) -> None:
+    done = pzctl(tmp_path, "measure", *words)
+    assert (done.returncode, says in done.stderr, len(done.stderr.splitlines())) == (2, True, 1)
