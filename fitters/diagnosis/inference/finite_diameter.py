@@ -205,16 +205,12 @@ def _log_odds(before: FittedDisk, left: float, one: Candidate) -> float:
     points = sum(recording.sweep.frequency.size for recording in before.descent.objective.recordings)
     was = _chi2_alone(before)
     gain = points * float(np.log(was / left)) - len(one.parameters) / 2 * float(np.log(2 * points))
-    return gain / _coarseness(points, left) + float(np.log(ODDS * one.effect.odds))
+    return gain / _coarseness(points * float(np.log(left))) + float(np.log(ODDS * one.effect.odds))
 
 
-def _coarseness(points: int, left: float, accuracy: float = 1.0) -> float:
-    """Return how much ln evidence counts as one nat if the better explanation leaves this misfit.
-
-    What it leaves within the `accuracy` of its model is not missing, however small the noise; both are in units of the
-    variance of the noise.
-    """
-    return 1 + COARSENED_RIM * max(0.0, points * float(np.log(left / max(1.0, accuracy))))
+def _coarseness(short: float) -> float:
+    """Return how much ln evidence counts as one nat if this much is missing."""
+    return 1 + COARSENED_RIM * max(0.0, short)
 
 
 def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
@@ -246,8 +242,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     layer = disk.layer.name
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
-    accuracy = result.chi2_per_dof * (_DESCRIBED / result.rms_log_error) ** 2
-    log_odds = gain / _coarseness(points, min(chi2, *plates), accuracy) - against
+    log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
     return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
