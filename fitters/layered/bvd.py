@@ -1,14 +1,17 @@
 """Fitter `bvd`: an equivalent circuit for devices of unknown structure.
 
-Butterworth-Van Dyke: C0 with a loss tangent, in parallel with one R-L-C branch (IEEE Std 177-1966).
+Butterworth-Van Dyke: C0 with a loss tangent, in parallel with one R-L-C branch for each resonance (IEEE Std 177-1966),
+as many as the recording has evidence for.
 """
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ...models.base.arrays import Reals
+from ...models.base.errors import PzctlError
 from ...models.circuits.lumped import Branch, Lumped
 from ...models.sweep import Sweep
 from ..engine.covariance import estimate
@@ -20,8 +23,14 @@ from ..engine.start import resonance_pairs
 from ..interface import Constant, FitError, FitResult, FitTask, TaskError
 from ..uncertainty.fit_result import curves_of
 
-_UNITS = {"C0": "F", "C0.tan_delta": "1", "branch1.R": "ohm", "branch1.L": "H", "branch1.C": "F"}
+_UNITS = {"C0": "F", "C0.tan_delta": "1", "R": "ohm", "L": "H", "C": "F"}
 _PAIRS = 6
+_MOST = 12
+"""Budget: number of branches."""
+_TRIED = 2
+"""Budget: number of places at which a further branch is tried."""
+_QUALITIES = 3.0, 1e5
+"""Range of the quality factors of a further branch: a line that is broader belongs to the background."""
 
 
 def _starts(sweep: Sweep) -> list[Lumped]:
@@ -46,7 +55,8 @@ def _starts(sweep: Sweep) -> list[Lumped]:
 
 
 def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
-    blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), resonant_branch("branch1"))
+    branches = (resonant_branch(f"branch{k}") for k in range(1, len(start.branches) + 1))
+    blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), *branches)
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)
     recording = Recording("", sweep, start, noise)
@@ -54,15 +64,96 @@ def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
     return settle([cautious], coordinates, (), coordinates.x)
 
 
+def _circuit(descent: Descent) -> Lumped:
+    """Return the fitted circuit."""
+    values, _ = descent.objective.coordinates.forward(descent.x)
+    count = sum(name.endswith(".L") and name.startswith("branch") for name in values)
+    return Lumped(1.0, (Branch(1.0, 1.0, 1.0),) * count).replace(values)
+
+
+def _price(descent: Descent, sigma: Reals) -> float:
+    """Return the Bayesian information criterion of a fit; the lower, the better. The misfit counts as noise."""
+    (ratio,) = descent.objective.log_ratios(descent.x)
+    kept = np.isfinite(sigma)
+    numbers = 2 * int(np.count_nonzero(kept))
+    chi2 = float(np.mean(np.abs(ratio[kept] / sigma[kept]) ** 2)) / 2
+    return numbers * float(np.log(max(chi2, 1.0))) + descent.x.size * float(np.log(numbers))
+
+
+def _grown(sweep: Sweep, best: Descent, sigma: Reals, progress: Callable[[str], None]) -> Descent:
+    """Add branches one by one, each where the residual has a line, while the evidence increases."""
+    price = _price(best, sigma)
+    while (count := len(_circuit(best).branches)) < _MOST:
+        progress(f"trying {count + 1} resonances")
+        circuit = _circuit(best)
+        trials = [trial for one in _further(sweep, circuit, sigma) if (trial := _with(sweep, circuit, one, sigma))]
+        now, found = min(trials, key=lambda trial: trial[0], default=(price, best))
+        if now >= price:
+            break
+        price, best = now, found
+    return best
+
+
+def _with(sweep: Sweep, circuit: Lumped, one: Branch, sigma: Reals) -> tuple[float, Descent] | None:
+    """Return price and fit with a further branch; None if a branch is no resonance, or leaves the recorded band."""
+    try:
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # of a branch that runs away
+            trial = _descend(sweep, replace(circuit, branches=(*circuit.branches, one)), sigma)
+            price, branches = _price(trial, sigma), _circuit(trial).branches
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    low, high = float(sweep.frequency[0]), float(sweep.frequency[-1])
+    shown = all(low < branch.fs < high and _QUALITIES[0] < branch.Q < _QUALITIES[1] for branch in branches)
+    return (price, trial) if shown else None
+
+
+def _further(sweep: Sweep, circuit: Lumped, sigma: Reals) -> list[Branch]:
+    """Return branches at the highest lines of conductance that a circuit leaves."""
+    f, Y = sweep.frequency, sweep.admittance
+    left = (Y - 1 / circuit.impedance(f)).real
+    significance = np.where(np.isfinite(sigma), left / (np.abs(Y) * sigma), 0.0)
+    found: list[Branch] = []
+    for _ in range(_TRIED):
+        k = int(np.argmax(significance))
+        if significance[k] <= 1:
+            break
+        low, high = k, k
+        while low > 0 and left[low - 1] > left[k] / 2:
+            low -= 1
+        while high < f.size - 1 and left[high + 1] > left[k] / 2:
+            high += 1
+        width = max(float(f[high] - f[low]), float(np.min(np.diff(f))))
+        Q = float(np.clip(f[k] / width, *_QUALITIES))
+        found.append(Branch.from_resonance(float(f[k]), Q, float(left[k] / (2 * np.pi * f[k] * Q))))
+        significance[max(0, 2 * low - high) : 2 * high - low + 1] = 0.0
+    return found
+
+
+def _strongest_first(descent: Descent) -> list[int]:
+    """Return the numbers of the branches, the one with the largest capacitance first."""
+    branches = _circuit(descent).branches
+    return sorted(range(1, len(branches) + 1), key=lambda k: -branches[k - 1].C)
+
+
+def circuit_of(result: FitResult) -> Lumped:
+    """Return the circuit that a result of this fitter describes."""
+    values = {name: constant.re for name, constant in result.constants.items()}
+    return Lumped(1.0, (Branch(1.0, 1.0, 1.0),) * sum(name.endswith(".L") for name in values)).replace(values)
+
+
 class ButterworthVanDyke:
     """An equivalent circuit for a device of unknown geometry."""
 
     name = "bvd"
-    version = "1"
-    summary = "Butterworth-Van Dyke circuit C0 || R-L-C; needs no build, for devices of unknown geometry"
+    version = "2"
+    summary = "Butterworth-Van Dyke circuit C0 || R-L-C || ...; needs no build, for devices of unknown geometry"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-        """Fit the circuit to one recording. Raises FitError for more than one, or one without a resonance pair."""
+        """Fit the circuit to one recording, with as many branches as it has evidence for.
+
+        `branch1` has the largest capacitance, and `fs`, `fp`, `Qm` and `keff` are of it; the others follow in the order
+        of theirs. Raises FitError for more than one recording, or one without a resonance pair.
+        """
         began = time.perf_counter()
         sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
         if len(sweeps) != 1:
@@ -71,13 +162,20 @@ class ButterworthVanDyke:
         noise, (sigma,) = noise_of([sweep])
         progress(f"fitting {step}")
         descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
-        best = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
+        first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
+        best = _grown(sweep, first, sigma, progress)
         coordinates = best.objective.coordinates
         result = estimate(best)
-        values, _ = coordinates.forward(best.x)
-        u = dict(zip(coordinates.parameters, np.sqrt(np.diag(result.covariance)), strict=True))
-        circuit = Lumped(1.0, (Branch(1.0, 1.0, 1.0),)).replace(values)
-        branch, ratio = circuit.branches[0], circuit.branches[0].C / circuit.C0
+        fitted, _ = coordinates.forward(best.x)
+        spread = dict(zip(coordinates.parameters, np.sqrt(np.diag(result.covariance)), strict=True))
+        names = {name: name for name in ("C0", "C0.tan_delta")}  # as shown, and as fitted
+        for shown, k in enumerate(_strongest_first(best), 1):
+            names |= {f"branch{shown}.{part}": f"branch{k}.{part}" for part in "RLC"}
+        values = {shown: fitted[own] for shown, own in names.items()}
+        u = {shown: float(spread[own]) for shown, own in names.items()}
+        circuit = _circuit(best)
+        branch = circuit.branches[_strongest_first(best)[0] - 1]
+        ratio = branch.C / circuit.C0
         return FitResult(
             build=task.build.name if task.build is not None else (sweep.id or "recording"),
             fitter=self.name,
@@ -85,7 +183,10 @@ class ButterworthVanDyke:
             steps=(step,),
             noise=noise,
             chi2_per_dof=result.chi2_per_dof,
-            constants={name: Constant(values[name], 0.0, float(u[name]), 0.0, _UNITS[name]) for name in _UNITS},
+            constants={
+                name: Constant(value, 0.0, u[name], 0.0, _UNITS[name if name in _UNITS else name.partition(".")[2]])
+                for name, value in values.items()
+            },
             derived={
                 "fs": Constant(branch.fs, 0.0, None, None, "Hz", free=False),
                 "fp": Constant(branch.fs * float(np.sqrt(1 + ratio)), 0.0, None, None, "Hz", free=False),
@@ -97,15 +198,19 @@ class ButterworthVanDyke:
             converged=best.converged,
             evaluations=sum(descent.evaluations for descent in descents),
             seconds=time.perf_counter() - began,
-            says=_says(result.chi2_per_dof, result.rms_log_error),
+            says=_says(result.chi2_per_dof, result.rms_log_error, len(circuit.branches)),
             curves=curves_of(best.objective, best.start, best.x),
         )
 
 
-def _says(chi2_per_dof: float, rms_log_error: float) -> tuple[str, ...]:
+def _says(chi2_per_dof: float, rms_log_error: float, branches: int) -> tuple[str, ...]:
     if chi2_per_dof < 1.5:
         return ()
     return (
-        f"One resonance does not describe this recording to its noise: RMS log error {rms_log_error:.2g}; "
+        f"{_counted(branches)} not describe this recording to its noise: RMS log error {rms_log_error:.2g}; "
         "the uncertainties are widened by the misfit.",
     )
+
+
+def _counted(branches: int) -> str:
+    return "One resonance does" if branches == 1 else f"{branches} resonances do"

@@ -15,19 +15,20 @@ if TYPE_CHECKING:
     from ....models.sweep import Sweep
     from ...samples.sample_record import SampleRecord
 
-FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5"}
+FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5", "spice": ".cir"}
 
 
 def export(
     sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
     to: Annotated[Path, typer.Option(help="Folder for the files; made if missing.")] = Path(),
-    form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf or hdf5.")] = "csv",
+    form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf, hdf5, or spice (a circuit).")] = "csv",
     step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write the sweeps of a sample, one file each, with settings and provenance. Needs no daemon.
 
-    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back.
+    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back. `spice` writes the equivalent
+    circuit of each sweep, fitted by `bvd`, as a subcircuit for circuit simulators.
 
     Example: pzctl export S4 --to data --format netcdf
     """
@@ -64,6 +65,7 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
         "touchstone": write_touchstone,
         "netcdf": write_netcdf,
         "hdf5": write_hdf5,
+        "spice": _write_spice,
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -78,3 +80,19 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
                 files.append(folder / f"{stem}-{k}{FORMATS[form]}")
                 writers[form](sweep, files[-1])
     return files
+
+
+def _write_spice(sweep: "Sweep", path: Path) -> None:
+    """Write the equivalent circuit of a sweep. Raises FitError, RecordingError."""
+    from ....drivers.recordings.atomic_file import write_whole
+    from ....fitters.interface import FitTask
+    from ....fitters.layered.bvd import ButterworthVanDyke, circuit_of
+    from ....models.circuits.spice import spice_subcircuit
+
+    result = ButterworthVanDyke().fit(FitTask(None, {path.stem: (sweep,)}))
+    low, high = float(sweep.frequency[0]) / 1e6, float(sweep.frequency[-1]) / 1e6
+    comments = (
+        f"{path.stem}: Butterworth-Van Dyke circuit, fitted by pzctl from {low:.4g} to {high:.4g} MHz",
+        f"relative error of Z there: {result.rms_log_error:.2g} (rms)",
+    )
+    write_whole(path, spice_subcircuit(circuit_of(result), path.stem, comments).encode())
