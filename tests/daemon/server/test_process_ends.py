@@ -123,11 +123,14 @@ def ask_instrument(port: int, query: str) -> str:
 def test_cancel_ends_the_running_measurement_and_the_next_one_begins(start_daemon, build: Build) -> None:
     start_daemon(time_scale=1.0)
     with connect() as lab, connect() as other:
-        asked = threading.Timer(0.5, other.cancel)
-        asked.start()
+        asked: list[None] = []
+
+        def cancel(_: ProgressEvent) -> None:
+            if not asked:
+                asked.append(other.cancel())
+
         with pytest.raises(DaemonError, match="cancel") as refusal:
-            lab.measure(build, "disk")
-        asked.join()
+            lab.measure(build, "disk", progress=cancel)
         assert refusal.value.code == "cancelled"
         waiting = [lab.begin(build, "disk"), lab.begin(build, "ml1")]
         lab.cancel(waiting[1])
