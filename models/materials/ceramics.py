@@ -1,9 +1,16 @@
 """Piezoelectric materials: ceramics and one polymer."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from ..build import Quantity
+from ..constants.constitutive import Law
 from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
 from ..constants.tensor import Tensor6mm
+from .composite import Polymer, composite_1_3
 from .material import Material, ceramics, from_tensor, lossless_tensor
+from .rotated_cut import longitudinal_mode
 
 _THESIS = "Ferroperm data sheet as printed by Tjelde, NTNU 2012"
 _FERROPERM = (
@@ -13,6 +20,12 @@ _FERROPERM = (
 _BERGEN = "Knappskog, master thesis, University of Bergen 2007: constants of Pz27 adjusted to measured disks"
 _KOCBACH = "Kocbach's set, PiezoAcousticFEM.jl"
 _PIC = "PI Ceramic, Piezo Material Data (table of the catalogue), scribd.com/document/413108158"
+_COMSOL = "COMSOL material library, stress-charge form, as exported in public model files"
+_NAVY = "American Piezo Ceramics, table of material properties"
+_ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, table E.1"
+_KOVACS = "Kovacs, Anhorn, Engan, Visintini, Ruppel, IEEE Ultrasonics Symposium 1990, p. 435"
+_PIEZO_FILM = "Measurement Specialties, Piezo Film Sensors Technical Manual, table 1"
+_COMPOSITE = "IEEE TUFFC 64 (2017) 1078, table I (PMC5568756)"
 _CTS = "CTS data sheet, dtsheet.com/doc/1396950"
 
 
@@ -95,6 +108,103 @@ def _catalogue(
     return ceramics(values, source)
 
 
+def _navy(
+    stiffness: tuple[float, float, float, float, float],
+    e: tuple[float, float, float],
+    eps: tuple[float, float],
+    type_and_losses: tuple[str, float, float],
+) -> dict[str, Quantity]:
+    """Return a ceramic of the library of COMSOL, with Qm and tan d of the same Navy type."""
+    navy, Q, tan = type_and_losses
+    losses = f"Qm {Q:g} and tan d {tan:g} of Navy type {navy}: {_NAVY}"
+    return from_tensor(
+        lossless_tensor(stiffness, e, eps, Q, tan), 7500 if navy == "I" else 7600, f"{_COMSOL}; {losses}"
+    )
+
+
+def _compliances(
+    s: tuple[float, float, float, float, float],
+    d: tuple[float, float, float],
+    eps_T: tuple[float, float],
+    losses: tuple[float, float],
+) -> Tensor6mm:
+    """Return a tensor from a source's s11 s12 s13 s33 s55 in pm2/N, d31 d33 d15 in pC/N, eps11T eps33T in eps0."""
+    s11, s12, s13, s33, s55 = (1e-12 * value for value in s)
+    compliance = np.diag([s11, s11, s33, s55, s55, 2 * (s11 - s12)]).astype(complex)
+    compliance[0, 1] = compliance[1, 0] = s12
+    compliance[:2, 2] = compliance[2, :2] = s13
+    charge = np.zeros((3, 6), complex)
+    charge[2, :2], charge[2, 2], charge[0, 4], charge[1, 3] = (1e-12 * value for value in (d[0], d[1], d[2], d[2]))
+    eps = (EPS0 * np.diag([eps_T[0], eps_T[0], eps_T[1]])).astype(complex)
+    real = Tensor6mm.from_law(Law("stress_E", compliance, charge, eps))
+    c = (real.c11E, real.c12E, real.c13E, real.c33E, real.c44E)
+    c11, c12, c13, c33, c44 = (value.real / 1e9 for value in c)
+    e = (real.e31.real, real.e33.real, real.e15.real)
+    return lossless_tensor((c11, c12, c13, c33, c44), e, (real.eps11S.real, real.eps33S.real), *losses)
+
+
+_PZT5H_FULL = _compliances((16.5, -4.78, -8.45, 20.7, 43.5), (-274, 593, 741), (3130, 3400), (65, 0.025))
+
+
+def _lithium_niobate(angle_deg: float) -> dict[str, Quantity]:
+    """Return a plate of LiNbO3, Y-cut rotated about X; 90 degrees is the Z-cut. Kovacs gives no losses."""
+    c = 1e9 * np.array(
+        [
+            [198.39, 54.72, 65.13, 7.88, 0, 0],
+            [54.72, 198.39, 65.13, -7.88, 0, 0],
+            [65.13, 65.13, 227.90, 0, 0, 0],
+            [7.88, -7.88, 0, 59.65, 0, 0],
+            [0, 0, 0, 0, 59.65, 7.88],
+            [0, 0, 0, 0, 7.88, 71.835],
+        ]
+    )
+    e = np.array([[0, 0, 0, 0, 3.69, -2.42], [-2.42, 2.42, 0, 3.69, 0, 0], [0.30, 0.30, 1.77, 0, 0, 0]])
+    plate = longitudinal_mode(c, e, EPS0 * np.diag([45.6, 45.6, 26.3]), angle_deg)
+    values = {"density": 4628 + 0j, "c33D": plate.c33D * (1 + 1e-3j), "h33": plate.h33}
+    values["eps33S"] = plate.eps33S * (1 - 1e-3j)
+    source = f"{_KOVACS}; Christoffel equation for this cut; Q 1000 and tan d 0.001 assumed"
+    # half the difference to the set in Auld, Acoustic Fields and Waves in Solids, 1973: c33E 245 GPa, eps33S 29
+    u = {"density": 0.01, "c33D": 0.035, "h33": 0.05, "eps33S": 0.05}
+    return {
+        name: Quantity(value.real, value.imag, u[name] * abs(value.real), 0.5 * abs(value.imag), source)
+        for name, value in values.items()
+    }
+
+
+def _piezo_film() -> dict[str, Quantity]:
+    """Return PVDF film of the maker's manual: kt 14 %, 2200 m/s in thickness, eps 12 to 13, tan d 0.02 at 1 kHz."""
+    c33D = 1780 * 2200**2 * (1 + 1j / 10)
+    eps33S = 12.5 * EPS0 * (1 - 0.14**2) * (1 - 0.02j)
+    plate = Thickness.from_coupling(c33D, -0.14, eps33S)
+    values = {"density": 1780 + 0j, "c33D": c33D, "h33": plate.h33.real + 0j, "eps33S": eps33S}
+    source = f"{_PIEZO_FILM}: kt, speed; permittivity and tan d at 1 kHz; Q 10 assumed"
+    wide = {"eps33S": (0.3, 1.0), "c33D": (0.1, 0.5), "h33": (0.2, 0.0), "density": (0.01, 0.0)}
+    return {
+        name: Quantity(value.real, value.imag, wide[name][0] * abs(value.real), wide[name][1] * abs(value.imag), source)
+        for name, value in values.items()
+    }
+
+
+def _published_composite() -> dict[str, Quantity]:
+    """Return a 1-3 composite of PZT-5H in epoxy as built: 19.8 MRayl, 3740 m/s, kt 0.65, eps33S 660."""
+    c33D, eps33S = 19.8e6 * 3740 * (1 + 1j / 30), 660 * EPS0 * (1 - 0.025j)
+    plate = Thickness.from_coupling(c33D, 0.65, eps33S)
+    values = {"density": 19.8e6 / 3740 + 0j, "c33D": c33D, "h33": plate.h33.real + 0j, "eps33S": eps33S}
+    return ceramics(values, f"{_COMPOSITE}: impedance, speed, kt, eps33S; Q 30 and tan d 0.025 assumed")
+
+
+def _mixed_composite() -> dict[str, Quantity]:
+    """Return half PZT-5H, half epoxy, by the mixing rules; the epoxy of the published composite."""
+    c11 = 3.1e6 * 2680 * (1 + 1j / 30)
+    epoxy = Polymer(c11, c11 * 0.35 / 0.65, 4 * EPS0, 3.1e6 / 2680)
+    density, plate = composite_1_3(_PZT5H_FULL, 7500, epoxy, 0.5)
+    values = {"density": density + 0j, "c33D": plate.c33D, "h33": plate.h33, "eps33S": plate.eps33S}
+    source = f"Smith and Auld, IEEE TUFFC 38 (1991) 40, from PZT-5H: {_ERTURK}, and epoxy: {_COMPOSITE}"
+    mixed = ceramics(values, f"{source}; Poisson's ratio 0.35, permittivity 4 and Q 30 of the epoxy assumed")
+    eps33S = mixed["eps33S"]  # half of the difference to the published composite, in place of a maker's tolerance
+    return {**mixed, "eps33S": replace(eps33S, u=0.2 * eps33S.re)}
+
+
 def _pvdf() -> dict[str, Quantity]:
     values: dict[str, complex] = {
         "density": 1880,
@@ -126,6 +236,49 @@ CERAMICS: tuple[Material, ...] = (
         ),
     ),
     Material("PZT-5H", "piezo", _pzt5h(), "thickness mode only"),
+    Material(
+        "PZT-5A Erturk",
+        "piezo",
+        from_tensor(
+            _compliances((16.4, -5.74, -7.22, 18.8, 47.5), (-171, 374, 584), (1730, 1700), (80, 0.02)),
+            7750,
+            f"{_ERTURK}; Qm 80 and tan d 0.02 of Navy type II: {_NAVY}",
+        ),
+        "complete set of compliances",
+    ),
+    Material(
+        "PZT-5H Erturk",
+        "piezo",
+        from_tensor(_PZT5H_FULL, 7500, f"{_ERTURK}; Qm 65 and tan d 0.025 of Navy type VI: {_NAVY}"),
+        "complete set of compliances",
+    ),
+    Material(
+        "PZT-4",
+        "piezo",
+        _navy(
+            (138.999, 77.8366, 74.2836, 115.412, 25.641),
+            (-5.20279, 15.0804, 12.7179),
+            (762.5, 663.2),
+            ("I", 500, 0.006),
+        ),
+        "hard; Navy type I",
+    ),
+    Material(
+        "PZT-8",
+        "piezo",
+        _navy(
+            (146.876, 81.087, 81.0537, 131.712, 31.348),
+            (-3.87538, 13.9108, 10.3448),
+            (904.4, 561.6),
+            ("III", 1000, 0.004),
+        ),
+        "hard; Navy type III",
+    ),
+    Material("LiNbO3 36Y", "piezo", _lithium_niobate(36), "crystal; 36 degrees rotated Y-cut, thickness mode only"),
+    Material("LiNbO3 Z", "piezo", _lithium_niobate(90), "crystal; Z-cut, thickness mode only"),
+    Material("PVDF", "piezo", _piezo_film(), "film; thickness mode only"),
+    Material("1-3 composite PZT-5H", "piezo", _published_composite(), "as published; thickness mode only"),
+    Material("1-3 composite PZT-5H 50%", "piezo", _mixed_composite(), "by mixing rules; thickness mode only"),
     Material("Sherrit radial", "piezo", _sherrit(), "radial mode only; density not printed"),
     Material("CTS 3195HD", "piezo", _catalogue(7800, 1900, 0.65, 0.48, -190, None, 80, 0.018, _CTS), "no stiffness"),
     Material("CTS 3203HD", "piezo", _catalogue(7870, 3800, 0.75, 0.55, -320, None, 30, 0.020, _CTS), "no stiffness"),

@@ -9,6 +9,18 @@ _THESIS = "Tjelde, NTNU 2012, table 4.1 (data sheet)"
 _GLUE = "Tjelde, NTNU 2012, table 4.7: rho c^2 = 6.86 GPa, Q 13; density 1150 kg/m3 assumed"
 _THURNER = "stephanthurner, public model files"
 _HANDBOOK = "handbook value"
+_E494 = "ASTM E494, tables X3.1 and X3.2"
+_METAL_Q = "Q is a lower bound"
+_CASCADED = "IEEE TUFFC 64 (2017) 1078, table I (PMC5568756)"
+
+
+def _decibels_q(dB_cm_MHz: float, speed: float) -> float:
+    """Return Q = pi f / (alpha c) of an attenuation in dB/cm/MHz."""
+    return math.pi * 1e6 / (dB_cm_MHz * 100 * math.log(10) / 20 * speed)
+
+
+def _metal(density: float, speed: float) -> dict[str, Quantity]:
+    return elastic(speed, 1000, f"{_E494}; {_METAL_Q}", density=density, u=0.02)
 
 
 def _fluid(density: float, speed: float, q: float, source: str, u: float = 0.003) -> dict[str, Quantity]:
@@ -45,6 +57,25 @@ _ELASTIC = (
         "elastic",
         elastic(1700, 10, "xMasonV2, an optimised value; Q of filled polymers", density=1800, u=0.1, u_q=1.0),
     ),
+    Material(
+        "epoxy unloaded",
+        "elastic",
+        elastic(2680, _decibels_q(0.46, 2680), f"{_CASCADED}: 3.1 MRayl, 0.46 dB/cm/MHz", z=3.1e6),
+        "a transducer epoxy as measured",
+    ),
+    Material(
+        "alumina epoxy",
+        "elastic",
+        elastic(2800, _decibels_q(5.3, 2800), f"{_CASCADED}: 25 % Al2O3, 5.6 MRayl, 5.3 dB/cm/MHz", z=5.6e6, u=0.1),
+        "matching layer, 25 % by volume",
+    ),
+    Material("alumina", "elastic", elastic(9970, 1000, f"{_E494}; {_METAL_Q}", density=3700), "extruded, sintered"),
+    Material("aluminium", "elastic", _metal(2700, 6300)),
+    Material("brass", "elastic", _metal(8100, 4370)),
+    Material("steel", "elastic", _metal(7700, 5900)),
+    Material("stainless steel", "elastic", _metal(7910, 5790), "type 347"),
+    Material("titanium", "elastic", _metal(4540, 6240)),
+    Material("tungsten", "elastic", _metal(19100, 5460)),
     Material("polyimide", "elastic", elastic(2414, 30, f"{_THURNER}; Q of polymers", density=1421), "Kapton"),
     Material("Mylar", "elastic", elastic(2540, 30, f"{_THURNER}; Q of polymers", density=1180), "as published"),
 )

@@ -18,7 +18,8 @@ from typing import cast, get_args
 from ....models.build import Quantity
 from ....models.materials import MATERIALS, Kind, Material, find
 from ..paths import home
-from .build_table import ELASTIC_KEYS, PIEZO_KEYS, BuildError, Table
+from .build_table import BuildError, Table
+from .file_keys import MATERIAL_ENTRIES, material_keys
 
 _FILE = "materials.toml"
 
@@ -32,7 +33,7 @@ def own_materials() -> tuple[Material, ...]:
 def read_materials(path: Path) -> tuple[Material, ...]:
     """Read materials from a TOML file. Raises BuildError with file, key, what was found and what is allowed."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BuildError(f"{path}: cannot be read as TOML: {error}") from None
     top = Table(data, str(path))
@@ -61,9 +62,8 @@ def _material(table: Table) -> Material:
     kind = table.string("kind")
     if kind not in get_args(Kind):
         raise table.error("kind", f"is {kind!r}; one of {', '.join(get_args(Kind))} is needed")
-    keys = PIEZO_KEYS if kind == "piezo" else ELASTIC_KEYS
-    keys = {key: what for key, what in keys.items() if what.name != "thickness"}
-    table.only(("name", "kind", "source", *keys))
+    keys = material_keys(kind)
+    table.only((*MATERIAL_ENTRIES, *keys))
     values = table.quantities(keys)
     if not values:
         raise table.missing("value", f"give at least one of {', '.join(keys)}")

@@ -61,3 +61,31 @@ def test_every_value_has_a_source_and_is_passive(material):
 def test_an_unknown_name_gets_its_neighbours():
     with pytest.raises(MaterialError, match=r"'PZ72' is not known: did you mean Pz27.*pzctl materials"):
         find("PZ72")
+
+
+# Ranges of kt and kp that makers of each Navy type print (American Piezo Ceramics, CTS)
+@pytest.mark.parametrize(
+    ("name", "kt", "kp"),
+    [
+        ("PZT-4", (0.48, 0.52), (0.58, 0.60)),
+        ("PZT-8", (0.46, 0.49), (0.50, 0.58)),
+        ("PZT-5A Erturk", (0.48, 0.51), (0.60, 0.65)),
+        ("PZT-5H Erturk", (0.50, 0.55), (0.63, 0.75)),
+    ],
+)
+def test_complete_sets_have_the_couplings_of_their_type(name, kt, kp):
+    material = find(name)
+    assert kt[0] <= thickness_of(material).kt.real <= kt[1]
+    assert kp[0] - 0.02 <= radial_of(material).kp.real <= kp[1]
+
+
+def test_a_rotated_cut_of_lithium_niobate_is_the_usual_transducer_plate():
+    plate = find("LiNbO3 36Y")
+    mode = thickness_of(plate)
+    assert mode.kt.real == pytest.approx(0.49, abs=0.015)
+    assert mode.speed(plate.values["density"].re).real == pytest.approx(7340, rel=0.01)
+
+
+def test_the_z_cut_follows_from_three_constants():
+    assert thickness_of(find("LiNbO3 Z")).c33D.real == pytest.approx(227.9e9 + 1.77**2 / (26.3 * EPS0))
+    assert thickness_of(find("LiNbO3 Z")).h33.real == pytest.approx(1.77 / (26.3 * EPS0))
