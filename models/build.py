@@ -46,6 +46,8 @@ class LayerSpec:
     material: str | None = None
     nominal: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The data sheet's values of the same names, for comparison; empty if there is no material."""
+    polarity: int = 1
+    """Of a piezo layer: +1, or -1 if it is poled against the direction back to front."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,22 @@ class LoadSpec:
     name: str
     z: Quantity
     """Rayl (Pa s/m)."""
+
+
+@dataclass(frozen=True)
+class BoltSpec:
+    """A bolt that presses layers together: a spring parallel to all that lies between two layers."""
+
+    behind: str
+    """The layer that holds its back end."""
+    before: str
+    """The layer that holds its front end."""
+    stiffness: Quantity
+    """N/m."""
+
+    def acts_in(self, layers: tuple[str, ...]) -> bool:
+        """Return whether both of its layers are among these."""
+        return self.behind in layers and self.before in layers
 
 
 @dataclass(frozen=True)
@@ -85,6 +103,8 @@ class EffectSpec:
     """What a learned law corrects: `permittivity`, `series` ..."""
     law: str = ""
     """Name of a learned law."""
+    reference: float = 0.0
+    """Frequency at which a learned law has its size, Hz; 0: the resonance of the sample's active layer."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +132,10 @@ class Build:
     """What was noted at the measurement: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
     effects: tuple[EffectSpec, ...] = ()
     """Effects that the sample is known to have."""
+    connection: Literal["series", "parallel"] = "series"
+    """Wiring of the piezo layers; without meaning if there is only one."""
+    bolt: BoltSpec | None = None
+    """Its bolt, if it has one; it acts in the steps that have both of its layers."""
 
     @property
     def data_sheet(self) -> dict[str, Quantity]:
@@ -124,11 +148,16 @@ class Build:
             for layer in self.layers
             for name, quantity in {**layer.values, **layer.nominal}.items()
         }
-        return constants | {
-            f"{one.effect}@{one.where}.{name}": quantity
-            for one in self.effects
-            for name, quantity in one.values.items()
-        }
+        bolt = {} if self.bolt is None else {"bolt.stiffness": self.bolt.stiffness}
+        return (
+            constants
+            | bolt
+            | {
+                f"{one.effect}@{one.where}.{name}": quantity
+                for one in self.effects
+                for name, quantity in one.values.items()
+            }
+        )
 
     def noted(
         self, step: str, metadata: Mapping[str, str | float] | None = None, mass: Quantity | None = None
@@ -139,6 +168,17 @@ class Build:
         if mass is not None:
             steps = tuple(replace(one, mass=mass) if one.name == step else one for one in steps)
         return replace(self, steps=steps, metadata={**self.metadata, **(metadata or {})})
+
+    @property
+    def piezos(self) -> tuple[LayerSpec, ...]:
+        """The piezo layers, back to front."""
+        return tuple(layer for layer in self.layers if layer.kind == "piezo")
+
+    def poling(self, layer: LayerSpec) -> str:
+        """Return the arrow of a layer's poling, front to the right; empty if there is only one piezo layer."""
+        if layer.kind != "piezo" or len(self.piezos) < 2:
+            return ""
+        return "\N{RIGHTWARDS ARROW}" if layer.polarity > 0 else "\N{LEFTWARDS ARROW}"
 
     def layer(self, name: str) -> LayerSpec:
         """Return the layer named `name`. Raises KeyError."""

@@ -68,7 +68,12 @@ def build_json(build: Build) -> dict[str, Any]:
         "back": build.back.name,
         "front": build.front.name,
         "layers": [
-            {"name": layer.name, "kind": layer.kind, "thickness": layer.values["thickness"].re}
+            {
+                "name": layer.name,
+                "kind": layer.kind,
+                "thickness": layer.values["thickness"].re,
+                "poling": build.poling(layer),
+            }
             for layer in build.layers
         ],
         "steps": [{"name": step.name, "layers": list(step.layers)} for step in build.steps],

@@ -15,6 +15,8 @@ from .noise import noise_of
 from .objective import Objective
 from .parameters.assembly import (
     ELASTIC_CONSTANTS,
+    PIEZO_CONSTANTS,
+    ceramic_leader,
     coordinates_of,
     layers_of,
     nominal_parameters,
@@ -119,7 +121,8 @@ class _StepwiseFit:
         """Fit one more step. Raises FitError."""
         before = [recording.step for recording in self.recordings]
         new = _new_layers(self.build, before, step)
-        starts = [self._coordinates((*before, step), start) for start in _start_values(new, here, self.values)]
+        fitted = layers_of(self.build, before)
+        starts = [self._coordinates((*before, step), start) for start in _start_values(new, fitted, here, self.values)]
         earlier = self.recordings if self.procedure == "joint" else []
         priors = self._priors(before, step)
         self.descent, tried = _best_descent(earlier, here, starts, priors)
@@ -193,15 +196,19 @@ def _new_layers(build: Build, earlier: Sequence[str], step: str) -> tuple[LayerS
 
 
 def _start_values(
-    new: Sequence[LayerSpec], recordings: Sequence[Recording], values: dict[str, float]
+    new: Sequence[LayerSpec],
+    fitted: Sequence[LayerSpec],
+    recordings: Sequence[Recording],
+    values: dict[str, float],
 ) -> list[dict[str, float]]:
-    """Return starting values for a step that adds the layers `new`.
+    """Return starting values for a step that adds the layers `new` to those that are `fitted`.
 
     A bare piezo disk starts from its own resonances. Glued layers start from their nominal values and from one and a
-    half uncertainties around them; everything else starts from the result of the earlier steps.
+    half uncertainties around them, the stiffness of a ceramic among other layers too, unless an earlier layer of the
+    same material has been fitted; everything else starts from the result of the earlier steps.
     """
-    if len(new) == 1 and new[0].kind == "piezo":
-        disk = new[0].name
+    if len(new) == 1 and new[0].kind == "piezo" and not fitted:
+        disk = ceramic_leader(new[0]) or new[0].name
         widest = max((r.sweep for r in recordings), key=lambda sweep: sweep.frequency[-1] / sweep.frequency[0])
         plate = (values[f"{disk}.thickness"], values[f"{disk}.density"], values["area"])
         best, *others = distinct(disk_starts(widest, *plate), _DESCENTS)
@@ -213,6 +220,16 @@ def _start_values(
         for name in (("z", "c") if layer.values["c"].u > 0 else ("thickness",))
         if layer.values[name].u > 0 and layer.values[name].same_as is None
     }
+    for layer in new:
+        own = layer.values["c33D"] if layer.kind == "piezo" and ceramic_leader(layer) is None else None
+        if own is None:
+            continue
+        alike = next((one.name for one in fitted if layer.material and one.material == layer.material), None)
+        if alike is not None:
+            parts = (f"{name}.{part}" for name in PIEZO_CONSTANTS for part in ("re", "im"))
+            values = values | {f"{layer.name}.{part}": values[f"{alike}.{part}"] for part in parts}
+        elif own.u > 0 and own.bounds is None:
+            uncertain[f"{layer.name}.c33D.re"] = own.u
     return [values | spread for spread in spread_starts(values, uncertain, list(uncertain))]
 
 

@@ -14,6 +14,8 @@ from .start import largest_peaks
 _FAR, _OFF = 30.0, 6.0
 # Factors between |Z| and that of the build's clamped capacitance: beyond the first the device is no disk at all, beyond
 # the second its dimensions are wrong. The free capacitance is up to 2.3 times the clamped one.
+_NEAR = 2.5
+# The same factor within which the capacitance of the other connection of several piezo layers matches.
 _BELOW = 0.4
 # In units of the thickness resonance: a sweep that ends below this cannot contain it, however wrong the data sheet is.
 _MOST = 0.5
@@ -36,15 +38,16 @@ _ANOTHER = {"eps33S": 1.8, "c33D": 1.49, "s11E": 1.49}
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
     """Raise FitError for a short or open circuit, an inverted sign, another size, or a missing thickness resonance."""
     refuse_another_device(build, sweeps)
-    values = _piezo(build).values
-    expected = float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
     for step, of_step in sweeps.items():
+        piezos = _piezos_of(build, step)
+        values = piezos[0].values
+        expected = 1 / sum(1 / _antiresonance(layer) for layer in piezos)
         if not any(map(_resonates, of_step)):
             ends = [edge for sweep in of_step for edge in (sweep.frequency[0], sweep.frequency[-1])]
             refuse_lost(of_step, expected, values["c33D"].im / values["c33D"].re)
             raise FitError(
                 f"step {step!r} shows no resonance with an antiresonance above it between {min(ends) / 1e6:.4g} and "
-                f"{max(ends) / 1e6:.4g} MHz; the bare piezo layer's is expected near {expected / 1e6:.3g} MHz"
+                f"{max(ends) / 1e6:.4g} MHz; that of {_named_alone(piezos)} is expected near {expected / 1e6:.3g} MHz"
             )
         _refuse_below(build, step, of_step, expected)
 
@@ -52,7 +55,7 @@ def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> No
 def _refuse_below(build: Build, step: str, sweeps: Sequence[Sweep], expected: float) -> None:
     """Reject a bare disk swept only at its radial modes, far below the thickness mode `expected`, Hz."""
     highest = max(float(sweep.frequency[-1]) for sweep in sweeps)
-    if build.step(step).layers == (_piezo(build).name,) and highest < _BELOW * expected:
+    if len(build.step(step).layers) == 1 and highest < _BELOW * expected:
         raise FitError(
             f"step {step!r} ends at {highest / 1e6:.4g} MHz, far below the thickness resonance expected near "
             f"{expected / 1e6:.3g} MHz: only radial modes resonate there; use the fitter `radial`"
@@ -61,16 +64,33 @@ def _refuse_below(build: Build, step: str, sweeps: Sequence[Sweep], expected: fl
 
 def refuse_another_device(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
     """Raise FitError for a short or open circuit, an inverted sign, or another size."""
-    values = _piezo(build).values
-    capacitance = values["eps33S"].re * build.area.re / values["thickness"].re
     for step, of_step in sweeps.items():
+        capacitance = _capacitance(build, step, build.connection)
+        rewired = _capacitance(build, step, "parallel" if build.connection == "series" else "series")
         for sweep in of_step:
             _refuse_sign(_named(step, sweep), sweep)
-            _refuse_size(_named(step, sweep), sweep, capacitance)
+            _refuse_size(_named(step, sweep), sweep, capacitance, rewired)
 
 
-def _piezo(build: Build) -> LayerSpec:
-    return next(layer for layer in build.layers if layer.kind == "piezo")
+def _piezos_of(build: Build, step: str) -> tuple[LayerSpec, ...]:
+    return tuple(layer for layer in build.piezos if layer.name in build.step(step).layers)
+
+
+def _named_alone(piezos: Sequence[LayerSpec]) -> str:
+    return "the bare piezo layer" if len(piezos) == 1 else f"the {len(piezos)} piezo layers without others"
+
+
+def _antiresonance(layer: LayerSpec) -> float:
+    """Return the first antiresonance of a bare piezo layer by the build, Hz."""
+    values = layer.values
+    return float(np.sqrt(values["c33D"].re / values["density"].re)) / (2 * values["thickness"].re)
+
+
+def _capacitance(build: Build, step: str, connection: str) -> float:
+    """Return the clamped capacitance of a step by the build, F, with its piezo layers in series or in parallel."""
+    values = [layer.values for layer in _piezos_of(build, step)]
+    each = [v["eps33S"].re * build.area.re / v["thickness"].re for v in values]
+    return sum(each) if connection == "parallel" else 1 / sum(1 / capacitance for capacitance in each)
 
 
 def _named(step: str, sweep: Sweep) -> str:
@@ -95,12 +115,18 @@ def _refuse_sign(name: str, sweep: Sweep) -> None:
         raise FitError(f"{name} is inductive at {inductive:.0%} of its points, {why}")
 
 
-def _refuse_size(name: str, sweep: Sweep, capacitance: float) -> None:
-    """Reject a recording whose |Z| does not match the build's capacitance (F), whatever its resonances."""
+def _refuse_size(name: str, sweep: Sweep, capacitance: float, rewired: float) -> None:
+    """Reject a recording whose |Z| does not match the build's capacitance (F), whatever its resonances.
+
+    `rewired` is the capacitance with the other connection of the piezo layers.
+    """
     expected: Reals = 1 / (2 * np.pi * sweep.frequency * capacitance)
     ratio = float(np.median(np.abs(sweep.impedance) / expected))
     level, wanted = float(np.median(np.abs(sweep.impedance))), float(np.median(expected))
     found = f"{name}: the median |Z| is {level:.3g} ohm, but the capacitance of this build gives {wanted:.3g} ohm"
+    if not 1 / _OFF < ratio < _OFF and 1 / _NEAR < ratio * rewired / capacitance < _NEAR:
+        says = f"with the piezo layers connected the other way it would be {wanted * capacitance / rewired:.3g} ohm"
+        raise FitError(f"{found}; {says}: correct [electrical] connection in the build file")
     if ratio < 1 / _FAR:
         raise FitError(f"{found}; this is a short circuit, another device, or another size than the build file's")
     if ratio > _FAR:
@@ -131,13 +157,18 @@ def doubts(
     Raises FitError if the recordings have too few points to resolve a resonance of that width, or if the constants are
     those of another disk than the build's.
     """
-    piezo = _piezo(build)
-    bare = [sweep for step, of_step in sweeps.items() if build.step(step).layers == (piezo.name,) for sweep in of_step]
-    c33D, fp = constants[f"{piezo.name}.c33D"], derived[f"{piezo.name}.fp"].re
-    refuse_lost(bare, fp, c33D.im / c33D.re)
+    says: list[str] = []
+    for piezo in (layer for layer in build.piezos if f"{layer.name}.c33D" in constants):
+        alone = (step for step in sweeps if build.step(step).layers == (piezo.name,))
+        bare = [sweep for step in alone for sweep in sweeps[step]]
+        c33D, fp = constants[f"{piezo.name}.c33D"], derived[f"{piezo.name}.fp"].re
+        refuse_lost(bare, fp, c33D.im / c33D.re)
+        says += few_points(bare, fp, c33D.im / c33D.re)
+        if piezo.values["c33D"].same_as is None:
+            says += strange(build, piezo, constants)
     glued = (layer for layer in build.layers if layer.kind == "elastic" and f"{layer.name}.z" in constants)
     elsewhere = (_elsewhere(layer, constants, ran_away=rms_log_error > _RAN_AWAY) for layer in glued)
-    return (*few_points(bare, fp, c33D.im / c33D.re), *strange(build, piezo, constants), *filter(None, elsewhere))
+    return (*says, *filter(None, elsewhere))
 
 
 def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away: bool) -> str | None:

@@ -13,6 +13,7 @@ from ..interface import FitError
 from .noise import noise_of
 
 _CANDIDATES = 6
+_COMBINED = 5
 # Largest peaks of G/w and of wR that are tried as resonance and antiresonance. Lateral modes cause a few false ones;
 # the thickness pair was among the six largest in every recording tried.
 _ABOVE_NOISE = 10.0
@@ -122,7 +123,11 @@ def spread_starts(
 ) -> list[dict[str, float]]:
     """Return starts for passive layers: nominal, and one and a half uncertainties to either side of each name.
 
-    Every combination is made, so three names give 27.
+    Every combination is made, so three names give 27; of more than five, one changes at a time.
     """
+    if len(names) > _COMBINED:
+        single = (spread_starts(nominal, uncertainty, [name])[1:] for name in names)
+        middle = {name: nominal[name] for name in names}
+        return [middle, *(middle | one for starts in single for one in starts)]
     grids = [nominal[name] * np.exp(np.array([0.0, -1.5, 1.5]) * uncertainty[name] / nominal[name]) for name in names]
     return [dict(zip(names, map(float, values), strict=True)) for values in product(*grids)]

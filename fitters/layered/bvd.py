@@ -13,17 +13,22 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ...models.base.errors import PzctlError
 from ...models.circuits.lumped import Branch, Lumped
+from ...models.effects.base.scale import equivalent_plate
 from ...models.sweep import Sweep
 from ..engine.covariance import estimate
 from ..engine.descent import Descent, settle, with_model_discrepancy
+from ..engine.fitted_model import FittedModel
 from ..engine.noise import noise_of
+from ..engine.objective import Objective
 from ..engine.parameters.coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from ..engine.recording import Recording, log_ratio
 from ..engine.start import resonance_pairs
-from ..interface import Constant, FitError, FitResult, FitTask, TaskError
+from ..interface import Constant, FitError, FitResult, FitTask, Noise, TaskError
 from ..uncertainty.fit_result import curves_of
 
 _UNITS = {"C0": "F", "C0.tan_delta": "1", "R": "ohm", "L": "H", "C": "F"}
+_DEVICE = "device"
+"""Name of the only part of a device of unknown structure, where an effect may be."""
 _PAIRS = 6
 _MOST = 12
 """Budget: number of branches."""
@@ -155,15 +160,7 @@ class ButterworthVanDyke:
         of theirs. Raises FitError for more than one recording, or one without a resonance pair.
         """
         began = time.perf_counter()
-        sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
-        if len(sweeps) != 1:
-            raise TaskError(f"`bvd` fits one recording; {len(sweeps)} were given")
-        step, sweep = sweeps[0]
-        noise, (sigma,) = noise_of([sweep])
-        progress(f"fitting {step}")
-        descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
-        first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
-        best = _grown(sweep, first, sigma, progress)
+        step, sweep, noise, best = _fitted(task, progress)
         coordinates = best.objective.coordinates
         result = estimate(best)
         fitted, _ = coordinates.forward(best.x)
@@ -196,11 +193,37 @@ class ButterworthVanDyke:
             correlation=(),
             rms_log_error=result.rms_log_error,
             converged=best.converged,
-            evaluations=sum(descent.evaluations for descent in descents),
+            evaluations=best.evaluations,
             seconds=time.perf_counter() - began,
             says=_says(result.chi2_per_dof, result.rms_log_error, len(circuit.branches)),
             curves=curves_of(best.objective, best.start, best.x),
         )
+
+    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
+        """Return the fitted circuit, for a diagnosis; `branch1` has the largest capacitance. Raises FitError."""
+        step, sweep, _, best = _fitted(task, progress)
+        circuit = _circuit(best)
+        ordered = tuple(circuit.branches[k - 1] for k in _strongest_first(best))
+        if ordered != circuit.branches:
+            best = _descend(sweep, replace(circuit, branches=ordered), best.objective.recordings[0].noise)
+        before = best.objective
+        recordings = [replace(recording, step=step) for recording in before.recordings]
+        best = replace(best, objective=Objective(recordings, before.coordinates, before.priors))
+        return FittedModel(best, equivalent_plate(_DEVICE, circuit.C0, ordered[0].fs), _UNITS)
+
+
+def _fitted(task: FitTask, progress: Callable[[str], None]) -> tuple[str, Sweep, Noise, Descent]:
+    """Return the step, its one recording with its noise, and the fit. Raises FitError."""
+    sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
+    if len(sweeps) != 1:
+        raise TaskError(f"`bvd` fits one recording; {len(sweeps)} were given")
+    step, sweep = sweeps[0]
+    noise, (sigma,) = noise_of([sweep])
+    progress(f"fitting {step}")
+    descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
+    first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
+    best = _grown(sweep, first, sigma, progress)
+    return step, sweep, noise, replace(best, evaluations=sum(descent.evaluations for descent in descents))
 
 
 def _says(chi2_per_dof: float, rms_log_error: float, branches: int) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from ..engine.plausibility import doubts, refuse_degenerate
 from ..interface import FitResult, FitTask
 from ..uncertainty.fit_result import least_squares_answer
 from .coupling import solve_coupling
+from .wiring import wiring_doubts
 
 _COUPLED = (
     "The objective kt2 determines c33D and kt from the critical frequencies; h33 and eps33S separately, and all "
@@ -36,5 +37,6 @@ class Mason:
         coupled = task.options.objective == "kt2"
         solution = solve_coupling(task, progress) if coupled else solve(task, progress)
         answer = least_squares_answer(self.name, self.version, solution, task.options)
-        doubted = doubts(build, sweeps, answer.constants, answer.derived, answer.rms_log_error)
+        rewired = () if coupled else wiring_doubts(task, answer.rms_log_error)
+        doubted = rewired or doubts(build, sweeps, answer.constants, answer.derived, answer.rms_log_error)
         return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))

@@ -91,6 +91,9 @@ class MasonNelderMead:
             raise TaskError(f"the procedure of `{self.name}` is fixed: it cannot free {', '.join(task.free)} alone")
         build, sweeps = check_task(task)
         refuse_effects(build, self.name)
+        if len(build.piezos) > 1:
+            names = ", ".join(layer.name for layer in build.piezos)
+            raise TaskError(f"{self.name} fits a single piezo layer; build {build.name!r} has {names}: use mason")
         refuse_degenerate(build, sweeps)
         first = next(iter(sweeps))
         if [build.layer(name).kind for name in build.step(first).layers] != ["piezo"]:

@@ -161,11 +161,10 @@ def _at_bounds(stuck: tuple[str, ...]) -> tuple[str, ...]:
 
 def _says(multistart: Multistart, why: str) -> tuple[str, ...]:
     lines = [f"{multistart.descents} descents ended in {len(multistart.minima)} distinct minima; {why}."]
+    moved = _moved(multistart)
     for k, minimum in enumerate(multistart.minima[:4]):
         values, _ = multistart.objective.coordinates.forward(minimum.x)
-        key = [
-            name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in _moved(multistart)
-        ]
+        key = [name for name in values if name.endswith(("c33D.re", "h33.re", ".z", ".c")) and name in moved]
         shown = ", ".join(f"{name.removesuffix('.re')} {values[name]:.4g}" for name in key[:6])
         by = ", ".join(f"{who} {minimum.found_by.count(who)}x" for who in dict.fromkeys(minimum.found_by))
         lines.append(f"Minimum {k + 1}: RMS log error {rms(minimum.curves):.2g} ({by}); {shown}.")
@@ -173,7 +172,9 @@ def _says(multistart: Multistart, why: str) -> tuple[str, ...]:
 
 
 def _moved(multistart: Multistart) -> set[str]:
-    """Return the names of the model parameters that the search changes."""
+    """Return the names of the model parameters that the search changes, without those tied to another layer's."""
     coordinates = multistart.objective.coordinates
     _, J = coordinates.forward(coordinates.x)
-    return {name for name, row in zip(coordinates.parameters, J, strict=True) if np.any(row)}
+    own = {name.removesuffix(".loss") for name in coordinates.names}
+    changed = {name for name, row in zip(coordinates.parameters, J, strict=True) if np.any(row)}
+    return {name for name in changed if name.removesuffix(".re").removesuffix(".im") in own}

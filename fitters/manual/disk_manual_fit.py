@@ -13,9 +13,8 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ...models.constants.piezo_constants import Radial
 from ...models.disk.round_disk import BothModes, RadialDisk
-from ...models.effects import outside_effects
+from ...models.effects import Device, outside_effects
 from ...models.effects.base.device import Added
-from ...models.effects.base.terminal_effects import TerminalEffects
 from ...models.stack import Stack
 from ..diagnosis.hypotheses.problem import Candidate
 from ..disk.bare_disk import BareDisk, bare_disk
@@ -131,7 +130,7 @@ class _DiskFitSetup:
             Added(candidate.effect, candidate.where, {knob.name: knob.null for knob in candidate.effect_parameters})
             for candidate in effects
         )
-        model = TerminalEffects(self.recordings[0].model, self.stack, added)
+        model = Device(self.recordings[0].model, added, nominal=self.stack)
         return tuple(replace(recording, model=model) for recording in self.recordings)
 
     def coordinates(

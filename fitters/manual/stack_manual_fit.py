@@ -6,6 +6,7 @@ import numpy as np
 
 from ..diagnosis.hypotheses.candidates import candidates
 from ..diagnosis.hypotheses.conditions import as_devices
+from ..diagnosis.hypotheses.model_under_diagnosis import LayeredModel
 from ..diagnosis.hypotheses.problem import Candidate, Problem
 from ..engine.descent import Descent
 from ..engine.multi_step_fit import Solution, check_task
@@ -41,7 +42,7 @@ class StackManualFit:
             for recording in recordings_of(self.build, step, *zip(*pairs, strict=True))
         ]
         priors = priors_of(self.build, kept)
-        return _StackFitSetup(Problem(self.build, as_devices(recordings), priors, self.values, None))
+        return _StackFitSetup(Problem(LayeredModel(self.build, None), as_devices(recordings), priors, self.values))
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
         """Return the result of a fit over these steps."""

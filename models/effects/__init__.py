@@ -49,9 +49,5 @@ def find_effect(name: str) -> Effect:
 
 
 def outside_effects() -> tuple[Effect, ...]:
-    """Return the effects that need no stack, only an impedance: any model can have them."""
-    return tuple(effect for effect in catalogue() if effect.stage in _OUTSIDE or effect.name == _BESIDE)
-
-
-_OUTSIDE = (Stage.TERMINALS, Stage.CABLE)
-_BESIDE = "spurious-resonance"
+    """Return the effects outside of a device, between it and the analyzer: any model can have them."""
+    return tuple(effect for effect in catalogue() if effect.outside and effect.stage is not Stage.ACQUISITION)

@@ -21,6 +21,11 @@ class SpuriousResonance(Effect):
         "IEEE Standard on Piezoelectricity 176-1987 (the equivalent circuit)",
     )
 
+    @property
+    def outside(self) -> bool:
+        """Its branch is in parallel with whatever resonates."""
+        return True
+
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return every layer: the step in which it appears shows where it is."""
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())

@@ -26,6 +26,11 @@ class SweepLag(Effect):
     separates = "sweep up and down, halve the rate or narrow the bandwidth"
     references = ("left-out physics 4.1: Y(f - rate tau), tau the longer of Q/(pi f) and the filter's settling",)
 
+    @property
+    def outside(self) -> bool:
+        """It only delays the reading."""
+        return True
+
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `sweep`."""
         return (SWEEP,)

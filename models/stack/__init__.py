@@ -14,6 +14,7 @@
 `network` connects the layers, `slopes` differentiates; `strips` evaluates parallel stacks.
 """
 
+from .bolt import Bolt
 from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
 from .layers import Elastic, Piezo
 from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
@@ -27,6 +28,7 @@ __all__ = [
     "CONSTANT",
     "VACUUM",
     "AnyLoad",
+    "Bolt",
     "CausalConstantQ",
     "ConstantLoss",
     "Elastic",

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
+from .bolt import NAME, Bolt
 from .laws import ComplexLike
 from .layers import Elastic, Gradient, Piezo
 from .loads import Load
@@ -21,7 +22,9 @@ class Slopes:
         layers: Sequence[Piezo | Elastic | Spring | Mass],
         loads: Mapping[str, Load],
         frequency: Frequencies,
+        bolt: Bolt | None = None,
     ) -> None:
+        self._bolt = bolt
         self._network = network
         self._frequency = frequency
         self._field = network.field()
@@ -32,6 +35,9 @@ class Slopes:
     def write(self, name: str, row: Complexes) -> None:
         """Write d Z / d `name`, ohm m2 per unit of the parameter, into `row`, shape (N,). Raises KeyError."""
         owner, _, key = name.partition(".")
+        if self._bolt is not None and name == f"{NAME}.stiffness":
+            np.multiply(self._network.path_weight, 1 / self._bolt.stiffness, out=row)
+            return
         if owner not in self._known:
             self._known[owner] = self._load(owner) if owner in self._loads else self._layer(owner)
         weights, gradients = self._known[owner]
@@ -43,6 +49,6 @@ class Slopes:
         return self._network.weights(k, self._field), layer.gradients(self._frequency)
 
     def _load(self, side: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
-        v, _ = self._field[0 if side == "back" else -1]
+        v = self._field[0 if side == "back" else -1][0]
         sizes = self._loads[side].gradients(self._frequency)
         return {"z": v * v}, {key: ("z", size) for key, size in sizes.items()}

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, Self, TypeAlias, cast
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances
+from .bolt import NAME, Bolt
 from .laws import StackError, require_positive
 from .layers import Elastic, Piezo
 from .loads import AIR, Load
 from .lumps import Mass, Spring
-from .network import Network
+from .network import Network, Path
 from .row import Joins, LayerRow
 from .sections import sections_of
 from .slopes import Slopes
@@ -37,6 +39,8 @@ class Stack:
     """Area of the faces, m2."""
     connection: Literal["series", "parallel"] = "series"
     """Wiring of several piezoelectric layers; `Piezo.polarity` gives their orientation."""
+    bolt: Bolt | None = None
+    """A bolt that presses layers together."""
     _asked: list[tuple[Frequencies, Network]] = field(
         default_factory=list[tuple[Frequencies, Network]], init=False, repr=False, compare=False
     )
@@ -48,7 +52,7 @@ class Stack:
         for name in names:
             if names.count(name) > 1:
                 raise StackError(f"stack: two layers are called {name!r}; every layer needs a name of its own")
-            if name in _OWN or "." in name:
+            if name in _OWN or "." in name or (self.bolt is not None and name == NAME):
                 raise StackError(f"stack: a layer is called {name!r}; a name has no dot and is none of {_OWN}")
         if not any(isinstance(layer, Piezo) for layer in self.layers):
             raise StackError(f"stack: none of the layers {names} is piezoelectric; at least one must be")
@@ -65,9 +69,16 @@ class Stack:
         return cls(cast(tuple[Layer, ...], tuple(inner)), back, front, area)
 
     def parameters(self) -> dict[str, float]:
-        """Return every parameter: `layer.constant`, `back.z`, `front.z` (Rayl), `area` (m2)."""
+        """Return every parameter: `layer.constant`, `back.z`, `front.z` (Rayl), `bolt.stiffness` (N/m), `area` (m2)."""
         own = ((owner, part.parameters()) for owner, part in self._parts().items())
-        return {f"{owner}.{key}": value for owner, values in own for key, value in values.items()} | {"area": self.area}
+        bolt = {} if self.bolt is None else {f"{NAME}.stiffness": self.bolt.stiffness}
+        every = {f"{owner}.{key}": value for owner, values in own for key, value in values.items()}
+        return every | bolt | {"area": self.area}
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Names of all parameters."""
+        return frozenset(self.parameters())
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the stack with these parameters. Raises KeyError for an unknown name."""
@@ -75,17 +86,20 @@ class Stack:
         groups: dict[str, dict[str, float]] = {}
         for name, value in values.items():
             owner, _, key = name.partition(".")
-            if name != "area" and owner not in parts:
+            if name not in self.names:
                 raise self._unknown(name)
             groups.setdefault(owner, {})[key] = value
         area = groups.pop("area", {"": self.area})[""]
+        bolt, screwed = self.bolt, groups.pop(NAME, {}) if self.bolt is not None else {}
+        if bolt is not None and screwed:
+            bolt = bolt.with_stiffness(screwed["stiffness"])
         for owner, changes in groups.items():
-            for key in changes.keys() - parts[owner].parameters().keys():
-                raise self._unknown(f"{owner}.{key}")
             parts[owner] = parts[owner].replace(changes)
         layers = tuple(cast(Layer, parts[layer.name]) for layer in self.layers)
         back, front = cast(Load, parts["back"]), cast(Load, parts["front"])
-        return type(self)(layers, back, front, area, self.connection)
+        replaced = type(self)(layers, back, front, area, self.connection, bolt)
+        vars(replaced)["names"] = self.names  # they stay the same
+        return replaced
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
@@ -97,11 +111,11 @@ class Stack:
         Raises KeyError for an unknown name.
         """
         network = self._network(frequency)
-        slopes = Slopes(network, self.layers, {"back": self.back, "front": self.front}, frequency)
+        slopes = Slopes(network, self.layers, {"back": self.back, "front": self.front}, frequency, self.bolt)
         rows = np.empty((len(names), frequency.size), np.complex128)
         for row, name in zip(rows, names, strict=True):
             if name == "area":
-                np.multiply(network.Z, -1 / self.area, out=row)
+                np.multiply(network.Z + network.path_weight, -1 / self.area, out=row)
                 continue
             try:
                 slopes.write(name, row)
@@ -114,10 +128,18 @@ class Stack:
         if self._asked and self._asked[0][0] is frequency:
             return self._asked[0][1]
         loads = self.back.impedance(frequency), self.front.impedance(frequency)
-        network = Network(sections_of(self.layers, frequency), *loads, parallel=self.connection == "parallel")
+        sections, parallel = sections_of(self.layers, frequency), self.connection == "parallel"
+        network = Network(sections, *loads, parallel=parallel, path=self.path(frequency))
         if not frequency.flags.writeable:
             self._asked[:] = [(frequency, network)]
         return network
+
+    def path(self, frequency: Frequencies) -> Path | None:
+        """Return the bolt at these frequencies (Hz), or None if there is none that acts."""
+        ends = None if self.bolt is None else self.bolt.ends([layer.name for layer in self.layers])
+        if self.bolt is None or ends is None:
+            return None
+        return Path(*ends, self.bolt.compliance(frequency, self.area))
 
     def _parts(self) -> dict[str, Layer | Load]:
         """Return layers and loads by the prefix of their parameters."""

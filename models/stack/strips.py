@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 
@@ -41,10 +40,11 @@ def _together(stacks: Sequence[Stack], fractions: Reals, frequency: Frequencies)
     first = stacks[0]
     loads = first.back.impedance(frequency), first.front.impedance(frequency)
     sections = sections_of(first.layers, frequency)
+    path = first.path(frequency)
     few = max(1, _TOGETHER // frequency.size)
     for at in range(0, len(stacks), few):
         sections[k] = _line(first.layers[k], frequency, thickness[at : at + few, None])
-        Z = Network(sections, *loads, parallel=first.connection == "parallel").Z / first.area
+        Z = Network(sections, *loads, parallel=first.connection == "parallel", path=path).Z / first.area
         total += fractions[at : at + few] @ (1.0 / Z)
     return total
 
@@ -56,7 +56,7 @@ def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
         return None
     places: set[int] = set()
     for other in stacks[1:]:
-        ends = (first.back, other.back), (first.front, other.front), (first.area, other.area)
+        ends = (first.back, other.back), (first.front, other.front), (first.area, other.area), (first.bolt, other.bolt)
         if len(other.layers) != len(first.layers) or any(a is not b and a != b for a, b in ends):
             return None
         places |= {k for k, (a, b) in enumerate(zip(first.layers, other.layers, strict=True)) if a is not b}
@@ -72,12 +72,7 @@ def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
 def _same_but_thickness(first: object, second: object) -> bool:
     if type(first) is not type(second) or not isinstance(first, Elastic | Piezo):
         return False
-    pairs = (
-        (getattr(first, member.name), getattr(second, member.name))
-        for member in fields(first)
-        if member.name != "thickness"
-    )
-    return all(a is b or a == b for a, b in pairs)
+    return {**vars(first), "thickness": None} == {**vars(second), "thickness": None}
 
 
 def _line(layer: object, frequency: Frequencies, thickness: Reals) -> Section:

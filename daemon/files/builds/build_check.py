@@ -36,12 +36,12 @@ def check_build(build: Build, source: str) -> None:
     if not build.steps:
         raise BuildError(f"{source}: steps is empty; at least one [[steps]] is needed")
     known = [layer.name for layer in build.layers]
-    piezo = next(layer.name for layer in build.layers if layer.kind == "piezo")
+    piezos = [layer.name for layer in build.piezos]
     for k, step in enumerate(build.steps):
         where = f"{source}: steps[{k}]"
         _check_name(step.name, f"{where}.name", _NAME, "letters, digits and _ + -")
         where = f"{where}.layers (of step {step.name!r})"
-        _check_step(step, known, piezo, where)
+        _check_step(step, known, piezos, where)
         for name in step.reground:
             if name not in step.layers:
                 raise BuildError(f"{source}: steps[{k}].reground names {name!r}; the step has {', '.join(step.layers)}")
@@ -57,7 +57,24 @@ def check_build(build: Build, source: str) -> None:
                 f"{where} lacks {gone[0]}, which the step before ({before.name}) has; list the steps in gluing order, "
                 "each with all layers of the one before"
             )
+    _check_bolt(build, known, source)
     check_effects(build, source)
+
+
+def _check_bolt(build: Build, known: list[str], source: str) -> None:
+    bolt = build.bolt
+    if bolt is None:
+        return
+    where, ends = f"{source}: bolt.between", (bolt.behind, bolt.before)
+    for name in ends:
+        if name not in known:
+            raise BuildError(f"{where} names {name!r}; the layers are {', '.join(known)}")
+    inside = known[known.index(bolt.behind) + 1 : known.index(bolt.before)]
+    if not set(inside) & {layer.name for layer in build.piezos}:
+        says = "a piezo layer must lie between them, and the one further back comes first"
+        raise BuildError(f"{where} is {', '.join(ends)}; {says}")
+    if "bolt" in known:
+        raise BuildError(f"{source}: a layer is called 'bolt', as the section [bolt] is; give the layer another name")
 
 
 def check_build_name(name: str, where: str) -> None:
@@ -72,18 +89,21 @@ def _check_layers(build: Build, source: str) -> None:
         if layer.name in RESERVED:
             raise BuildError(f"{where} is {layer.name!r}, which is reserved; give another name")
     _check_unique((layer.name for layer in build.layers), source, "layers")
-    piezos = [layer.name for layer in build.layers if layer.kind == "piezo"]
-    if len(piezos) != 1:
-        number = f"{len(piezos)} piezo layers ({', '.join(piezos)})" if piezos else "no piezo layer"
-        raise BuildError(f'{source}: layers has {number}; exactly one layer of kind = "piezo" is needed')
+    if not build.piezos:
+        raise BuildError(f'{source}: layers has no piezo layer; at least one layer of kind = "piezo" is needed')
+    for k, layer in enumerate(build.layers):
+        if layer.polarity not in (1, -1) or (layer.polarity == -1 and layer.kind != "piezo"):
+            raise BuildError(
+                f"{source}: layers[{k}].polarity is {layer.polarity}; 1 or -1 is needed for a piezo layer, 1 for others"
+            )
 
 
-def _check_step(step: Step, known: list[str], piezo: str, where: str) -> None:
+def _check_step(step: Step, known: list[str], piezos: list[str], where: str) -> None:
     for name in step.layers:
         if name not in known:
             raise BuildError(f"{where} names {name!r}; the layers are {', '.join(known)}")
-    if piezo not in step.layers:
-        raise BuildError(f"{where} lacks {piezo}; without its piezo layer there is nothing to measure")
+    if not set(piezos) & set(step.layers):
+        raise BuildError(f"{where} lacks {' and '.join(piezos)}; without a piezo layer there is nothing to measure")
     order = [known.index(name) for name in step.layers]
     if sorted(set(order)) != order:
         right = ", ".join(name for name in known if name in step.layers)

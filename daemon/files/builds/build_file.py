@@ -10,37 +10,44 @@ from typing import Any, Literal, cast
 import msgspec
 
 from ....models.base.errors import PzctlError
-from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
+from ....models.build import BoltSpec, Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.metadata import MetadataError, check_metadata
 from ....models.specification import SpecificationError
-from ....models.sweep_plan import BANDWIDTHS, USUAL_POINTS, LevelLimits, PlanError, Segment, SweepPlan
+from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
-from .build_table import (
-    ELASTIC_KEYS,
-    ELECTRODE_KEYS,
-    PIEZO_KEYS,
-    THICKNESS_KEYS,
-    Z_KEYS,
-    BuildError,
-    Key,
-    Table,
-    keys_for,
-)
+from .build_table import BuildError, Table, keys_for
 from .effects_table import with_effects
+from .file_keys import (
+    BOLT_ENTRIES,
+    BOLT_KEYS,
+    ELASTIC_KEYS,
+    ELECTRICAL_ENTRIES,
+    ELECTRODE_KEYS,
+    FREQUENCY_UNITS,
+    LAYER_ENTRIES,
+    LOAD_ENTRIES,
+    MASS_KEYS,
+    NEEDED,
+    PIEZO_KEYS,
+    POLED_ENTRIES,
+    SAMPLE_ENTRIES,
+    SEGMENT_ENTRIES,
+    SIZE_KEYS,
+    STEP_ENTRIES,
+    SWEEP_ENTRIES,
+    THICKNESS_KEYS,
+    TOP_ENTRIES,
+    Z_KEYS,
+)
 from .limits_table import read_limits
 from .own_materials import find_material
-from .tied_parameters import resolved
+from .tied_parameters import CERAMIC, resolved
 
-__all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build"]
+__all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "read_build", "read_metadata", "read_plan"]
 
 THESIS_BUILD = Path(__file__).with_name("thesis.toml")
 """The transducer of the 2012 thesis, which is also the one on the simulated bench."""
 
-LAYER_KEYS = ("name", "kind", "material")
-MASS_KEYS = {"mass_g": Key("mass", 1e-3)}
-SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3), "area_mm2": Key("area", 1e-6)}
-FREQUENCY_UNITS = {"MHz": 1e6, "kHz": 1e3, "Hz": 1.0}
-NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:#|$)", re.MULTILINE)
 _LARGEST = 1_000_000
 """Bytes. A build file has a few kilobytes; anything larger is another file given by mistake."""
@@ -84,23 +91,26 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
         ) from None
     top = Table(data, source)
-    top.only(("name", *SIZE_KEYS, "layers", "load", "steps", "sweep", "sample", "limits", "measurement", "effects"))
+    top.only((*SIZE_KEYS, *TOP_ENTRIES))
     name = top.string("name")
     diameter, area = _size(top)
     load = top.table("load")
-    load.only(("back", "front"))
+    load.only(LOAD_ENTRIES)
+    layers = resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source)
     build = Build(
         name=name,
         area=area,
         diameter=diameter,
-        layers=resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source),
+        layers=layers,
         back=_load(load, "back"),
         front=_load(load, "front"),
         steps=tuple(_step(table) for table in top.tables("steps", "step")),
-        plan=_plan(top.table("sweep")) if "sweep" in data else None,
+        plan=read_plan(top.table("sweep")) if "sweep" in data else None,
         limits=_limits(top.table("sample")) if "sample" in data else None,
-        metadata=_metadata(top.table("measurement")) if "measurement" in data else {},
+        metadata=read_metadata(top.table("measurement")) if "measurement" in data else {},
         specification=read_limits(top.table("limits")) if "limits" in data else None,
+        connection=_connection(top, layers),
+        bolt=_bolt(top.table("bolt")) if "bolt" in data else None,
     )
     if "effects" in data:
         build = with_effects(build, top.tables("effects", "effect"))
@@ -149,10 +159,54 @@ def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:
         raise table.error(key, f"is {name!r}: {error}") from None
 
 
+def _connection(top: Table, layers: tuple[LayerSpec, ...]) -> Literal["series", "parallel"]:
+    """Return the wiring of the piezo layers, which a build with several of them must state."""
+    if "electrical" not in top.data:
+        several = [layer.name for layer in layers if layer.kind == "piezo"]
+        if len(several) > 1:
+            raise top.missing(
+                "[electrical]",
+                f'write connection = "series" or "parallel" there: {", ".join(several)} are several piezo layers',
+            )
+        return "series"
+    electrical = top.table("electrical")
+    electrical.only(ELECTRICAL_ENTRIES)
+    if "connection" not in electrical.data:
+        raise electrical.missing("connection", 'write connection = "series" or "parallel"')
+    return cast(Literal["series", "parallel"], electrical.settings(ELECTRICAL_ENTRIES)["connection"])
+
+
+def _bolt(table: Table) -> BoltSpec:
+    table.only((*BOLT_ENTRIES, *BOLT_KEYS))
+    ends = table.strings("between")
+    if len(ends) != 2:
+        raise table.error("between", f"names {len(ends)} layers; the two that hold the ends of the bolt are needed")
+    stiffness = table.quantities(BOLT_KEYS).get("stiffness")
+    if stiffness is None:
+        raise table.missing("stiffness", f"give {keys_for('stiffness', BOLT_KEYS)}")
+    return BoltSpec(*ends, stiffness)
+
+
+def _same_ceramic(table: Table) -> LayerSpec:
+    """Return a piezo layer of the ceramic of another one; `resolved` fills in the values."""
+    inner = table.table("material")
+    inner.only(("same_as",))
+    leader = inner.string("same_as")
+    given = table.quantities(PIEZO_KEYS | ELECTRODE_KEYS)
+    for key in (key for key, what in PIEZO_KEYS.items() if key in table.data and what.name != "thickness"):
+        raise table.error(key, f"is given beside material = {{ same_as = {leader!r} }}, which shares it; give one")
+    if "thickness" not in given:
+        raise table.missing("thickness", f"give {keys_for('thickness', THICKNESS_KEYS)}; material does not share it")
+    tied = {name: Quantity(math.nan, source="build.toml", same_as=f"{leader}.{name}") for name in CERAMIC}
+    return LayerSpec(table.string("name"), "piezo", tied | given, **table.settings(POLED_ENTRIES))
+
+
 def _layer(table: Table) -> LayerSpec:
     kind = _kind(table)
     keys = PIEZO_KEYS | ELECTRODE_KEYS if kind == "piezo" else ELASTIC_KEYS
-    table.only((*LAYER_KEYS, *keys))
+    table.only((*LAYER_ENTRIES, *(POLED_ENTRIES if kind == "piezo" else ()), *keys))
+    if kind == "piezo" and isinstance(table.data.get("material"), dict):
+        return _same_ceramic(table)
     material, nominal = _material(table, "material") if "material" in table.data else (None, dict[str, Quantity]())
     given = table.quantities(keys)
     values = {**nominal, **given}
@@ -162,7 +216,8 @@ def _layer(table: Table) -> LayerSpec:
         if name not in values:
             beside = f"{material} of the library has none" if material else "or name a material that has it"
             raise table.missing(name, f"give {keys_for(name, keys)}; {beside}")
-    return LayerSpec(table.string("name"), kind, values, material, nominal)
+    poled = table.settings(POLED_ENTRIES) if kind == "piezo" else {}
+    return LayerSpec(table.string("name"), kind, values, material, nominal, **poled)
 
 
 def _kind(table: Table) -> Literal["piezo", "elastic"]:
@@ -204,7 +259,7 @@ def _load(table: Table, key: str) -> LoadSpec:
 
 
 def _step(table: Table) -> Step:
-    table.only(("name", "layers", "reground", *MASS_KEYS))
+    table.only((*STEP_ENTRIES, *MASS_KEYS))
     reground = _reground(table.table("reground")) if "reground" in table.data else {}
     mass = table.quantities(MASS_KEYS).get("mass")
     if mass is not None and mass.u == 0:
@@ -227,7 +282,7 @@ def _reground(table: Table) -> dict[str, Quantity]:
     return reground
 
 
-def _metadata(table: Table) -> dict[str, str | float]:
+def read_metadata(table: Table) -> dict[str, str | float]:
     """Return the section [measurement]: what is noted at every measurement of this transducer."""
     try:
         check_metadata(table.data, f"{table.source}: {table.path}")
@@ -238,66 +293,33 @@ def _metadata(table: Table) -> dict[str, str | float]:
 
 def _limits(table: Table) -> LevelLimits:
     """Return the section [sample]: the highest bias and test signal that the sample withstands."""
-    keys = ("max_bias_V", "max_oscillator_V")
-    table.only(keys)
-    limits = {key: table.number(key) for key in keys if key in table.data}
-    for key, number in limits.items():
-        if number < 0:
-            raise table.error(key, f"is {number:g}; 0 V or more is needed")
-    return LevelLimits(**limits)
+    table.only(SAMPLE_ENTRIES)
+    return LevelLimits(**table.settings(SAMPLE_ENTRIES))
 
 
-def _plan(table: Table) -> SweepPlan:
+def read_plan(table: Table) -> SweepPlan:
     """Return the section [sweep]. The driver checks the limits of the instrument later."""
-    floats = ("oscillator_V", "bias_V", "point_delay_s", "sweep_delay_s")
-    integers = ("bandwidth", "point_average", "sweep_average")
-    table.only(("segments", *floats, "oscillator_mA", *integers, "direction"))
+    table.only(SWEEP_ENTRIES)
     segments = tuple(_segment(segment) for segment in table.tables("segments", "segment"))
-    settings: dict[str, Any] = {key: table.number(key) for key in floats if key in table.data}
-    settings |= {key: table.integer(key) for key in integers if key in table.data}
-    settings |= _level(table)
-    for key in ("point_delay_s", "sweep_delay_s"):
-        if settings.get(key, 0.0) < 0:
-            raise table.error(key, f"is {settings[key]:g}; 0 s (none) or more is needed")
-    if settings.get("bandwidth", BANDWIDTHS[0]) not in BANDWIDTHS:
-        fast, precise = BANDWIDTHS[0], BANDWIDTHS[-1]
-        says = f"is {settings['bandwidth']}; {fast} (fast) to {precise} (precise) is allowed"
-        raise table.error("bandwidth", says)
-    for key in ("point_average", "sweep_average"):
-        if settings.get(key, 1) < 1:
-            raise table.error(key, f"is {settings[key]}; 1 (off) or more is needed")
-    if "direction" in table.data:
-        settings["direction"] = table.string("direction")
-        if settings["direction"] not in ("up", "down"):
-            raise table.error("direction", f'is {settings["direction"]!r}; "up" or "down" is needed')
+    settings = table.settings({key: entry for key, entry in SWEEP_ENTRIES.items() if entry.kind != "tables"})
+    if "oscillator_mA" in settings:
+        if "oscillator_V" in settings:
+            raise table.error("oscillator_mA", "is given beside oscillator_V; the device is driven by one of the two")
+        settings["oscillator_A"] = settings.pop("oscillator_mA") / 1e3
     return SweepPlan(segments, **settings)
-
-
-def _level(table: Table) -> dict[str, float]:
-    """Return the drive current (A) from `oscillator_mA`, or an empty dict if `oscillator_V` drives the device."""
-    given = [key for key in ("oscillator_V", "oscillator_mA") if key in table.data]
-    if len(given) == 2:
-        raise table.error("oscillator_mA", "is given beside oscillator_V; the device is driven by one of the two")
-    for key in given:
-        if table.number(key) <= 0:
-            raise table.error(key, f"is {table.number(key):g}; a positive number is needed")
-    return {"oscillator_A": table.number("oscillator_mA") / 1e3} if "oscillator_mA" in given else {}
 
 
 def _segment(table: Table) -> Segment:
     ends = {end: {f"{end}_{unit}": factor for unit, factor in FREQUENCY_UNITS.items()} for end in ("start", "stop")}
-    table.only((*ends["start"], *ends["stop"], "points", "spacing"))
+    table.only(SEGMENT_ENTRIES)
     limits_Hz: dict[str, float] = {}
     for end, keys in ends.items():
         given = [key for key in keys if key in table.data]
         if len(given) != 1:
             raise table.missing(f"single {end}", f"give one of {', '.join(keys)}")
         limits_Hz[end] = table.number(given[0]) * keys[given[0]]
-    points = table.integer("points") if "points" in table.data else USUAL_POINTS
-    spacing = table.string("spacing") if "spacing" in table.data else "linear"
-    if spacing not in ("linear", "log"):
-        raise table.error("spacing", f'is {spacing!r}; "linear" or "log" is needed')
+    settings = table.settings({key: SEGMENT_ENTRIES[key] for key in ("points", "spacing")})
     try:
-        return Segment(limits_Hz["start"], limits_Hz["stop"], points, spacing)
+        return Segment(limits_Hz["start"], limits_Hz["stop"], **settings)
     except PlanError as error:
         raise BuildError(f"{table.source}: {table.path}: {error}") from None

@@ -3,61 +3,16 @@
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 from ....models.base.errors import PzctlError
 from ....models.build import Quantity
-from ....models.constants.piezo_constants import EPS0
+from .file_keys import LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
 
 
 class BuildError(PzctlError):
     """A build or materials file that cannot be used."""
-
-
-@dataclass(frozen=True)
-class Key:
-    """The constant that a key of build.toml gives, and its unit."""
-
-    name: str
-    """The constant's name in a LayerSpec."""
-    factor: float
-    """Value in SI units = number in the file times this."""
-
-
-THICKNESS_KEYS = {
-    "thickness_mm": Key("thickness", 1e-3),
-    "thickness_um": Key("thickness", 1e-6),
-    "thickness_m": Key("thickness", 1.0),
-}
-DENSITY_KEYS = {"density_kg_m3": Key("density", 1.0)}
-Z_KEYS = {"z_MRayl": Key("z", 1e6), "z_Rayl": Key("z", 1.0)}
-ELASTIC_KEYS = THICKNESS_KEYS | DENSITY_KEYS | Z_KEYS | {"c_m_s": Key("c", 1.0), "q": Key("q", 1.0)}
-PIEZO_KEYS = (
-    THICKNESS_KEYS
-    | DENSITY_KEYS
-    | {"h33_1e8_V_m": Key("h33", 1e8), "h33_V_m": Key("h33", 1.0)}
-    | {f"{n}_r": Key(n, EPS0) for n in ("eps33S", "eps33T", "eps33P")}
-    | {f"{n}_F_m": Key(n, 1.0) for n in ("eps33S", "eps33T", "eps33P")}
-    | {f"{n}_1e10_Pa": Key(n, 1e10) for n in ("c33D", "c11p")}
-    | {f"{n}_GPa": Key(n, 1e9) for n in ("c33D", "c11p")}
-    | {f"{n}_Pa": Key(n, 1.0) for n in ("c33D", "c11p")}
-    | {f"{n}_1e-12_m2_N": Key(n, 1e-12) for n in ("s11E", "s12E")}
-    | {f"{n}_m2_N": Key(n, 1.0) for n in ("s11E", "s12E")}
-    | {"d31_pC_N": Key("d31", 1e-12), "d31_C_N": Key("d31", 1.0)}
-    | {"sigma_p": Key("sigma_p", 1.0), "kp": Key("kp", 1.0)}
-)
-"""Each key ends in its unit; its value is the constant's name and the factor to SI units."""
-ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3)}
-"""Diameter of both electrodes if they end before the rim; a property of the disk, not of a material."""
-
-REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter", "mass"}
-TIED = {"thickness", "z", "c", "q"}
-"""Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""
-POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}
-LOSS_SIGN = {"c33D": 1, "c11p": 1, "eps33S": -1, "eps33T": -1, "eps33P": -1, "s11E": -1}
-"""Sign of the imaginary part of a passive constant with exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
-eps (1 - j tan d). A value with the other sign was usually copied from a text that uses exp(-jwt)."""
 
 
 def shown(value: object) -> str:
@@ -68,6 +23,12 @@ def shown(value: object) -> str:
         return "a list"
     text = {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def quoted(choices: Iterable[object]) -> str:
+    """Return the allowed texts as part of a sentence: `"up" or "down"`."""
+    *first, last = (f'"{choice}"' for choice in choices)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 class Table:
@@ -171,6 +132,26 @@ class Table:
         value = self.data[key]
         if isinstance(value, bool) or not isinstance(value, int):
             raise self.error(key, f"is {shown(value)}; a whole number is needed")
+        return value
+
+    def settings(self, entries: Mapping[str, Entry]) -> dict[str, Any]:
+        """Return the numbers, whole numbers and texts among `entries` that the table gives, each checked.
+
+        Raises BuildError.
+        """
+        return {key: self._setting(key, entry) for key, entry in entries.items() if key in self.data}
+
+    def _setting(self, key: str, entry: Entry) -> str | float:
+        match entry.kind:
+            case "number":
+                value = self.number(key)
+            case "integer":
+                value = self.integer(key)
+            case _:
+                value = self.string(key)
+        if not entry.accepts(value):
+            allowed = entry.allowed or quoted(entry.choices)
+            raise self.error(key, f"is {shown(self.data[key])}; {allowed} is needed")
         return value
 
     def quantity(self, key: str, what: Key) -> Quantity:

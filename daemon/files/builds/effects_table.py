@@ -13,9 +13,8 @@ from ....fitters.engine.parameters.assembly import effects_of, stack_of
 from ....fitters.engine.parameters.known_effects import effect_parameters, parameter_key
 from ....models.base.errors import PzctlError
 from ....models.build import Build, EffectSpec, Quantity
-from .build_table import BuildError, Key, Table
-
-_KEYS = ("effect", "where", "steps", "quantity", "law")
+from .build_table import BuildError, Table
+from .file_keys import EFFECT_ENTRIES, Key
 
 
 def with_effects(build: Build, tables: tuple[Table, ...]) -> Build:
@@ -31,13 +30,14 @@ def _effect(build: Build, table: Table) -> EffectSpec:
         steps=table.strings("steps") if "steps" in table.data else (),
         quantity=table.string("quantity") if "quantity" in table.data else "",
         law=table.string("law") if "law" in table.data else "",
+        reference=table.quantity("reference_Hz", Key("reference_Hz", 1.0)).re if "reference_Hz" in table.data else 0.0,
     )
     try:
         _, knobs = effect_parameters(spec, {step.name: stack_of(build, step) for step in build.steps})
     except PzctlError as error:
         raise BuildError(f"{table.source}: {table.path}: {error}") from None
     keys = {parameter_key(knob): knob.name for knob in knobs}
-    table.only((*_KEYS, *keys))
+    table.only((*EFFECT_ENTRIES, *keys))
     absent = {knob.name: Quantity(0.0, source="build.toml") for knob in knobs[1:] if knob.from_nothing}
     given = {name: _quantity(table, key) for key, name in keys.items() if key in table.data}
     return replace(spec, values={**absent, **given})

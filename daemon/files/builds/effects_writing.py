@@ -30,6 +30,7 @@ def _section(spec: EffectSpec, build: Build) -> str:
     lines = ["", "[[effects]]", f'effect = "{spec.effect}"', f'where = "{spec.where}"']
     lines += [f"steps = [{steps}]"] if steps else []
     lines += [f'{key} = "{value}"' for key, value in (("quantity", spec.quantity), ("law", spec.law)) if value]
+    lines += [f"reference_Hz = {spec.reference:.9g}"] if spec.reference else []
     for knob in knobs:
         value = spec.values[knob.name]
         lines.append(f"{parameter_key(knob)} = {{ value = {value.re:.9g}, u = {value.u:.3g} }}")

@@ -15,21 +15,9 @@ from pathlib import Path
 
 from ....models.build import Build
 from ....models.specification import USUAL_CONFORMANCE, Limit, Specification, SpecificationError
-from .build_table import ELASTIC_KEYS, PIEZO_KEYS, BuildError, Key, Table
+from .build_table import BuildError, Table
+from .file_keys import LIMIT_KEYS
 
-_DERIVED_KEYS = {
-    "kt": Key("kt", 1.0),
-    "Qm": Key("Qm", 1.0),
-    "tan_delta": Key("tan_delta", 1.0),
-    "v33D_m_s": Key("v33D", 1.0),
-    "z33D_MRayl": Key("z33D", 1e6),
-    "fp_MHz": Key("fp", 1e6),
-    "fp_Hz": Key("fp", 1.0),
-    "c33_GPa": Key("c33", 1e9),
-    "delay_ns": Key("delay", 1e-9),
-}
-LIMIT_KEYS = PIEZO_KEYS | ELASTIC_KEYS | _DERIVED_KEYS
-"""The keys of a layer's table in [limits]; each ends in its unit."""
 _ENDS = {"min": ("", "low"), "max": ("", "high"), "min_im": (".im", "low"), "max_im": (".im", "high")}
 
 

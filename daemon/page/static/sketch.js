@@ -29,6 +29,7 @@ export function stack(home, build, step, findings) {
     svg.append(make("rect", { x, y: 8, width: w, height: 130, fill: bad ? "var(--warn)" : `var(--${layer.kind})`, stroke: "var(--faint)", class: bad ? "marked" : "" }));
     const middle = x + w / 2;
     svg.append(make("text", { x: middle, y: 73, "text-anchor": "middle", "dominant-baseline": "middle", "font-size": 15, transform: `rotate(-90 ${middle} 73)` }, `${layer.name} ${(layer.thickness * 1e6).toPrecision(3)} µm`));
+    if (layer.poling) svg.append(make("text", { x: middle, y: 130, "text-anchor": "middle", "font-size": 15 }, layer.poling));
     x += w;
     front[layer.name] = x;
   });

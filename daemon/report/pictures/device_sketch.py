@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ....models.build import Build
+from ....models.build import Build, LayerSpec
 from .picture_file import as_label
 
 _COLOURS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
@@ -31,10 +31,13 @@ def draw_sketch(axes: Any, build: Build, at: str, marked: Sequence[str]) -> None
         axes.add_patch(box)
         turned = 90 if right - left < 0.16 else 0
         middle = (left + right) / 2
-        axes.text(
-            middle, (_LOW + _HIGH) / 2, as_label(layer.name), ha="center", va="center", rotation=turned, fontsize=9
-        )
-    _analyzer(axes, layers, edges, marked)
+        label = as_label(layer.name)
+        axes.text(middle, (_LOW + _HIGH) / 2, label, ha="center", va="center", rotation=turned, fontsize=9)
+        axes.text(middle, _LOW + 0.01, build.poling(layer), ha="center", va="bottom", fontsize=9)
+    if build.bolt is not None and build.bolt.acts_in(present):
+        ends = edges[names.index(build.bolt.behind) + 1] - 0.03, edges[names.index(build.bolt.before)] + 0.03
+        axes.plot(ends, [_HIGH - 0.04] * 2, color=_INK, linewidth=3.0, solid_capstyle="butt")
+    _analyzer(axes, _electrodes(build, layers, edges), marked)
     for where in marked:
         place = _plane(where, names, edges)
         if place is not None:
@@ -50,18 +53,40 @@ def draw_sketch(axes: Any, build: Build, at: str, marked: Sequence[str]) -> None
     axes.set_axis_off()
 
 
-def _analyzer(axes: Any, layers: Sequence[Any], edges: Any, marked: Sequence[str]) -> None:
-    """Draw the leads from the faces of the piezoelectric layer to the analyzer above it."""
+def _electrodes(build: Build, layers: Sequence[LayerSpec], edges: Any) -> tuple[list[float], list[float]]:
+    """Return the coordinates of the electrodes at the one and at the other terminal.
+
+    In parallel, facing electrodes of neighbours are at the same terminal.
+    """
+    faces = [
+        (float(left), float(right))
+        for layer, left, right in zip(layers, edges, edges[1:], strict=False)
+        if layer.kind == "piezo"
+    ]
+    if build.connection == "series":
+        return [faces[0][0]], [faces[-1][1]]
+    turned = [face if k % 2 == 0 else face[::-1] for k, face in enumerate(faces)]
+    return sorted({face[0] for face in turned}), sorted({face[1] for face in turned})
+
+
+def _analyzer(axes: Any, electrodes: tuple[Sequence[float], Sequence[float]], marked: Sequence[str]) -> None:
+    """Draw the leads from the electrodes at each terminal to the analyzer above them."""
     from matplotlib.patches import FancyBboxPatch
 
-    piezo = next((k for k, layer in enumerate(layers) if layer.kind == "piezo"), 0)
-    left, right = float(edges[piezo]), float(edges[piezo + 1])
-    middle, half = (left + right) / 2, 0.15
+    ends = [*electrodes[0], *electrodes[1]]
+    middle, half = (min(ends) + max(ends)) / 2, 0.15
     lead = _MARK if "terminals" in marked else _INK
     thick = 2.6 if "terminals" in marked else 1.0
-    for face, side in ((left, -1), (right, 1)):
-        outer = middle + side * half
-        axes.plot([face, face, outer], [_HIGH, _WIRE + 0.08, _WIRE + 0.08], color=lead, linewidth=thick)
+    single = len(ends) == 2
+    for terminal, side, low in zip(electrodes, (-1, 1), (0.0, 0.0) if single else (-0.14, -0.2), strict=True):
+        wire, outer = _WIRE + 0.08 + low, middle + side * half
+        if single:
+            axes.plot([*terminal, *terminal, outer], [_HIGH, wire, wire], color=lead, linewidth=thick)
+            continue
+        for face in terminal:
+            axes.plot([face, face], [_HIGH, wire], color=lead, linewidth=thick)
+        axes.plot([min(*terminal, outer), max(*terminal, outer)], [wire, wire], color=lead, linewidth=thick)
+        axes.plot([outer, outer], [wire, _WIRE + 0.08], color=lead, linewidth=thick)
     box = FancyBboxPatch(
         (middle - half, _WIRE),
         2 * half,

@@ -1,13 +1,13 @@
 """From a build to the ingredients of a fit: stacks of its steps, coordinates, priors, nominal values."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ....models.base.arrays import Reals
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
-from ....models.stack import Elastic, HalfSpace, Piezo, Stack
+from ....models.stack import Bolt, Elastic, HalfSpace, Piezo, Stack
 from ....models.sweep import Sweep
 from ...interface import TaskError
 from ..recording import Prior, Recording, Weighing
@@ -17,7 +17,9 @@ from .known_effects import KnownEffect, known_effects, with_effects
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")
+BOLT_STIFFNESS = "bolt.stiffness"
 UNITS = {
+    "stiffness": "N/m",
     "c33D": "Pa",
     "h33": "V/m",
     "eps33S": "F/m",
@@ -65,7 +67,7 @@ def effects_of(build: Build, steps: Iterable[str] | None = None) -> tuple[KnownE
     return tuple(one for one in known if there is None or there & set(one.steps))
 
 
-def _layer(spec: LayerSpec, ground: Quantity | None) -> Piezo | Elastic:
+def _layer(spec: LayerSpec, ground: Quantity | None, polarity: int) -> Piezo | Elastic:
     value = {name: quantity.value for name, quantity in spec.values.items()}
     if ground is not None:
         value["thickness"] = ground.value
@@ -77,6 +79,7 @@ def _layer(spec: LayerSpec, ground: Quantity | None) -> Piezo | Elastic:
             c33D=value["c33D"],
             h33=value["h33"],
             eps33S=value["eps33S"],
+            polarity=polarity,
         )
     return Elastic(
         spec.name, thickness=value["thickness"].real, z=value["z"].real, c=value["c"].real, q=value["q"].real
@@ -90,12 +93,38 @@ def _half_space(load: LoadSpec) -> HalfSpace:
 def stack_of(build: Build, step: Step) -> Stack:
     """Return the stack of a step at its nominal values, without the effects that the build states."""
     ground = {layer: thickness for layer, (_, thickness) in build.reground(step.name).items()}
+    polarities = _polarities(build, step)
     return Stack(
-        layers=tuple(_layer(build.layer(name), ground.get(name)) for name in step.layers),
+        layers=tuple(_layer(build.layer(name), ground.get(name), polarities.get(name, 1)) for name in step.layers),
         back=_half_space(build.back),
         front=_half_space(build.front),
         area=build.area.re,
+        connection=build.connection,
+        bolt=_bolt(build, step),
     )
+
+
+def _bolt(build: Build, step: Step) -> Bolt | None:
+    bolt = build.bolt
+    return Bolt(bolt.behind, bolt.before, bolt.stiffness.re) if bolt and bolt.acts_in(step.layers) else None
+
+
+def _stiffness(build: Build, steps: Iterable[str]) -> dict[str, Quantity]:
+    """Return the stiffness of the bolt by its name in the fit, if it acts in any of these steps."""
+    bolt = build.bolt
+    if bolt is None or not any(bolt.acts_in(build.step(step).layers) for step in steps):
+        return {}
+    return {BOLT_STIFFNESS: bolt.stiffness}
+
+
+def _polarities(build: Build, step: Step) -> dict[str, int]:
+    """Return the polarity of each piezo layer of a step relative to the current through it.
+
+    In parallel, neighbours share an electrode, so that current and field alternate in direction from layer to layer.
+    """
+    piezos = [layer for layer in map(build.layer, step.layers) if layer.kind == "piezo"]
+    turn = -1 if build.connection == "parallel" else 1
+    return {layer.name: layer.polarity * turn**k for k, layer in enumerate(piezos)}
 
 
 def layers_of(build: Build, steps: Iterable[str]) -> tuple[LayerSpec, ...]:
@@ -108,6 +137,7 @@ def nominal_parameters(build: Build) -> dict[str, float]:
     """Return every model parameter of every layer and effect at its nominal value, with `area` and loads."""
     values = {"area": build.area.re} | {name: quantity.re for name, quantity in _loads(build).items()}
     values |= {name: quantity.re for name, quantity in _ground(build, (step.name for step in build.steps)).items()}
+    values |= {name: one.re for name, one in _stiffness(build, (step.name for step in build.steps)).items()}
     for layer in build.layers:
         for name, quantity in layer.values.items():
             if name in PIEZO_CONSTANTS:
@@ -139,19 +169,14 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
     blocks: list[Block] = [positive("area"), *(hardly_negative(name, load.re) for name, load in _loads(build).items())]
     followers: dict[str, list[str]] = {}
     for layer in layers:
-        if layer.kind == "piezo":
-            constants = thickness_constants(layer.name)
-            limits = {name: layer.values[name].bounds for name in PIEZO_CONSTANTS}
-            blocks.append(
-                between_bounds(constants, {f"{layer.name}.{name}": ends for name, ends in limits.items() if ends})
-            )
         for name in ("density", "thickness") if layer.kind == "piezo" else (*ELASTIC_CONSTANTS, "thickness"):
             quantity, full = layer.values[name], f"{layer.name}.{name}"
             if quantity.same_as is not None:
                 followers.setdefault(quantity.same_as, []).append(full)
             else:
                 blocks.append(_in_bounds(_unbounded(full, quantity), full, quantity))
-    for name, quantity in _ground(build, steps).items():
+    blocks += _ceramics(build, layers)
+    for name, quantity in (_ground(build, steps) | _stiffness(build, steps)).items():
         blocks.append(_in_bounds(positive(name), name, quantity))
     blocks += [block for one in effects_of(build, steps) for block in one.blocks]
     return _with_ties(build, blocks, followers)
@@ -183,8 +208,29 @@ def _with_ties(build: Build, blocks: list[Block], followers: Mapping[str, list[s
     kept = [block for block in blocks if block.coordinates[0] not in followers]
     for leader, names in followers.items():
         quantity = known_as(build, leader)
-        kept.append(_in_bounds(shared(_unbounded(leader, quantity), tuple(names)), leader, quantity))
+        kept.append(_in_bounds(shared(_unbounded(leader, quantity), [(name,) for name in names]), leader, quantity))
     return tuple(kept)
+
+
+def _ceramics(build: Build, layers: Sequence[LayerSpec]) -> list[Block]:
+    """Return the block of c33D, h33 and eps33S of each ceramic: one for all layers that share it."""
+    of: dict[str, list[str]] = {}
+    for layer in layers:
+        if layer.kind == "piezo":
+            leader = ceramic_leader(layer)
+            of.setdefault(leader or layer.name, []).extend([layer.name] if leader else [])
+    blocks: list[Block] = []
+    for leader, followers in of.items():
+        limits = {f"{leader}.{name}": known_as(build, f"{leader}.{name}").bounds for name in PIEZO_CONSTANTS}
+        block = between_bounds(thickness_constants(leader), {name: ends for name, ends in limits.items() if ends})
+        blocks.append(shared(block, [thickness_constants(name).parameters for name in followers]))
+    return blocks
+
+
+def ceramic_leader(layer: LayerSpec) -> str | None:
+    """Return the layer whose c33D, h33 and eps33S this piezo layer shares, or None if it has its own."""
+    leader = layer.values["c33D"].same_as
+    return None if leader is None else leader.partition(".")[0]
 
 
 def known_as(build: Build, name: str) -> Quantity:
@@ -203,7 +249,8 @@ def is_held(quantity: Quantity, piezo_constant: bool) -> bool:
 
 
 def _free_by_default(build: Build, steps: Iterable[str]) -> set[str]:
-    layers, ground = layers_of(build, steps), _ground(build, steps)
+    steps = tuple(steps)
+    layers, ground = layers_of(build, steps), _ground(build, steps) | _stiffness(build, steps)
     free = {name for name, quantity in ground.items() if quantity.u > 0}
     free |= {name for name, quantity in _loads(build).items() if quantity.u > 0}
     free |= set() if build.area.u == 0 else {"area"}
@@ -219,15 +266,22 @@ def _free_by_default(build: Build, steps: Iterable[str]) -> set[str]:
 
 def _free_by_name(names: Iterable[str], blocks: tuple[Block, ...]) -> set[str]:
     known = {coordinate.removesuffix(".loss") for block in blocks for coordinate in block.coordinates}
-    tied = {
-        name: block.parameters[0] for block in blocks for name in block.parameters[1:] if len(block.coordinates) == 1
-    }
+    tied = {follower: leader for block in blocks for follower, leader in _tied_in(block)}
     for name in names:
         if name in tied:
             raise TaskError(f"cannot free {name!r}: it is tied to {tied[name]}; free that")
         if name not in known:
             raise TaskError(f"cannot free {name!r}: this build has {', '.join(sorted(known))}")
     return {variant for name in names for variant in (name, f"{name}.loss")}
+
+
+def _tied_in(block: Block) -> Iterable[tuple[str, str]]:
+    """Yield each constant of other layers that a block determines, and the constant of its own that it equals."""
+    own = block.coordinates[0].partition(".")[0]
+    for name in block.parameters:
+        layer, _, constant = name.removesuffix(".re").removesuffix(".im").partition(".")
+        if layer != own:
+            yield f"{layer}.{constant}", f"{own}.{constant}"
 
 
 def coordinates_of(
@@ -247,7 +301,7 @@ def coordinates_of(
 def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
     """Return the priors from build file and material library."""
     steps = tuple(steps)
-    known = _loads(build) | {"area": build.area} | _ground(build, steps)
+    known = _loads(build) | {"area": build.area} | _ground(build, steps) | _stiffness(build, steps)
     for layer in layers_of(build, steps):
         known |= {quantity.same_as or f"{layer.name}.{name}": quantity for name, quantity in layer.values.items()}
     priors: list[Prior] = []

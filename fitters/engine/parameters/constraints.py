@@ -1,6 +1,6 @@
 """Constrained constants: kept between bounds, or shared by several layers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,12 +37,19 @@ def bounded(block: Block, limits: Mapping[str, tuple[float, float]]) -> Block:
     return replace(block, forward=forward, inverse=inverse)
 
 
-def shared(leader_block: Block, followers: tuple[str, ...]) -> Block:
-    """Return the leader's constant shared by several layers: one coordinate for several equal parameters."""
-    (leader,), count = leader_block.coordinates, 1 + len(followers)
+def shared(leader_block: Block, followers: Sequence[tuple[str, ...]]) -> Block:
+    """Return the leader's constants shared by several layers: the same coordinates for several equal parameters.
+
+    Each of `followers` names the parameters of one layer, in the order of the leader's.
+    """
+    own, count = len(leader_block.parameters), 1 + len(followers)
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
         p, J = leader_block.forward(x)
-        return np.repeat(p, count), np.repeat(J, count, axis=0)
+        return np.tile(p, count), np.tile(J, (count, 1))
 
-    return Block((leader,), (leader, *followers), forward, lambda p: leader_block.inverse(p[:1]))
+    def inverse(p: Reals) -> Reals:
+        return leader_block.inverse(p[:own])
+
+    names = (*leader_block.parameters, *(name for follower in followers for name in follower))
+    return replace(leader_block, parameters=names, forward=forward, inverse=inverse)

@@ -122,7 +122,9 @@ def _learned(spec: EffectSpec, stack: Stack) -> Effect:
     if place not in corrections.places(stack):
         there = [one.where for one in corrections.places(stack) if one.quantity == spec.quantity]
         raise KnownEffectError(f"{NAME}: where is {spec.where!r}; {among(spec.where, there)}")
-    return learned_law(place, spec.law, stack)
+    if not 0 <= spec.reference < np.inf:
+        raise KnownEffectError(f"{NAME}: reference_Hz is {spec.reference:g}; a frequency above 0 is needed")
+    return learned_law(place, spec.law, stack, spec.reference)
 
 
 def _known(spec: EffectSpec, stacks: Mapping[str, Stack]) -> KnownEffect:

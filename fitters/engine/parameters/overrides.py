@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from ....models.build import Build, LayerSpec, LoadSpec, Quantity
 from ...interface import TaskError
-from .assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, ground_name
+from .assembly import BOLT_STIFFNESS, ELASTIC_CONSTANTS, PIEZO_CONSTANTS, ground_name
 
 _GIVEN = "build.toml"
 _LOSS_SIGN = {"c33D": 1, "eps33S": -1}
@@ -47,6 +47,8 @@ def known(build: Build) -> dict[str, Quantity]:
         names = (*PIEZO_CONSTANTS, "density") if layer.kind == "piezo" else ELASTIC_CONSTANTS
         names += tuple(name for name in _RADIAL if name in layer.values)
         quantities |= {f"{layer.name}.{name}": layer.values[name] for name in (*names, "thickness")}
+    if build.bolt is not None:
+        quantities[BOLT_STIFFNESS] = build.bolt.stiffness
     for step in build.steps:
         quantities |= {ground_name(layer, step.name): thickness for layer, thickness in step.reground.items()}
     return quantities
@@ -111,6 +113,9 @@ def _edited(build: Build, name: str, what: str, edit: Callable[[Quantity], Quant
     there = known(build)
     if name not in there:
         raise TaskError(f"cannot {what}: {_these(build)}")
+    leader = there[name].same_as
+    if leader is not None and name.rpartition(".")[2] in PIEZO_CONSTANTS:
+        raise TaskError(f"cannot {what}: the build ties it to {leader} with the whole ceramic; name that")
     new = edit(there[name])
     changed = {name: new} | {
         follower: replace(new, same_as=name) for follower, quantity in there.items() if quantity.same_as == name
@@ -131,6 +136,7 @@ def _with(build: Build, changed: Mapping[str, Quantity]) -> Build:
         build,
         area=changed.get("area", build.area),
         layers=tuple(map(layer, build.layers)),
+        bolt=build.bolt and replace(build.bolt, stiffness=changed.get(BOLT_STIFFNESS, build.bolt.stiffness)),
         back=load("back", build.back),
         front=load("front", build.front),
         steps=tuple(

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ...base.model import Model
 from ...stack import Stack, parallel_admittance
 
 
@@ -53,7 +54,7 @@ class ParallelSection:
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
         """Return (position in `names`, parameter of this stack, its derivative) for all that `names` change."""
-        own = self.stack.parameters()
+        own = self.stack.names
         return [
             (k, moved, self.scale.get(moved, 1.0))
             for k, name in enumerate(names)
@@ -74,8 +75,11 @@ class Assembly:
     """The device with its effects, ready to be evaluated."""
 
     parts: tuple[ParallelSection, ...]
+    """None for a device that is no stack."""
     nominal: Stack
     """The stack to which the first effect was added; it defines the scales of effects, which no fit changes."""
+    whole: Model | None = None
+    """A device that is no stack: a disk, an equivalent circuit."""
     shunts: tuple[Shunt, ...] = ()
     terminals: tuple[Terminal, ...] = ()
     records: tuple["Record", ...] = ()
@@ -85,7 +89,7 @@ class Assembly:
     _known: list[tuple[object, object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
     )
-    """One-entry admittance cache, keyed by (parts, shunts, frequency); reused when only outer stages change."""
+    """One-entry cache of the device's admittance, keyed by (parts, whole, frequency); reused by what acts outside."""
     _known_beside: list[tuple[object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
     )
@@ -137,15 +141,23 @@ class Assembly:
 
     def _admittance(self, frequency: Frequencies, jw: Complexes) -> Complexes:
         """Return the admittance behind the terminals, S, shape (N,)."""
-        for parts, shunts, where, known in self._known:
-            if parts is self.parts and shunts is self.shunts and where is frequency:
+        return self._beside(frequency, jw) + self._within(frequency)
+
+    def _within(self, frequency: Frequencies) -> Complexes:
+        """Return the admittance of the device without shunts, S, shape (N,)."""
+        for parts, whole, where, known in self._known:
+            if parts is self.parts and whole is self.whole and where is frequency:
                 return known
-        admittance = self._beside(frequency, jw).copy()
+        if self.whole is not None:
+            return self._kept(frequency, 1 / self.whole.impedance(frequency))
         stacks, fractions = [part.stack for part in self.parts], [part.fraction for part in self.parts]
-        admittance += parallel_admittance(stacks, fractions, frequency)
+        return self._kept(frequency, parallel_admittance(stacks, fractions, frequency))
+
+    def _kept(self, frequency: Frequencies, within: Complexes) -> Complexes:
+        """Keep the device's admittance for what is asked next."""
         if not frequency.flags.writeable:  # a recording's: it stays what it is
-            self._known[:] = [(self.parts, self.shunts, frequency, admittance)]
-        return admittance
+            self._known[:] = [(self.parts, self.whole, frequency, within)]
+        return within
 
     def _beside(self, frequency: Frequencies, jw: Complexes) -> Complexes:
         """Return the admittance of all shunts, S, shape (N,)."""
@@ -158,17 +170,20 @@ class Assembly:
         return beside
 
     def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
-        """Return the same and d ln Z / d parameter of the stack, shape (P, N); 0 for a name that no stack has."""
+        """Return the same and d ln Z / d parameter of the device, shape (P, N); 0 for a name that no stack has."""
         jw = j_omega(frequency)
-        admittance = self._beside(frequency, jw).copy()
+        within = np.zeros_like(jw)
         slope = np.zeros((len(names), frequency.size), np.complex128)
+        if self.whole is not None:
+            own, by_name = self.whole.jacobian(frequency, names)
+            within, slope = self._kept(frequency, 1 / own).copy(), -by_name / own
         for part in self.parts:
             moved = part.moved_by(names)
             Z, dlnZ = part.stack.jacobian(frequency, [name for _, name, _ in moved])
-            admittance += part.fraction / Z
+            within += part.fraction / Z
             for row, (k, _, scale) in zip(dlnZ, moved, strict=True):
                 slope[k] -= part.fraction * scale / Z * row
-        seen: Impedances = 1 / admittance
+        seen: Impedances = 1 / (self._beside(frequency, jw) + within)
         slope *= -(seen**2)
         for terminal in self.terminals:
             seen, through = terminal(jw, seen)

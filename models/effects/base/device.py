@@ -1,4 +1,4 @@
-"""A stack with effects added: a `Model` with the effects' parameters as additional ones."""
+"""A device with effects added: a `Model` with the effects' parameters as additional ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances
+from ...base.model import Model
 from ...base.names import require
 from ...stack import Stack
 from .assembly import Assembly, Conditions, ParallelSection
@@ -56,19 +57,32 @@ def _from_within(added: Sequence[Added]) -> list[Added]:
 
 @dataclass(frozen=True)
 class Device:
-    """A stack with effects, as recorded by a sweep under these conditions. Satisfies `Model`.
+    """A stack, or any other model, with effects, as recorded by a sweep under these conditions. Satisfies `Model`.
 
-    Its parameters are the stack's and, for each effect, `effect@place.name`: `lead-inductance@terminals.inductance`.
+    Its parameters are the model's and, for each effect, `effect@place.name`: `lead-inductance@terminals.inductance`.
+    Effects inside a device need a stack; those outside of it (`outside_effects`) only need an impedance.
     """
 
-    bare: Stack
+    bare: Model
     added: tuple[Added, ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
     nominal: Stack | None = None
-    """The stack to which the first effect was added; it defines sizes and reference frequencies of effects."""
+    """The stack to which the first effect was added; it defines sizes and reference frequencies of effects.
+
+    A model that is no stack needs one of the same capacitance and resonance (`equivalent_plate`).
+    """
+
+    @property
+    def reference(self) -> Stack:
+        """The stack that defines sizes and places of effects."""
+        if self.nominal is not None:
+            return self.nominal
+        if isinstance(self.bare, Stack):
+            return self.bare
+        raise TypeError(f"{type(self.bare).__name__} is no stack: its effects need a nominal one")
 
     def parameters(self) -> dict[str, float]:
-        """Return the stack's parameters and those of the effects."""
+        """Return the model's parameters and those of the effects."""
         of_effects = (added.parameters() for added in self.added)
         return {
             **self.bare.parameters(),
@@ -90,7 +104,7 @@ class Device:
 
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
         """Return the device with an additional effect, its parameters at null unless given."""
-        nominal = self.nominal or self.bare
+        nominal = self.reference
         null = {knob.name: knob.null for knob in effect.effect_parameters(nominal, where)}
         added = (*self.added, Added(effect, where, {**null, **(values or {})}))
         return replace(self, added=added, nominal=nominal)
@@ -107,7 +121,7 @@ class Device:
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
 
-        Exact for the stack's parameters; a difference quotient for effects' parameters, on the allowed side of a limit.
+        Exact for the model's parameters; a difference quotient for effects' parameters, on the allowed side of a limit.
         Effects of the sweep are small, so derivatives by other parameters are those of the steady device.
         """
         require(names, self.parameters(), "the device")
@@ -134,9 +148,9 @@ class Device:
         """
         assemblies: list[Assembly] = list(self.__dict__.get("_kept", ()))
         if not assemblies:
-            assemblies = [
-                Assembly((ParallelSection(1.0, self.bare),), self.nominal or self.bare, conditions=self.conditions)
-            ]
+            inner = self.bare
+            parts, whole = ((ParallelSection(1.0, inner),), None) if isinstance(inner, Stack) else ((), inner)
+            assemblies = [Assembly(parts, self.reference, whole, conditions=self.conditions)]
         for added_effect in _from_within(self.added)[len(assemblies) - 1 :]:
             assemblies.append(
                 added_effect.effect.extend(assemblies[-1], added_effect.where, self._within_limits(added_effect))
@@ -152,7 +166,7 @@ class Device:
     @cached_property
     def _knobs(self) -> dict[str, dict[str, EffectParameter]]:
         """Parameters of the effects, by prefix of the effect and name."""
-        nominal = self.nominal or self.bare
+        nominal = self.reference
         return {
             added_effect.prefix: {
                 knob.name: knob for knob in added_effect.effect.effect_parameters(nominal, added_effect.where)

@@ -75,9 +75,9 @@ class EffectParameter:
 class Effect(ABC):
     """One piece of physics, as a nested model: with all parameters at null the effect is absent."""
 
-    name: ClassVar[str]
+    name: str
     """Name for people and for `pzctl diagnose`."""
-    says: ClassVar[str]
+    says: str
     """A sentence for the technician; `{where}` is replaced by the place."""
     separates: ClassVar[str]
     """Additional measurement that distinguishes it from its look-alikes."""
@@ -88,6 +88,21 @@ class Effect(ABC):
 
     odds: ClassVar[float] = 1.0
     """Frequency of occurrence relative to an indistinguishable look-alike: a judgement, and a mild one."""
+
+    @property
+    def physics(self) -> str:
+        """The physics in words, for the list of effects."""
+        return " ".join((self.__doc__ or "").split())
+
+    @property
+    def law_name(self) -> str:
+        """What tells it from other effects at a place; the same for a law that has been given another name."""
+        return self.name
+
+    @property
+    def outside(self) -> bool:
+        """Whether it needs no stack, only an impedance: any model can have it."""
+        return self.stage in (Stage.TERMINALS, Stage.CABLE)
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:

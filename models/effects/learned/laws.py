@@ -6,7 +6,7 @@ quantity, in units of its natural size. Each is passive for sizes above zero.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,7 +86,9 @@ _Q = _shape("q", 1.0, 300.0, 10.0)
 
 def laws(quantity: Quantity) -> tuple[Law, ...]:
     """Return the laws for a quantity, simplest first."""
-    return _of_constant(quantity) if quantity in CONSTANTS else _ADDED
+    if quantity in CONSTANTS:
+        return _of_constant(quantity)
+    return _ADMITTED if quantity in ("shunt", "compliance") else _ADDED
 
 
 def _of_constant(quantity: Quantity) -> tuple[Law, ...]:
@@ -160,3 +162,11 @@ _ADDED = (
         "{size} with an echo of {echo} after {delay}",
     ),
 )
+
+_OF_ADMITTANCE = {
+    "resistance": "a conductance of {size}",
+    "inertance": "a part that grows in proportion to frequency, {size} at the reference",
+    "compliance": "a part that falls as 1/f, {size} at the reference",
+}
+"""The same laws in words where an admittance is added: there a mass and a spring change their roles."""
+_ADMITTED = tuple(replace(law, says=_OF_ADMITTANCE.get(law.name, law.says)) for law in _ADDED)

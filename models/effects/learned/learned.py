@@ -12,7 +12,7 @@ from ...stack import Stack
 from ..base.assembly import Assembly
 from ..base.effect import Effect, EffectParameter
 from ..base.scale import resonance
-from .corrections import CONSTANTS, Correction, Place, corrected, natural_size
+from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, places
 from .laws import Law, laws
 
 NAME = "learned"
@@ -34,14 +34,20 @@ class LearnedLaw(Effect):
         "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052: passive rational forms",
     )
 
-    def __init__(self, place: Place, law: Law, stack: Stack) -> None:
+    def __init__(self, place: Place, law: Law, stack: Stack, reference: float = 0.0) -> None:
+        """Make the effect; `reference`: where the law has its size, Hz, 0 for the resonance of the stack."""
         self.place, self.law, self.stage = place, law, place.stage
-        self.f0 = resonance(stack)
+        self.reference = reference or resonance(stack)
         self.natural, self.unit = natural_size(stack, place.quantity)
 
+    @property
+    def law_name(self) -> str:
+        """What it corrects and the law of it."""
+        return law_name(self.place, self.law)
+
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return its place."""
-        return (self.place.where,)
+        """Return its place, if the stack has it."""
+        return (self.place.where,) if self.place in places(stack) else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the parameters of the law in SI units."""
@@ -62,17 +68,12 @@ class LearnedLaw(Effect):
 
     def _scale(self, name: str) -> tuple[float, str]:
         """Return the value of a parameter for which the law has 1, and its unit."""
-        scales = {"size": (self.natural, self.unit), "at": (self.f0, "Hz"), "delay": (1 / self.f0, "s")}
+        scales = {"size": (self.natural, self.unit), "at": (self.reference, "Hz"), "delay": (1 / self.reference, "s")}
         return scales.get(name, (1.0, "1"))
 
     def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
         """Return the sentence on the learned law, with its numbers."""
-        numbers = {name: f"{with_uncertainty(value, u)}{_unit(unit)}" for name, (value, u, unit) in sizes.items()}
-        law = self.law.says.format(**{knob.name: numbers.get(knob.name, "?") for knob in self.law.parameters})
-        element = next((f" ({name} {numbers[name]})" for name in ("inductance", "capacitance") if name in numbers), "")
-        verb = "" if self.place.quantity in CONSTANTS else "has "
-        what = self.place.says
-        return f"{what[0].upper()}{what[1:]} {verb}{law}{element}. No effect of the catalogue says so."
+        return f"{in_words(self.place, self.law, sizes)}. No effect of the catalogue says so."
 
     def dimensionless(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters in the law's units."""
@@ -80,29 +81,53 @@ class LearnedLaw(Effect):
 
     def correction(self, values: Mapping[str, float]) -> Correction:
         """Return the correction with these parameters as a function of frequency in Hz."""
-        own, f0, of = self.dimensionless(values), self.f0, self.law.of
+        own, f0, of = self.dimensionless(values), self.reference, self.law.of
         return lambda frequency: of(np.asarray(frequency / f0, np.float64), own)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return the circuit element that is equivalent to a correction at the terminals."""
-        size, omega = values["size"], 2 * np.pi * self.f0
-        kind = self.place.quantity, self.law.name
-        if size <= 0 or self.place.quantity not in ("series", "shunt"):
-            return {}
-        if kind in (("series", "inertance"), ("shunt", "compliance")):
-            return {"inductance": (size / omega if kind[0] == "series" else 1 / (omega * size), "H")}
-        if kind in (("series", "compliance"), ("shunt", "inertance")):
-            return {"capacitance": (size / omega if kind[0] == "shunt" else 1 / (omega * size), "F")}
-        return {}
+        return circuit_element(self.place, self.law, self.reference, values["size"])
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
         return corrected(assembly, self.place, self.correction(values)) if values["size"] > 0 else assembly
 
 
-def learned_law(place: Place, name: str, stack: Stack) -> LearnedLaw:
+def law_name(place: Place, law: Law) -> str:
+    """Return what a law corrects, and its own name: `permittivity-debye`, `series-inertance`."""
+    return f"{place.quantity}-{law.name}"
+
+
+def in_words(place: Place, law: Law, sizes: Mapping[str, tuple[float, float, str]]) -> str:
+    """Return what a law says of a place, with its numbers, without a full stop."""
+    numbers = {name: f"{with_uncertainty(value, u)}{_unit(unit)}" for name, (value, u, unit) in sizes.items()}
+    says = law.says.format(**{knob.name: numbers.get(knob.name, "?") for knob in law.parameters})
+    element = next((f" ({name} {numbers[name]})" for name in ("inductance", "capacitance") if name in numbers), "")
+    verb = "" if place.quantity in CONSTANTS else "has "
+    return f"{place.says[0].upper()}{place.says[1:]} {verb}{says}{element}"
+
+
+def circuit_element(place: Place, law: Law, reference: float, size: float) -> dict[str, tuple[float, str]]:
+    """Return the inductance or capacitance that a correction at the terminals is, by its name, with its unit."""
+    omega = 2 * np.pi * reference
+    kind = place.quantity, law.name
+    if size <= 0 or place.quantity not in ("series", "shunt"):
+        return {}
+    if kind in (("series", "inertance"), ("shunt", "compliance")):
+        return {"inductance": (size / omega if kind[0] == "series" else 1 / (omega * size), "H")}
+    if kind in (("series", "compliance"), ("shunt", "inertance")):
+        return {"capacitance": (size / omega if kind[0] == "shunt" else 1 / (omega * size), "F")}
+    return {}
+
+
+def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0) -> LearnedLaw:
     """Return the effect of a law at a place of a stack. Raises PzctlError for an unknown law."""
+    return LearnedLaw(place, find_law(place, name), stack, reference)
+
+
+def find_law(place: Place, name: str) -> Law:
+    """Return a law that the quantity of a place may follow. Raises PzctlError."""
     known = {law.name: law for law in laws(place.quantity)}
     if name not in known:
         raise PzctlError(f"{place.where}: there is no law {name!r} for {place.says}; {among(name, list(known))}")
-    return LearnedLaw(place, known[name], stack)
+    return known[name]

@@ -152,7 +152,7 @@ def test_all_open_cases_are_read(cases: Path) -> None:
         ('name = "ml1"\nlayers', 'name = "disk"\nlayers', "steps[1].name is 'disk', which steps[0] has already"),
         ('"glue1", "ml1"]', '"glue", "ml1"]', "names 'glue'; the layers are disk, glue1, ml1"),
         ('"glue1", "ml1"]', '"ml1", "glue1"]', "in the order of [[layers]]: disk, glue1, ml1"),
-        ('"disk", "glue1", "ml1"]', '"glue1", "ml1"]', "lacks disk; without its piezo layer"),
+        ('"disk", "glue1", "ml1"]', '"glue1", "ml1"]', "lacks disk; without a piezo layer"),
         ('layers = ["disk"]', 'layers = ["disk", "glue1", "ml1"]\n[[steps]]\nname="x"\nlayers=["disk"]', "lacks glue1"),
         ('layers = ["disk"]', "layers = [1]", "steps[0].layers[0] (of step 'disk') is 1; a text in quotes"),
         ('back = "air"', "", "load has no back; write back"),
@@ -189,13 +189,87 @@ def test_a_plan_can_have_current_drive_and_delays() -> None:
     assert (plan.oscillator_A, plan.point_delay_s, plan.sweep_delay_s) == (0.005, 0.01, 2.0)
 
 
-def test_two_disks_or_none_are_refused() -> None:
+def test_a_build_without_piezo_layer_is_refused() -> None:
     elastic = S4.replace('kind = "piezo"\nmaterial = "Pz27"', 'kind = "elastic"\nmaterial = "epoxy"')
     elastic = "\n".join(line for line in elastic.splitlines() if "c33D" not in line and "eps33S" not in line)
     with pytest.raises(BuildError, match="no piezo layer"):
         parse_build(elastic)
-    with pytest.raises(BuildError, match=r"2 piezo layers \(disk, glue1\)"):
-        parse_build(S4.replace('kind = "elastic"\nmaterial = "epoxy"', 'kind = "piezo"\nmaterial = "Pz27"'))
+
+
+SECOND = """
+[[layers]]
+name = "disk2"
+kind = "piezo"
+material = { same_as = "disk" }
+polarity = -1
+thickness_mm = { value = 0.51, u = 0.001 }
+
+[electrical]
+connection = "parallel"
+
+[load]"""
+TWIN = S4.replace("[load]", SECOND, 1).replace('"glue1", "ml1"]', '"glue1", "ml1", "disk2"]')
+
+
+def test_a_second_piezo_layer_shares_the_ceramic_it_names_and_nothing_else() -> None:
+    build = parse_build(TWIN)
+    first, second = build.layer("disk"), build.layer("disk2")
+    assert (build.connection, second.polarity, second.material) == ("parallel", -1, "Pz27")
+    for name in ("c33D", "h33", "eps33S", "density"):
+        assert second.values[name] == replace(first.values[name], same_as=f"disk.{name}")
+    assert second.values["thickness"].re == 0.51e-3
+    assert build_from_json(json.loads(json.dumps(build_to_json(build)))) == build
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("polarity = -1", "polarity = 2", "polarity .* is 2; 1 .poled towards the front. or -1"),
+        (
+            "polarity = -1",
+            "polarity = -1\nc33D_GPa = 140",
+            "c33D_GPa .* is given beside material",
+        ),
+        ('same_as = "disk"', 'same_as = "glue1"', "same_as is 'glue1'; the layers with c33D are disk"),
+        ('same_as = "disk"', 'like = "disk"', "like .* is not a known key"),
+        ("thickness_mm = { value = 0.51, u = 0.001 }", "", "has no thickness; .* material does not share it"),
+        ('"parallel"', '"bridge"', 'electrical.connection is \'bridge\'; "series" or "parallel" is needed'),
+        ('[electrical]\nconnection = "parallel"', "", "no \\[electrical\\]; .* disk, disk2 are several piezo layers"),
+        ('kind = "elastic"\nmaterial', 'kind = "elastic"\npolarity = 1\nmaterial', "polarity .* is not a known key"),
+    ],
+)
+def test_a_mistake_about_a_second_piezo_layer_is_one_sentence(old: str, new: str, says: str) -> None:
+    assert old in TWIN
+    with pytest.raises(BuildError, match=says):
+        parse_build(TWIN.replace(old, new, 1))
+
+
+SANDWICH = (Path(__file__).resolve().parents[3] / "examples" / "langevin.toml").read_text(encoding="utf-8")
+BOLT = '[bolt]\nbetween = ["tail", "head"]\nstiffness_kN_mm = { value = 400, u = 80 }\n'
+
+
+def test_a_bolt_is_read_with_its_two_layers() -> None:
+    build = parse_build(f"{SANDWICH}\n{BOLT}")
+    assert build.bolt is not None
+    assert (build.bolt.behind, build.bolt.before) == ("tail", "head")
+    assert (build.bolt.stiffness.re, build.bolt.stiffness.u) == (4e8, 8e7)
+    assert build_from_json(json.loads(json.dumps(build_to_json(build)))) == build
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('["tail", "head"]', '["tail"]', r"bolt.between names 1 layers; the two that hold the ends"),
+        ('["tail", "head"]', '["tail", "nut"]', "bolt.between names 'nut'; the layers are tail, ring1, ring2, head"),
+        ('["tail", "head"]', '["head", "tail"]', "a piezo layer must lie between them, and the one further back"),
+        ("stiffness_kN_mm = { value = 400, u = 80 }", "", "has no stiffness; give stiffness_N_m or stiffness_kN_mm"),
+        ("value = 400", "value = -1", "stiffness_kN_mm.* a positive number is needed"),
+    ],
+)
+def test_a_mistake_about_the_bolt_is_one_sentence(old: str, new: str, says: str) -> None:
+    assert old in BOLT
+    with pytest.raises(BuildError, match=says):
+        parse_build(f"{SANDWICH}\n{BOLT.replace(old, new)}")
 
 
 def test_a_transducer_without_a_step_is_refused() -> None:

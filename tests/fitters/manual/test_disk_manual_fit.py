@@ -15,9 +15,8 @@ from pzctl.fitters.manual.manual_fit import Choices, ManualFit, models_for
 from pzctl.models.build import Build
 from pzctl.models.constants.piezo_constants import Radial
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
-from pzctl.models.effects import find_effect, outside_effects
+from pzctl.models.effects import Device, find_effect, outside_effects
 from pzctl.models.effects.base.device import Added
-from pzctl.models.effects.base.terminal_effects import TerminalEffects
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 
@@ -112,7 +111,7 @@ def test_an_effect_at_the_terminals_is_found_with_its_size(
 ) -> None:
     model, held = (thin, "disk.eps33T") if fitter == "radial" else (device, "disk.eps33S")
     stray = Added(find_effect(STRAY[0]), STRAY[1], {"capacitance": 3e-11, "loss": 0.0})
-    behind = TerminalEffects(model, stack_of(build, build.steps[0]), (stray,))
+    behind = Device(model, (stray,), nominal=stack_of(build, build.steps[0]))
     sweeps = tuple(swept(behind, band, 2e-4, seed=k) for k, band in enumerate(BANDS))
     hand = ManualFit(FitTask(build, {"disk": sweeps}), fitter)
     assert "lead-inductance" in hand.places()
@@ -133,7 +132,7 @@ def test_derivatives_with_terminal_effects_equal_finite_differences(build: Build
     for effect in outside_effects():
         where = effect.places(nominal)[0]
         values = {knob.name: knob.null + 0.5 * knob.typical for knob in effect.effect_parameters(nominal, where)}
-        seen = TerminalEffects(device, nominal, (Added(effect, where, values),))
+        seen = Device(device, (Added(effect, where, values),), nominal=nominal)
         names = ["disk.s11E.re", "area", *(f"{effect.name}@{where}.{knob}" for knob in values)]
         Z, slopes = seen.jacobian(f, names)
         np.testing.assert_allclose(Z, seen.impedance(f), rtol=1e-12)

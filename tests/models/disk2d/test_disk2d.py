@@ -178,7 +178,7 @@ def test_a_strong_form_solution_agrees(ratio, name):
     np.testing.assert_allclose(other / FullDisk.of(ratio).capacitance(shape, constants, f), 1, atol=2e-3)
 
 
-@pytest.mark.parametrize(("ratio", "name"), [(5, "test ceramic"), (10, "PIC255"), (20, "PZT-5A")])
+@pytest.mark.parametrize(("ratio", "name"), [(5, "test ceramic"), (10, "PZT-5A")])
 def test_a_general_finite_element_package_agrees(ratio, name):
     constants = np.array([find(name, (MATERIAL,)).values[key].value for key in CONSTANTS])
     shape = Shape(ratio * 1e-3, 2e-3, DENSITY)
@@ -289,7 +289,7 @@ def test_results_do_not_depend_on_the_number_of_frequencies(five):
 
 
 def test_the_reduced_disk_equals_the_full_section_with_short_electrodes():
-    ratio, electrode, f, some = 2.0, 0.85, np.linspace(0.1e6, 1.5e6, 201), slice(5, None, 60)
+    ratio, electrode, f, some = 2.0, 0.85, np.linspace(0.1e6, 1.5e6, 41), slice(1, None, 12)
     full = FullDisk.of(ratio, electrode=electrode)
     reduced = ReducedDisk.of(
         full, *split(full, [krylov(full, Shape(2e-3, 2e-3, DENSITY), C.real, at) for at in (0.4e6, 1.2e6)])

@@ -16,6 +16,7 @@ from pzctl.models.effects.base.effect import Stage
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
 
 DESIGN = {
+    "prestress-bolt",
     "lead-inductance", "series-resistance", "stray-capacitance", "leakage", "cable", "electrode-mass", "local-mass",
     "bond-layer", "bond-void", "thickness-variation", "surface-layer", "lateral-modes", "loss-dispersion",
     "dielectric-dispersion", "face-load", "finite-backing", "spurious-resonance", "temperature-drift",

@@ -88,7 +88,7 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     expected = Device(GLUED).with_effect(find_effect(effect), "terminals", {parameter: part}).impedance(F)
     found = Device(GLUED).with_effect(learned, "terminals", {"size": size}).impedance(F)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
-    assert learned.f0 == resonance(GLUED)
+    assert learned.reference == resonance(GLUED)
 
 
 def test_an_unknown_law_is_one_sentence() -> None:
