@@ -94,14 +94,18 @@ def every_resonance(pair: Pair, own: Resonances, after: PoleFit) -> tuple[EveryR
     return EveryResonance(own, tuple(sizes)), x
 
 
-def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: Outcome) -> float:
-    """Return ln evidence of poles of its own against that of changes that were linearised here, beside prior odds."""
+def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: Outcome, shortfall: float) -> float:
+    """Return ln evidence of poles of its own against that of changes that were linearised here, beside prior odds.
+
+    Poles cannot gain more than the changes lack (`shortfall`, ln likelihood), and they pay for their numbers.
+    """
     recorded, inside = errors.recorded, np.isfinite(errors.recorded.noise_after)
     left = outcome.left[inside]
     share = np.sqrt(inside.sum() / _independent(left))
     missed = float(np.sqrt(np.mean(np.abs(left) ** 2) / 2))
     noise = np.where(inside, share * np.hypot(recorded.noise_after, missed), np.inf)
-    changes = errors.with_noise(noise).outcome(at, (0.0,), outcome.sizes, rounds=1).log_evidence
+    # What the changes leave contains the noise of the recording before.
+    changes = errors.with_noise(noise, 0 * noise).outcome(at, (0.0,), outcome.sizes, rounds=1).log_evidence
 
     finite = np.where(inside, noise, 1.0)
     fit = fit_poles(Frame.of(Sweep(recorded.frequency, recorded.after), finite, inside))
@@ -113,10 +117,13 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     zero, x = np.zeros(points, np.complex128), np.zeros(int(slopes.shape[1]), np.float64)
     alone = Linearised(predicted, zero, slopes, slopes[:, :0], x, (), pair.frequency)
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))
-    evidence = PairErrors(pair, none).outcome(alone, (0.0,), outcome.sizes, rounds=1).log_evidence
+    own = PairErrors(pair, none)
+    evidence = own.outcome(alone, (0.0,), outcome.sizes, rounds=1).log_evidence
+    perfect = replace(alone, predicted=recorded.after, slopes=slopes[:, :0], x=x[:0])
+    most = own.outcome(perfect, (0.0,), outcome.sizes, rounds=1).log_evidence
     # Numbers are where their fit is, not at the middle of their priors; and poles have no order among themselves.
     paid = 0.5 * 4 * fit.poles.size - math.lgamma(fit.poles.size + 1)
-    return evidence - paid - changes
+    return min(evidence - paid - changes, shortfall - (most - evidence + paid))
 
 
 def _independent(left: Complexes) -> float:

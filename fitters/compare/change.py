@@ -9,6 +9,7 @@ from ...models.base.arrays import Reals
 
 Values = Mapping[str, float]
 """Sizes in SI units, by name."""
+_LARGEST = 100.0
 TERMINALS, DEVICE = "terminals", "device"
 
 
@@ -23,6 +24,8 @@ class ChangeSize:
     spread: float
     """Standard deviation of its logarithm; of a signed size, of the size itself, in its unit."""
     signed: bool = False
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    """What lies beyond counts as at the limit."""
 
     @property
     def lattice(self) -> Reals:
@@ -31,7 +34,8 @@ class ChangeSize:
 
     def value(self, x: float) -> float:
         """Return the size at a coordinate with a unit normal prior."""
-        return self.median + self.spread * x if self.signed else float(self.median * np.exp(self.spread * x))
+        value = self.median + self.spread * x if self.signed else self.median * np.exp(min(self.spread * x, _LARGEST))
+        return float(min(max(value, self.limits[0]), self.limits[1]))
 
     def slope(self, x: float) -> float:
         """Return d size / d coordinate."""

@@ -8,20 +8,24 @@ import numpy as np
 
 from ...models.base.arrays import Reals
 from ...models.base.true_runs import true_runs
+from ...models.build import Build
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
 from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
-from .comparison import ChangeFinding, ComparedCurve, Comparison, Verdict
+from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
 from .device_changes import device_changes
 from .hypothesis import Change, Fitted, Hypothesis, fitted
 from .limits import limits, repeatability
-from .pair import Pair, pair_of
+from .pair import Pair, pair_of, righted
 from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
-from .resonances import fitted_poles, resonances_of
+from .resonances import Resonances, fitted_poles, resonances_of
 from .search import Searched, nothing_in_common, search
 from .shifts import resonance_shifts
 from .two_ports import TwoPort, two_ports
+from .with_build.candidates import model_changes, step_before
+from .with_build.found_device import FoundDevice
+from .with_build.model_change import ModelChange
 
 _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those held out to validate an explanation."""
@@ -39,16 +43,35 @@ _ALIKE = 9.0
 """Two hypotheses whose predictions differ by less than this chi2 (three u) cannot be distinguished by a pair."""
 
 
-def compare(before: Sequence[Sweep], after: Sequence[Sweep]) -> Comparison:
-    """Return what changed; several sweeps on a side are repeats. Raises TaskError if they cannot be compared."""
+def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None = None, step: str = "") -> Comparison:
+    """Return what changed; several sweeps on a side are repeats. Raises TaskError if they cannot be compared.
+
+    `build`: the device of which a `step` was recorded, so that changes inside can be named and sized. Raises FitError
+    if it cannot be fitted.
+    """
     began = time.monotonic()
     pair = pair_of(before, after)
     poles = fitted_poles(pair, pair.before, pair.noise_before)
     own = resonances_of(poles, pair, pair.before)
     after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
     errors = PairErrors(pair, own)
-    searched = search(errors, (*two_ports(), *device_changes(pair, own)), after_poles)
-    return replace(concluded(errors, searched, began), resonances=resonance_shifts(pair, poles, after_poles))
+    inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
+    now = resonances_of(after_poles, pair, pair.after)
+    searched = search(errors, (*two_ports(), *device_changes(pair, own, now), *inside), after_poles)
+    found = concluded(errors, searched, began)
+    return replace(found, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)
+
+
+def _inside(
+    build: Build, step: str, pair: Pair, own: Resonances, sides: tuple[Sequence[Sweep], Sequence[Sweep]]
+) -> tuple[tuple[ModelChange, ...], DescribedBy]:
+    """Return the changes that the device of a build can have, and how the build describes it."""
+    right = [[righted(one, turned) for one in side] for side, turned in zip(sides, pair.turned, strict=True)]
+    first = FoundDevice.of(build, step, right[0], pair.before, own)
+    second = FoundDevice.of(build, step, right[1], pair.after, own)
+    earlier = step_before(build, step)
+    stripped = None if earlier is None else FoundDevice.of(build, earlier, right[1], pair.after, own)
+    return model_changes(build, (first, second), stripped, pair.levels), first.described
 
 
 def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:
@@ -111,18 +134,22 @@ def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
 
 
 def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
-    """Return an explanation without changes that are negligible beside the others: errors of their formulas."""
+    """Return an explanation without changes that are negligible beside the others: errors of their formulas.
+
+    The change of a model is taken to be as wrong as the model is.
+    """
     changes = best.hypothesis.changes
     if len(changes) < 2:
         return best
     moves: list[float] = []
     for k in range(len(changes)):
-        others = Hypothesis(tuple(one for j, one in enumerate(changes) if j != k))
+        others = Hypothesis(tuple(one for j, one in enumerate(changes) if j != k), best.hypothesis.constants)
         x = np.delete(best.x, np.r_[best.hypothesis.slices[k]])
         pair = best.errors.pair
         seen = others.predict(pair.before, pair.frequency, x, best.errors.own)
         moves.append(float(np.sqrt(np.mean(np.abs(np.log(best.at.predicted / seen)) ** 2))))
-    kept = tuple(one for one, size in zip(changes, moves, strict=True) if size > _FORMULA * max(moves))
+    models = [one.found.described.rms_log_error for one in changes if isinstance(one, ModelChange)]
+    kept = tuple(one for one, size in zip(changes, moves, strict=True) if size > max(_FORMULA, *models, 0) * max(moves))
     return best if len(kept) == len(changes) else _without(errors, searched, kept)
 
 
@@ -192,7 +219,7 @@ def _class(searched: Searched, errors: PairErrors) -> list[int]:
 
 def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
     """Return the chi2 by which the predictions of two hypotheses differ, errors integrated out."""
-    at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0), inside=())
+    at = replace(best.at, slopes=best.at.slopes[:, :0], x=np.zeros(0), inside=(), offset=None)
     return errors.instead(one.at.predicted).quadratic(at, best.outcome.sizes)
 
 
@@ -211,7 +238,7 @@ def _findings(
             ChangeFinding(
                 effect=change.effect,
                 where=change.where,
-                step="",
+                step=change.found.described.step if isinstance(change, ModelChange) else "",
                 probability=_probability(searched, chances, change, alike),
                 bands_Hz=_bands(errors.pair, np.log(named.at.predicted / without.at.predicted)),
                 parameters=_sizes(named, k),
@@ -220,11 +247,11 @@ def _findings(
                 held_out_before=held_out_chi2(errors, without, held),
                 held_out_after=held_out_chi2(errors, named, held),
                 alternatives=rivals,
-                says=change.says,
+                says=change.says + _twins(searched, change, others, alike),
                 share=1 - _chi2(errors, named) / _chi2(errors, without),
                 same_as=_rivals(searched, chances, change, others, alike),
                 moves=float(np.sqrt(np.mean(np.abs(np.log(named.at.predicted / without.at.predicted)) ** 2))),
-                removed=isinstance(change, TwoPort) and change.taken,
+                removed=isinstance(change, TwoPort | ModelChange) and change.taken,
             )
         )
     return tuple(made)
@@ -264,11 +291,20 @@ def _rivals(
     return tuple(Alternative(effect, where, share) for (effect, where), share in ranked[:8])
 
 
+def _twins(searched: Searched, change: Change, others: tuple[Change, ...], alike: Sequence[int]) -> str:
+    """Return sentences on other places at which the same change would look the same."""
+    keys = [(one.effect, one.where) for one in (change, *others)]
+    fits = [searched.fits[k].hypothesis.changes for k in alike]
+    same = [one for changes in fits if len(changes) == len(keys) for one in changes if one.effect == change.effect]
+    places = dict.fromkeys(one.where for one in same if (one.effect, one.where) not in keys)
+    return "".join(f" At {place} it would look the same." for place in places)
+
+
 def _sizes(fit: Fitted, k: int) -> dict[str, Size]:
     """Return the sizes of a change and the derived values."""
     change, own = fit.hypothesis.changes[k], fit.hypothesis.slices[k]
     made = {name: Size(value, u, unit) for name, (value, u, unit) in fit.sizes(k).items()}
-    if isinstance(change, TwoPort) and change.derived is not None:
+    if isinstance(change, TwoPort | ModelChange) and change.derived is not None:
         covariance = fit.outcome.covariance[own, own]
         values = fit.hypothesis.values(fit.x, k)
         for name, (value, unit) in change.derived(values).items():

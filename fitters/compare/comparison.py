@@ -18,6 +18,16 @@ class ChangeFinding(Finding):
 
 
 @dataclass(frozen=True)
+class DescribedBy:
+    """The build with which changes inside of the device were sought."""
+
+    build: str
+    step: str
+    rms_log_error: float
+    """Of the model fitted to the recording before: what cancels, because it is the same afterwards."""
+
+
+@dataclass(frozen=True)
 class Limit:
     """Largest size of an undetected change."""
 
@@ -92,3 +102,5 @@ class Comparison:
     seconds: float
     remarks: tuple[ChangeFinding, ...] = ()
     """Fitting changes that move no point by more than the usual difference of two recordings of one device."""
+    described_by: DescribedBy | None = None
+    """None if no build was given."""

@@ -25,6 +25,10 @@ _KNOT = 4
 """Points between the knots of the smoothed remainder."""
 _KNOWN_LEVEL, _SAME_LEVEL, _UNKNOWN_LEVEL = 0.5, 1e-4, 0.02
 """Prior odds of a dependence on amplitude if the files state two levels, one level, or none."""
+_ROUNDS, _AGREED = 40, 1e-9
+"""Of the iteration for the amplitude of a bent resonance."""
+_LEAST = 0.1
+"""Smallest factor of a stiffness or a loss."""
 _PLACES, _QS = 160, (20.0, 60.0, 200.0)
 """Grid for the search of a new resonance."""
 
@@ -122,10 +126,18 @@ class NewResonance:
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeDependent:
-    """Resonances soften and lose more with their amplitude: another drive level."""
+    """Resonances soften and lose more with their amplitude: another drive level.
+
+    Softening is that of the frequency. Both sizes are those at the largest amplitude that each resonance of the
+    recording at the lower level would have at the higher one.
+    """
 
     resonances: Resonances
     odds: float
+    ratio: float
+    """Of the lower level to the higher one."""
+    lower: Resonances | None = None
+    """Those of the recording after, if it is the one at the lower level; None for those before."""
     effect: str = "drive-nonlinearity"
     where: str = DEVICE
     says: str = "Resonances are softer and lose more where the device moves most: it depends on the drive level."
@@ -136,15 +148,32 @@ class AmplitudeDependent:
     starts: tuple[tuple[float, ...], ...] = ()
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z with every pole shifted in proportion to its own amplitude (Rayleigh's law)."""
-        before = own.seen(frequency)
-        size = np.abs(before)
-        part = size / np.max(size, axis=0)
-        poles = own.poles.real * (1 + np.maximum(values["loss"], -0.9) * part) + 1j * own.poles.imag * (
-            1 - values["softening"] * part
-        )
-        now = pole_terms(frequency, np.asarray(poles, np.complex128), own.residues)
-        return 1 / (1 / Z + np.sum(now - before, axis=1)), own
+        """Return Z with every pole shifted in proportion to the growth of its own amplitude (Rayleigh's law).
+
+        The amplitude is that of the bent resonance itself, found by iteration. Poles within each other's width
+        describe one resonance.
+        """
+        low = self.lower or own
+        before = low.seen(frequency)
+        apart = np.abs(low.poles[:, None] - low.poles) + (low.poles.real[:, None] + low.poles.real)
+        together = (apart <= 0).astype(np.float64)
+        np.fill_diagonal(together, 1.0)
+        size = np.abs(before @ together)
+        largest = np.max(size, axis=0)
+        size = size / largest
+        now, after = before, size
+        for _ in range(_ROUNDS):
+            part = after - self.ratio * size
+            softer = np.sqrt(np.maximum(1 - 2 * values["softening"] * part, _LEAST))
+            lossier = np.maximum(1 + values["loss"] * part, _LEAST)
+            poles = np.asarray(low.poles.real * lossier + 1j * low.poles.imag * softer, np.complex128)
+            now = pole_terms(frequency, poles, low.residues)
+            change = np.abs(now @ together) / largest - after
+            after = after + change / 2
+            if np.max(np.abs(change)) < _AGREED:
+                break
+        bent = np.sum(now - before, axis=1)
+        return 1 / (1 / Z + (bent if self.lower is None else -bent)), own
 
 
 DeviceChange = Scaled | Moved | NewResonance | AmplitudeDependent
@@ -169,8 +198,8 @@ def _smoothed(u: Reals, rest: Complexes) -> Callable[[Reals], Complexes]:
     return at
 
 
-def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
-    """Return the possible changes in a device, from its resonances before."""
+def device_changes(pair: Pair, own: Resonances, after: Resonances) -> tuple[DeviceChange, ...]:
+    """Return the possible changes in a device, from its resonances before and after."""
     made: list[DeviceChange] = [Scaled(own), _new(pair, own)]
     every = tuple(range(own.poles.size))
     if every:
@@ -180,10 +209,19 @@ def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
         made += [
             Moved(own, "damping", damped, (_Q,), every),
             Moved(own, "strength", weaker, (_STRENGTH,), every),
-            AmplitudeDependent(own, _level_odds(pair)),
+            _driven(pair, own, after),
             *(_alone(own, k, len(strongest)) for k in strongest),
         ]
     return tuple(made)
+
+
+def _driven(pair: Pair, own: Resonances, after: Resonances) -> AmplitudeDependent:
+    """Return the dependence on amplitude; levels that are not stated or equal count as if that before were none."""
+    first, second = pair.levels
+    if not first or not second or first == second:
+        return AmplitudeDependent(own, _level_odds(pair), 0.0)
+    ratio = min(first, second) / max(first, second)
+    return AmplitudeDependent(own, _level_odds(pair), ratio, after if second < first and after.poles.size else None)
 
 
 def _level_odds(pair: Pair) -> float:

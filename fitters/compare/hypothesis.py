@@ -1,7 +1,7 @@
 """A hypothesis: changes one after the other, from the device to the analyzer; and its fit to a pair."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from math import log
@@ -15,12 +15,16 @@ from .device_changes import DeviceChange, NewResonance
 from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort
+from .with_build.found_device import Step
+from .with_build.model_change import ModelChange
 
 _STEP = 1e-4
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
 _PLAIN, _MARGINAL = 12, 8
 _FEW_RESTS = (0.0, 1e-3, 3e-2)
+_PARTS = (1.0, 0.3, 0.0)
+"""How far the constants of a build's device are moved towards the pair's; less if more is no better."""
 _CLOSE = 1e-3
 """In standard uncertainties: a shorter step ends a fit."""
 _IMPOSSIBLE = 1e6
@@ -32,7 +36,7 @@ _BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are rejected."""
 
 
-Change = TwoPort | Turned | DeviceChange | EveryResonance
+Change = TwoPort | Turned | DeviceChange | EveryResonance | ModelChange
 State = tuple[Impedances, Resonances | None]
 """The impedance (ohm) and its resonances."""
 
@@ -42,6 +46,9 @@ class Hypothesis:
     """A set of changes, in order from the device to the analyzer."""
 
     changes: tuple[Change, ...]
+    constants: Mapping[bool, Reals] = field(default_factory=dict[bool, Reals])
+    """Coordinates of the constants of a build's device about which its model is linearised: of that before (False) and
+    after (True), each with a unit normal prior."""
 
     @property
     def log_prior(self) -> float:
@@ -86,9 +93,53 @@ class Hypothesis:
             seen, own = made[-1]
             if isinstance(change, TwoPort | Turned):
                 made.append((change.apply(seen, frequency, self.values(x, k)), own))
+            elif isinstance(change, ModelChange):
+                drifted = own or change.found.resonances
+                constants = self.constants.get(change.taken)
+                made.append((change.act(seen, drifted, frequency, self._together(x, k), constants), own))
             else:
                 made.append(change.act(seen, own or change.resonances, frequency, self.values(x, k)))
         return made
+
+    def _together(self, x: Reals, k: int) -> tuple[Step, ...]:
+        """Return change `k` of a build's device, after those that act on the same device before it."""
+        last = self.changes[k]
+        return tuple(
+            Step(one.apply, self.values(x, j), one.before)
+            for j, one in enumerate(self.changes[: k + 1])
+            if isinstance(one, ModelChange) and isinstance(last, ModelChange) and one.found is last.found
+        )
+
+    def _model_errors(self, frequency: Reals, x: Reals) -> dict[bool, tuple[Complexes, int]]:
+        """Return errors of ln Z after by the model of the device before and after, and how many are of constants."""
+        last = {one.taken: (k, one) for k, one in enumerate(self.changes) if isinstance(one, ModelChange)}
+        return {
+            taken: change.errors(frequency, self._together(x, k), self.constants.get(taken))
+            for taken, (k, change) in last.items()
+        }
+
+    def _with_model(self, at: Linearised) -> Linearised:
+        """Return the same with the errors of the model of a build's device."""
+        errors = self._model_errors(at.frequency, at.x)
+        if not errors:
+            return at
+        offsets: list[Reals] = []
+        for taken, (columns, count) in errors.items():
+            own = np.zeros(columns.shape[1])
+            own[:count] = self.constants.get(taken, 0.0)
+            offsets.append(own)
+        return replace(at, model=np.hstack([columns for columns, _ in errors.values()]), offset=np.concatenate(offsets))
+
+    def recentred(self, at: Linearised, outcome: Outcome, part: float) -> "Hypothesis":
+        """Return the same with the constants of a build's device moved by this part of the way to the pair's."""
+        constants: dict[bool, Reals] = {}
+        first = 0
+        for taken, (columns, count) in self._model_errors(at.frequency, at.x).items():
+            here = self.constants.get(taken, np.zeros(count))
+            there = np.clip(outcome.model[first : first + count], -_BOUND, _BOUND)
+            constants[taken] = here + part * (there - here)
+            first += columns.shape[1]
+        return Hypothesis(self.changes, constants)
 
     def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
         """Return the prediction at `x` with its derivatives; `drift`: for changes in the device, include its drift."""
@@ -107,9 +158,17 @@ class Hypothesis:
         if drift and self.inside and own.poles.size:
             rows = [np.log(self.predict(Zk, f, x, now) / seen) / step for Zk, now, step in errors.nudged()]
             each = np.asarray(np.column_stack(rows), np.complex128)
-        return Linearised(
-            seen, np.asarray(through, np.complex128), slopes, self._shapes(slopes, x), x, self.inside, f, each
+        made = Linearised(
+            seen,
+            np.asarray(through, np.complex128),
+            slopes,
+            self._shapes(slopes, x),
+            x,
+            self.inside,
+            f,
+            each,
         )
+        return self._with_model(made) if drift else made
 
     def _shapes(self, slopes: Complexes, x: Reals) -> Complexes:
         """Return d ln Z / d ln of each change's main size, shape (N, K)."""
@@ -165,7 +224,12 @@ class Fitted:
         if change.sizes[0].signed:
             sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
             return bool(np.any(np.abs(self.outcome.total[own]) > _SIGMAS * sd))
-        return change.sizes[0].spread * float(np.sqrt(self.outcome.covariance[own.start, own.start])) < _UNSEEN
+        main = slice(own.start, own.start + (change.main if isinstance(change, ModelChange) else 1))
+        spreads = np.array([size.spread for size in change.sizes[: main.stop - main.start]])
+        relative = spreads[:, None] * self.outcome.covariance[main, main] * spreads
+        one = np.ones(spreads.size)
+        # of one size, 1/u2; of several, that of their best known combination
+        return not spreads.size or float(one @ np.linalg.pinv(relative, hermitian=True) @ one) > _UNSEEN**-2
 
     def sizes(self, k: int) -> Mapping[str, tuple[float, float, str]]:
         """Return value, standard uncertainty and unit of the sizes of change `k`."""
@@ -251,9 +315,32 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
         errors = errors.drifted(outcome)
         if hypothesis.count:
             x = np.clip(outcome.x, -_BOUND, _BOUND) if _small(outcome, x) else x
-        at = hypothesis.linearised(errors, x)
-        outcome = errors.outcome(at, rests if last else _near(outcome.sizes.rest), outcome.sizes)
+        tried = rests if last else _near(outcome.sizes.rest)
+        hypothesis, at, outcome = _with_constants(hypothesis, errors, (x, at), outcome, tried)
     return Fitted(hypothesis, x, at, outcome, errors)
+
+
+def _with_constants(
+    hypothesis: Hypothesis,
+    errors: PairErrors,
+    here: tuple[Reals, Linearised],
+    outcome: Outcome,
+    rests: Sequence[float],
+) -> tuple[Hypothesis, Linearised, Outcome]:
+    """Return the hypothesis linearised again, with the constants of a build's device as far moved as is of use."""
+    x, before = here
+    best: tuple[Hypothesis, Linearised, Outcome] | None = None
+    for part in _PARTS if before.model is not None else (0.0,):
+        trial = hypothesis.recentred(before, outcome, part) if part else hypothesis
+        at = trial.linearised(errors, x)
+        found = errors.outcome(at, rests, outcome.sizes)
+        if best is None or found.log_evidence > best[2].log_evidence:
+            best = trial, at, found
+        if best[2].log_evidence > outcome.log_evidence:
+            break
+    if best is None:
+        raise ValueError("no parts")
+    return best
 
 
 def _near(rest: float) -> tuple[float, ...]:

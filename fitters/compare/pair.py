@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
-from ..diagnosis.data_quality.polarity import polarity_of
 from ..engine.noise import noise_of
 from ..interface import TaskError
+from ..polarity import polarity_of
 
 _LEAST = 20
 """Fewest common points; with fewer, errors and changes cannot be distinguished."""
@@ -127,6 +127,11 @@ def _side(side: Sequence[Sweep], turned: str, grid: Frequencies) -> tuple[Comple
         scatter = np.sum(np.abs(np.array(curves) - mean) ** 2, axis=0) / 2 / (n - 1) / n
         variance = np.maximum(variance, running(scatter))
     return mean, np.sqrt(variance + _FLOOR**2)
+
+
+def righted(sweep: Sweep, turned: str) -> Sweep:
+    """Return a sweep of this polarity in its file with the right one."""
+    return replace(sweep, impedance=_right(sweep.impedance, turned)) if turned else sweep
 
 
 def _right(Z: Impedances, turned: str) -> Impedances:

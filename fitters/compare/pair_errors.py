@@ -8,6 +8,7 @@
 - a drift of the resonances, together and individually: columns d ln Z/d ln f times smooth functions, real for a shift
   and imaginary for the losses, so that steep flanks are not given too much weight;
 - an error of the change's own formula, a smooth fraction of the change: a coil's core, a line's loss;
+- of a change in the device of a build: its uncertain constants, and how the discrepancy of its model carries over;
 - the rest: an exponentially correlated error that is large where the device is sensitive.
 
 All but noise and rest are columns with a unit normal prior, integrated out exactly. The pair chooses the size of each
@@ -116,6 +117,10 @@ class Linearised:
     """Hz, shape (N,)."""
     each: Complexes | None = None
     """For changes in the device: derivatives by ln frequency and ln Q of each resonance before, shape (N, 2P)."""
+    model: Complexes | None = None
+    """Errors of ln Z predicted by the model of a build's device, each of a unit normal prior, shape (N, K)."""
+    offset: Reals | None = None
+    """Their coefficients about which the model is linearised, shape (K,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +145,8 @@ class Outcome:
     """The coordinates including the part imitated by drift, shape (P,)."""
     moved: Reals
     """Drift of each resonance in ln frequency, then in ln Q, shape (2P,)."""
+    model: Reals
+    """Coefficients of the errors of a build's device, shape (K,)."""
 
 
 class PairErrors:
@@ -221,9 +228,9 @@ class PairErrors:
         """Return the same without some blocks of points."""
         return self._with(self.recorded.without(held))
 
-    def with_noise(self, noise: Reals) -> "PairErrors":
-        """Return the same with another noise of the recording after, of ln Z, shape (N,)."""
-        return self._with(replace(self.recorded, noise_after=noise))
+    def with_noise(self, after: Reals, before: Reals) -> "PairErrors":
+        """Return the same with another noise of both recordings, of ln Z, shapes (N,)."""
+        return self._with(replace(self.recorded, noise_after=after, noise_before=before))
 
     def instead(self, after: Impedances) -> "PairErrors":
         """Return the same with another recording after, ohm, shape (N,); drift is linear about no drift."""
@@ -249,6 +256,8 @@ class PairErrors:
                 + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
             ),
         }
+        if at.model is not None:
+            groups["model"] = at.model
         inverse = 1 / self.points(at).noise
         groups["shape"], _ = _beside(groups["shape"], at.slopes, inverse)
         where: dict[str, slice] = {}
@@ -259,6 +268,8 @@ class PairErrors:
         r = np.log(pair.after / at.predicted) + at.slopes @ at.x
         each = s[:, None] * self._each if at.each is None else at.each
         r = r + each @ self._moved
+        if at.model is not None and at.offset is not None:
+            r = r + at.model @ at.offset
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
 
     def of_fixture(self, Z: Impedances) -> Reals:
@@ -338,7 +349,9 @@ class PairErrors:
         moved[:count] += drift[0]
         moved[count:] += drift[1] * self._unit[count:]
         cost = float(G[0, 0] - G[0, 1:] @ a)
-        return Outcome(told[0], told[1], sizes, x, covariance, cost, X[:, 0] - X[:, 1:] @ a, x + share @ drift, moved)
+        model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
+        left = X[:, 0] - X[:, 1:] @ a
+        return Outcome(told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model)
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
@@ -354,7 +367,8 @@ class PairErrors:
         X, where = self.columns(at)
         points = self.points(at)
         numbers = 2 * int(np.count_nonzero(np.isfinite(points.noise)))
-        found, usual = outcome.sizes, outcome.sizes.at_most(USUAL)
+        # Less noise than usual is no error, and sizes are known to the steps of their grid only.
+        found, usual = outcome.sizes, replace(outcome.sizes.at_most(USUAL), noise=USUAL.noise)
         logs: list[float] = []
         for sizes in (found, usual):
             kernel = Kernel([points], 0.0, (sizes.rest, 0.0))
@@ -404,15 +418,17 @@ def _outwards(rests: Sequence[float], known: float) -> tuple[Sequence[float], Se
 def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
     """Return columns without the part that coordinates could imitate, and that part's coefficients, shape (P, K).
 
-    So sizes keep their meaning: a shift includes the part imitated by drift.
+    So sizes keep their meaning: a shift includes the part imitated by drift. Coordinates have their unit normal prior:
+    one that hardly moves ln Z imitates nothing.
     """
     if not slopes.shape[1] or not columns.shape[1]:
         return columns, np.zeros((slopes.shape[1], columns.shape[1]))
     weighted, aim = slopes * inverse[:, None], columns * inverse[:, None]
     length = np.linalg.norm(weighted, axis=0)
     unit = np.where(length > 0, length, 1.0)
-    basis = np.vstack([weighted.real, weighted.imag]) / unit
-    share = np.linalg.lstsq(basis, np.vstack([aim.real, aim.imag]), rcond=1e-8)[0]
+    basis = np.vstack([weighted.real / unit, weighted.imag / unit, np.diag(1 / unit)])
+    rows = np.vstack([aim.real, aim.imag, np.zeros((unit.size, aim.shape[1]))])
+    share = np.linalg.lstsq(basis, rows, rcond=1e-8)[0]
     return np.asarray(columns - (slopes / unit) @ share, np.complex128), share / unit[:, None]
 
 

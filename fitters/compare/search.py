@@ -13,6 +13,7 @@ from ..diagnosis.decision_rules import COARSENED
 from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit, screened
 from .pair_errors import PairErrors, Sizes
+from .with_build.model_change import ModelChange
 
 _TRIED = 2
 """Number of starts that are followed."""
@@ -98,7 +99,8 @@ def nothing_in_common(fit: Fitted) -> float:
     """Return the probability, relative to an explanation, that the recordings have nothing in common."""
     if _nothing_else(fit):
         return 0.0
-    odds = log_odds_of_nothing_in_common(fit.errors, fit.at, fit.outcome) + log(ODDS) - fit.hypothesis.log_prior
+    odds = log_odds_of_nothing_in_common(fit.errors, fit.at, fit.outcome, fit.shortfall)
+    odds += log(ODDS) - fit.hypothesis.log_prior
     return 1 / (1 + exp(-max(min(odds, 700.0), -700.0)))
 
 
@@ -135,7 +137,7 @@ def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> lis
     own = parent.hypothesis.changes
     trials: list[tuple[float, Hypothesis, Reals]] = []
     for change in changes:
-        if any(one.effect == change.effect for one in own):
+        if any(one.effect == change.effect or _exclude(one, change) for one in own):
             continue
         for at in _places(own, change):
             hypothesis = Hypothesis((*own[:at], change, *own[at:]))
@@ -157,7 +159,14 @@ def _promising(
 def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
     """Return the possible positions of a change among others: changes in the device precede those at the terminals."""
     first = sum(one.where != "terminals" for one in own)
-    return tuple(range(first, len(own) + 1)) if change.where == "terminals" else (0,)
+    if change.where == "terminals":
+        return tuple(range(first, len(own) + 1))
+    return (first,) if isinstance(change, ModelChange) else (0,)
+
+
+def _exclude(one: Change, other: Change) -> bool:
+    """Return whether two changes cannot be in one model."""
+    return isinstance(one, ModelChange) and isinstance(other, ModelChange) and (one.alone or other.alone)
 
 
 def _started(hypothesis: Hypothesis, errors: PairErrors, known: Reals, at: int, steps: int = 12) -> tuple[float, Reals]:

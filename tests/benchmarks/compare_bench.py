@@ -31,19 +31,24 @@ def admittance(
     f: np.ndarray, modes: list[Mode], clamped: float, volt: float = 0.0, soft: float = 0.0, lossy: float = 0.0
 ) -> np.ndarray:
     """Return Y of a lossy clamped capacitance parallel to branches; `soft`, `lossy`: per volt over each capacitance."""
-    w = 2 * np.pi * f
-    Y = 1j * w * clamped * (1 - 0.008j)
-    for f0, q, part in modes:
-        C = part * clamped
-        L = 1 / ((2 * np.pi * f0) ** 2 * C)
-        R = 2 * np.pi * f0 * L / q
-        current = np.zeros(f.size)
-        for _ in range(400):
-            over = current / (w * C)
-            z = R * (1 + lossy * over) + 1j * w * L + (1 - soft * over) / (1j * w * C)
-            current = 0.7 * current + 0.3 * volt / np.abs(z)
-        Y = Y + 1 / z
-    return Y
+    branches = [1 / branch(f, mode, clamped, (volt, soft, lossy))[0] for mode in modes]
+    return sum(branches, 2j * np.pi * f * clamped * (1 - 0.008j))
+
+
+def branch(
+    f: np.ndarray, mode: Mode, clamped: float, drive: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the impedance of a branch and the voltage over its capacitance at this level, softening and loss."""
+    w, (f0, q, part), (volt, soft, lossy) = 2 * np.pi * f, mode, drive
+    C = part * clamped
+    L = 1 / ((2 * np.pi * f0) ** 2 * C)
+    R = 2 * np.pi * f0 * L / q
+    over = current = np.zeros(f.size)
+    for _ in range(400):
+        over = current / (w * C)
+        z = R * (1 + lossy * over) + 1j * w * L + (1 - soft * over) / (1j * w * C)
+        current = 0.7 * current + 0.3 * volt / np.abs(z)
+    return z, over
 
 
 def as_written(f: np.ndarray, Z: np.ndarray, rng: np.random.Generator, volt: float | None = None) -> Sweep:
@@ -153,7 +158,9 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         first = 1 / admittance(f, modes, clamped, low, soft, lossy)
         second = 1 / admittance(g, drifted(rng, modes), clamped, high, soft, lossy)
         before, after = as_written(f, first, rng, low), as_written(g, second, rng, high)
-        return replace(made, before=before, after=after, effect="drive-nonlinearity")
+        largest = high / low * float(np.max(branch(f, modes[0], clamped, (low, soft, lossy))[1]))
+        sizes = (("softening", soft * largest / 2),)
+        return replace(made, before=before, after=after, effect="drive-nonlinearity", sizes=sizes)
     elif kind == "same kind":
         unlike = [
             (f0 * (1 + 8e-3 * rng.normal()), q * np.exp(0.2 * rng.normal()), c * np.exp(0.1 * rng.normal()))

@@ -13,6 +13,7 @@ from .fit import read_trace
 from .fit_options import UsageError
 
 if TYPE_CHECKING:
+    from ....models.build import Build
     from ....models.sweep import Sweep
 
 _LISTS = ("--before", "--after")
@@ -46,14 +47,20 @@ def compare(
     ] = None,
     repeats: Annotated[bool, typer.Option("--repeats", help="All files of a side are repeats of one device.")] = False,
     sample: Annotated[str | None, typer.Option(help="The last two recordings of this sample in the journal.")] = None,
-    step: Annotated[str | None, typer.Option(help="Of this gluing step; the last measured where none is said.")] = None,
+    step: Annotated[
+        str | None, typer.Option(help="The gluing step; of a sample, the last measured where none is said.")
+    ] = None,
+    build: Annotated[
+        Path | None, typer.Option(help="build.toml of the device, to name changes inside by layer, bond and face.")
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Say what changed between two recordings: at the terminals or in the device, by how much, how sure that is.
 
-    Needs no model of the device. Several files after --before and --after are as many devices, in the same order; with
-    --repeats they are repeats of one. One file before and several after: each is held against the one.
+    Needs no model of the device; with --build, changes inside of it are named and sized. Several files after --before
+    and --after are as many devices, in the same order; with --repeats they are repeats of one. One file before and
+    several after: each is held against the one.
 
     Example: pzctl compare before.csv after.csv
     """
@@ -62,23 +69,43 @@ def compare(
     files = [*(recordings or []), *(before or []), *(after or [])]
     if sample is not None and files:
         raise UsageError(f"--sample {sample}: give either a sample or files, not both")
-    if step is not None and sample is None:
-        raise UsageError(f"--step {step}: of which sample? Give --sample NAME as well")
+    if step is not None and sample is None and build is None:
+        raise UsageError(f"--step {step}: of which sample or build? Give --sample NAME or --build FILE as well")
     if picture is not None:
         check_picture(picture)
+    known = None if build is None else _step_of(build, step)
     if sample is not None:
-        _one(*_from_journal(sample, step), picture, as_json)
+        _one(*_from_journal(sample, step), known, picture, as_json)
         return
     sides = _sides(recordings or [], before or [], after or [])
     own, other = (tuple(_read(path) for path in side) for side in sides)
     if repeats or len(own) == len(other) == 1:
-        _one(own, other, picture, as_json)
+        _one(own, other, known, picture, as_json)
+    elif build is not None:
+        raise UsageError(f"--build {build} describes one device; give two files, or --repeats")
     else:
         _many((own, other), sides[1], picture, as_json)
 
 
-def _one(own: "tuple[Sweep, ...]", other: "tuple[Sweep, ...]", picture: Path | None, as_json: bool) -> None:
-    """Compare two sides of one device, and print the result."""
+def _step_of(path: Path, step: str | None) -> "tuple[Build, str]":
+    """Return a build and the step of it that was recorded. Raises UsageError if there are several and none is said."""
+    from ...files.builds.build_file import read_build
+
+    build = read_build(path)
+    names = [one.name for one in build.steps]
+    if step is None and len(names) > 1:
+        raise UsageError(f"{path} has the steps {', '.join(names)}; say which was recorded with --step STEP")
+    return build, step or names[0]
+
+
+def _one(
+    own: "tuple[Sweep, ...]",
+    other: "tuple[Sweep, ...]",
+    known: "tuple[Build, str] | None",
+    picture: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare two sides of one device, and print the result; `known`: its build and the recorded step."""
     from ....fitters.compare.compare import compare as find_out
     from ...report.json_output.comparison_json import comparison_json
     from ...report.pictures.comparison_picture import comparison_picture
@@ -86,7 +113,8 @@ def _one(own: "tuple[Sweep, ...]", other: "tuple[Sweep, ...]", picture: Path | N
     from ...report.terminal import console
 
     with console(stderr=True).status("comparing"):
-        comparison = find_out(own, other)
+        build, step = known or (None, "")
+        comparison = find_out(own, other, build, step)
     found = comparison_json(comparison)
     if as_json:
         print(json.dumps(found))

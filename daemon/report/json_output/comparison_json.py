@@ -26,6 +26,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         "verdict": comparison.verdict,
         "probability": number(comparison.probability),
         "change": comparison.change,
+        "described_by": msgspec.to_builtins(comparison.described_by),
         "baseline": {
             "chi2_per_dof": number(comparison.chi2_per_dof_before),
             "held_out": number(comparison.held_out_before),

@@ -16,6 +16,8 @@ def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
         console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
     if found["findings"]:
         console.print(_findings_table(found["findings"]))
+    if found["described_by"]:
+        console.print(_described(found["described_by"]), highlight=False)
     if found["limits"]:
         console.print(f"Not seen, at 95 %: {'; '.join(_limit(one) for one in found['limits'])}.", highlight=False)
     if found["resonances"]:
@@ -69,6 +71,11 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
             "\n".join(alike),
         )
     return table
+
+
+def _described(by: Mapping[str, Any]) -> str:
+    left = f"{100 * by['rms_log_error']:.2g} %"
+    return f"Build {by['build']}, step {by['step']}: it describes the recording before to {left}; that rest cancels."
 
 
 def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> Table:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.cli import main
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import write_csv
+from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.models.effects import Device, find_effect
 from pzctl.models.sweep import Sweep
 
 F = np.linspace(0.9e6, 1.2e6, 121)
@@ -72,12 +75,34 @@ def test_the_common_difference_is_the_wire_and_the_outlier_is_named(
     assert found["outliers"] == [after[3]]
 
 
+def test_with_a_build_a_change_inside_is_named_by_its_layer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = read_build(THESIS_BUILD)
+    device = Device(stack_of(build, build.step("disk")))
+    loaded = device.with_effect(find_effect("face-load"), "face:front", {"resistance": 3e5})
+    f, rng = np.linspace(3e6, 5e6, 101), np.random.default_rng(3)
+    for name, one in (("b.csv", device), ("a.csv", loaded)):
+        noise = 1e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+        write_csv(Sweep(f, one.impedance(f) * np.exp(noise)), tmp_path / name)
+    words = [str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--build", str(THESIS_BUILD), "--step", "disk", "--json"]
+    status, out, _ = said(capsys, monkeypatch, *words)
+    found: dict[str, Any] = json.loads(out)
+    assert status == 0
+    (finding,) = found["findings"]
+    assert finding["effect"] == "face-load"
+    assert finding["step"] == "disk"
+    assert "it would look the same" in finding["says"], "a bare disk does not tell its faces apart"
+    assert found["described_by"]["build"] == "thesis"
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["b.csv"], "1 file(s) given; two are compared"),
         (["b.csv", "a.csv", "--sample", "S4"], "--sample S4: give either a sample or files, not both"),
-        (["--step", "disk"], "--step disk: of which sample? Give --sample NAME as well"),
+        (["--step", "disk"], "--step disk: of which sample or build? Give --sample NAME or --build FILE as well"),
+        (["b.csv", "a.csv", "--build", str(THESIS_BUILD)], "has the steps disk, ml1, ml2; say which was recorded"),
         ([], "nothing to compare: give two files, or --before FILE... --after FILE..."),
         (["b.csv", "--after", "a.csv"], "give two files, or --before FILE... --after FILE..., not both"),
     ],
