@@ -17,6 +17,11 @@ def chosen_folder() -> Path | None:
     return Path(given).expanduser() if given else None
 
 
+def user_effects_folder(home: Path) -> Path:
+    """Return the folder of the user's own effects, one NAME.toml each, in a data folder."""
+    return home / "effects"
+
+
 @contextmanager
 def in_folder(folder: Path) -> Generator[None]:
     """Set `PZCTL_HOME` to another folder for this process and its children while the context is active."""

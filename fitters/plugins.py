@@ -1,12 +1,13 @@
 """Finding and loading fitters: those of the entry point group `pzctl.fitters`, and those that settings name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 
 from ..models.base.errors import PzctlError
 from ..models.base.names import among
 from .interface import FitResult, FitTask, Fitter
+from .polarity import put_right, turned_says
 
 GROUP = "pzctl.fitters"
 DEFAULT = "mason"
@@ -60,13 +61,19 @@ def load_configured(name: str) -> Fitter:
 
 
 def run(fitter: Fitter, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
-    """Fit; whatever a third party's fitter raises becomes a PluginError with one sentence. Raises PzctlError."""
+    """Fit recordings, with the polarity of inverted and conjugated ones corrected; the result says so.
+
+    Whatever a third party's fitter raises becomes a PluginError with one sentence. Raises PzctlError.
+    """
+    right, turned = put_right(task.sweeps)
     try:
-        return fitter.fit(task, progress)
+        result = fitter.fit(replace(task, sweeps=right) if turned else task, progress)
     except (PzctlError, MemoryError):
         raise
     except Exception as error:
         raise PluginError(f"fitter {fitter.name!r} failed: {type(error).__name__}: {error}") from error
+    says = tuple(turned_says(step, how) for step, how in turned.items())
+    return replace(result, says=(*says, *result.says)) if says else result
 
 
 def _new(point: EntryPoint, what: str) -> Fitter:

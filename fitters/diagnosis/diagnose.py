@@ -4,9 +4,11 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from ..engine.multi_step_fit import solve
-from ..interface import FitTask
+from ..engine.fitted_model import Diagnosable
+from ..interface import FitTask, TaskError
+from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
+from ..user_effects import every_effect
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
 from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Verdict
@@ -21,7 +23,7 @@ from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
-from .learning.learned_effect import with_learned
+from .learning.learned_effect import learned_instead, with_learned
 from .learning.places import PlacedCorrection, placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
@@ -43,6 +45,7 @@ def diagnose(
     learn: bool = False,
     known: Sequence[BenchEffect] = (),
     jobs: int = 1,
+    fitter: Diagnosable | None = None,
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
@@ -50,14 +53,17 @@ def diagnose(
     data reserved for validation. `others` are further samples by name, on which the findings are tested. `learn`:
     whether to look for a law of what no effect of the catalogue explains. `known` are effects at the terminals that all
     samples of the bench have: they are part of every hypothesis. `jobs`: number of processes that fit hypotheses at the
-    same time; the result does not depend on it. Raises FitError if the recordings cannot be fitted or
-    contain no such data to hold out, EffectError for an unknown effect.
+    same time; the result does not depend on it. `fitter`: whose model is diagnosed, in place of the stack; effects
+    inside of a device are no candidates then, and laws are not learned. Raises FitError if the recordings cannot be
+    fitted or contain no such data to hold out, TaskError for effects that the fitter's model cannot have, EffectError
+    for an unknown effect.
     """
     began = time.perf_counter()
+    effects = _possible(effects, fitter)
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
-    bare = Problem.of(solve(replace(task, sweeps=gated.sweeps), progress), task.free, hold_out)
+    bare = Problem.posed(replace(task, sweeps=gated.sweeps), progress, fitter, hold_out)
     problem, taken = with_bench_effects(bare, known), {one.name for one in known}
     choice = tuple(one for one in candidates(problem, effects) if one.effect.name not in taken)
     search = GreedySearch(problem, (*choice, *flaws(problem)), progress, jobs)
@@ -66,13 +72,18 @@ def diagnose(
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
-    if found.something_left and not problem.build.effects and any(one.effect.name == lateral.NAME for one in choice):
+    stated_none = task.build is not None and not task.build.effects
+    if found.something_left and stated_none and any(one.effect.name == lateral.NAME for one in choice):
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress, jobs)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
-    places = placed_corrections(search.problem, found.final, progress, jobs) if found.something_left else ()
-    if learn and places:
-        found = with_learned(search.problem, found, places, progress)
+    places = (
+        placed_corrections(search.problem, found.final, progress, jobs)
+        if found.something_left and fitter is None
+        else ()
+    )
+    if learn and fitter is None:
+        found, places = _learned(search.problem, found, places, progress, jobs)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
@@ -84,9 +95,11 @@ def diagnose(
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left, places, found.something_else))
+        findings.append(_unknown(final, held_after, left, () if learn else places, found.something_else))
     constants = constants_of(problem, found.final, coarse)
-    proofs = tuple(carried_over(problem, final, name, other, progress) for name, other in (others or {}).items())
+    proofs = tuple(
+        carried_over(problem, final, name, other, progress, fitter) for name, other in (others or {}).items()
+    )
     progress("searching for effects that the constants would hide")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     return Diagnosis(
@@ -108,6 +121,61 @@ def diagnose(
         effects=stated(problem, found.final, [one for one, _ in told], coarse),
         seconds=time.perf_counter() - began,
     )
+
+
+def fitter_to_diagnose(name: str) -> Diagnosable | None:
+    """Return the installed fitter whose model is to be diagnosed; None for `mason`, whose stacks are diagnosed.
+
+    Raises TaskError for a fitter whose model cannot be diagnosed, PluginError for one that is not installed.
+    """
+    if name == DEFAULT:
+        return None
+    fitter = load_fitter(name)
+    if not isinstance(fitter, Diagnosable):
+        raise TaskError(
+            f"the model of fitter {name!r} cannot be diagnosed, for it has no `fitted_model`; of the fitters of pzctl "
+            "mason, radial, disk, disk2d and bvd can"
+        )
+    return fitter
+
+
+def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tuple[str, ...] | None:
+    """Return the effects to consider. Raises TaskError for one that acts inside a stack, if the model is none."""
+    named = None if effects is None else tuple(effects)
+    if fitter is None or named is None:
+        return named
+    outside = [one.name for one in every_effect() if one.outside]
+    for name in named:
+        if name not in outside:
+            raise TaskError(
+                f"effect {name!r} acts in the layers of a stack, which the model of `{fitter.name}` is not; it can "
+                f"have {', '.join(outside)}"
+            )
+    return named
+
+
+def _learned(
+    problem: Problem,
+    found: Conclusion,
+    places: tuple[PlacedCorrection, ...],
+    progress: Callable[[str], None],
+    jobs: int,
+) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
+    """Return the conclusion with a learned law in place of the named effects or beside them, and its places.
+
+    A second law, at another place, is looked for if the first one leaves something.
+    """
+
+    def left_by(one: Conclusion) -> tuple[PlacedCorrection, ...]:
+        return placed_corrections(problem, one.final, progress, jobs) if one.something_left else ()
+
+    if found.named:
+        whole = placed_corrections(problem, found.null, progress, jobs)
+        instead = learned_instead(problem, found, whole, progress)
+        if instead is not found:
+            return with_learned(problem, instead, left_by(instead), progress), whole
+    beside = with_learned(problem, found, places, progress)
+    return (beside if beside is found else with_learned(problem, beside, left_by(beside), progress)), places
 
 
 def _place(one: PlacedCorrection) -> MismatchPlace:

@@ -16,6 +16,7 @@ from ...models.disk.radial import RadialError
 from ...models.disk.round_disk import BothModes
 from ...models.stack import CausalConstantQ, Piezo, Stack
 from ..engine.descent import ROUGH, Descent, descend, settle
+from ..engine.fitted_model import FittedModel
 from ..engine.objective import Objective
 from ..engine.parameters.assembly import stack_of
 from ..engine.plausibility import few_points
@@ -25,6 +26,7 @@ from ..uncertainty.derived import derived_of
 from .bare_disk import BareDisk, bare_disk
 from .disk_coordinates import ARM_CONSTANTS, PLATE_CONSTANTS, both_modes_constants
 from .planar_result import (
+    PLANAR_UNITS,
     Named,
     disk_priors,
     passivity_says,
@@ -57,12 +59,22 @@ class DiskFitter:
         Raises FitError if one of the modes is missing in the recordings.
         """
         began = time.perf_counter()
-        whole = bare_disk(task, self.name, round_one=True, frees=True)
-        progress(f"fitting {whole.step}")
-        model, references = disk_start(whole)
-        descent = _descend(whole, model, task.free)
+        whole, model, references, descent = _fitted(task, progress)
         seconds = time.perf_counter() - began
         return disk_answer(Named(self.name, self.version), whole, descent, (model, references), seconds)
+
+    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
+        """Return the fitted disk, for a diagnosis. Raises FitError as `fit` does."""
+        _, model, _, descent = _fitted(task, progress)
+        return FittedModel(descent, model.stack, PLANAR_UNITS)
+
+
+def _fitted(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, BothModes, tuple[float, float], Descent]:
+    """Return the recordings, the model that the fit began with, its reference frequencies (Hz), and the fit."""
+    whole = bare_disk(task, DiskFitter.name, round_one=True, frees=True)
+    progress(f"fitting {whole.step}")
+    model, references = disk_start(whole)
+    return whole, model, references, _descend(whole, model, task.free)
 
 
 def disk_answer(

@@ -15,14 +15,17 @@ from ...models.constants.piezo_constants import Radial
 from ...models.constants.sherrit import radial_constants
 from ...models.disk.radial import RadialError
 from ...models.disk.round_disk import RadialDisk
+from ...models.effects.base.scale import equivalent_plate
 from ...models.stack import CausalConstantQ
 from ..engine.descent import Descent, settle
+from ..engine.fitted_model import FittedModel
 from ..engine.plausibility import few_points
 from ..engine.recording import Recording
 from ..interface import FitError, FitResult, FitTask
 from .bare_disk import BareDisk, bare_disk
 from .critical_frequencies import linewidth
 from .planar_result import (
+    PLANAR_UNITS,
     Named,
     disk_priors,
     passivity_says,
@@ -56,13 +59,26 @@ class RadialLeastSquares:
         Raises FitError if they show no radial resonance, or only the first one and nothing is known of s12E.
         """
         began = time.perf_counter()
-        whole = bare_disk(task, self.name, round_one=True, frees=True)
-        progress(f"fitting {whole.step}")
-        peaks = radial_peaks(whole)
-        disk, start = radial_band(whole, peaks), radial_start(whole, peaks)
-        descent = _descend(disk, start, peaks.frequencies[0], task.free)
+        disk, descent, reference = _fitted(task, progress)
         seconds = time.perf_counter() - began
-        return radial_answer(Named(self.name, self.version), disk, descent, peaks.frequencies[0], seconds)
+        return radial_answer(Named(self.name, self.version), disk, descent, reference, seconds)
+
+    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
+        """Return the fitted disk, for a diagnosis. Raises FitError as `fit` does."""
+        disk, descent, reference = _fitted(task, progress)
+        layer = disk.layer.name
+        clamped = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer).eps33p.real
+        capacitance = clamped * disk.sizes["area"].re / disk.sizes["thickness"].re
+        return FittedModel(descent, equivalent_plate(layer, capacitance, reference), PLANAR_UNITS)
+
+
+def _fitted(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, Descent, float]:
+    """Return the recordings' part with the radial modes, its fit, and the reference frequency (Hz)."""
+    whole = bare_disk(task, RadialLeastSquares.name, round_one=True, frees=True)
+    progress(f"fitting {whole.step}")
+    peaks = radial_peaks(whole)
+    disk, start = radial_band(whole, peaks), radial_start(whole, peaks)
+    return disk, _descend(disk, start, peaks.frequencies[0], task.free), peaks.frequencies[0]
 
 
 def radial_answer(fitter: Named, disk: BareDisk, descent: Descent, reference: float, seconds: float) -> FitResult:

@@ -82,8 +82,8 @@ class LinearisedRecording:
 
 
 def stack_of(model: Model) -> Stack:
-    """Return the stack of a device, or the stack itself."""
-    stack = model.nominal or model.bare if isinstance(model, Device) else model
+    """Return the stack that sets the scales of a device, or the stack itself."""
+    stack = model.reference if isinstance(model, Device) else model
     if not isinstance(stack, Stack):
         raise TypeError(f"no stack in {type(stack).__name__}")
     return stack
@@ -92,8 +92,20 @@ def stack_of(model: Model) -> Stack:
 def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> LinearisedRecording:
     """Return a recording with the derivatives of its model, which has the values of the fit."""
     model, f = recording.model, recording.sweep.frequency
-    stack = model.bare if isinstance(model, Device) else stack_of(model)
-    names: list[tuple[str, str, complex, float]] = []
+    bare = model.bare if isinstance(model, Device) else model
+    names = _of_layers(bare) if isinstance(bare, Stack) else _of_parameters(bare)
+    Z, slopes = model.jacobian(f, [parameter for _, parameter, _, _ in names])
+    felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
+    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes)
+
+
+_Names = list[tuple[str, str, complex, float]]
+"""Name, parameter, value and loss tangent of each constant."""
+
+
+def _of_layers(stack: Stack) -> _Names:
+    """Return the constants of a stack's layers."""
+    names: _Names = []
     for layer in stack.layers:
         own = layer.name
         if isinstance(layer, Piezo):
@@ -103,9 +115,17 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> Linearise
         elif isinstance(layer, Elastic):
             names += [(f"{own}.z", f"{own}.z", complex(layer.z), 1 / layer.q)]
             names += [(f"{own}.c", f"{own}.c", complex(layer.c), 1 / layer.q)]
-    Z, slopes = model.jacobian(f, [parameter for _, parameter, _, _ in names])
-    felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
-    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes)
+    return names
+
+
+def _of_parameters(model: Model) -> _Names:
+    """Return the complex constants of a model; of one that has none, such as a circuit, all that it has."""
+    own = model.parameters()
+    complexes = [name.removesuffix(".im") for name in own if name.endswith(".im")]
+    if not complexes:
+        return [(name, name, complex(value), 0.0) for name, value in own.items() if value]
+    values = {name: complex(own[f"{name}.re"], own[f"{name}.im"]) for name in complexes}
+    return [(name, f"{name}.re", value, abs(value.imag / value.real)) for name, value in values.items() if value.real]
 
 
 def columns_of(
@@ -210,7 +230,7 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         for k in range(few):
             add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k])
             add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]))
-        if kind == "eps33S":
+        if kind in ("eps33S", "eps33T"):
             add(
                 "losses",
                 0.0,
@@ -263,11 +283,9 @@ def line_columns(recording: Recording, Z: Impedances, line: WeakLine) -> Complex
 
 def _points(place: LinearisedRecording) -> PointErrors:
     stack = stack_of(place.recording.model)
-    disk = active(stack).name
-    squares = sum(
-        (np.abs(slope) ** 2 for name, slope in place.felt.items() if name.startswith(f"{disk}.")),
-        np.zeros(place.Z.size),
-    )
+    disk = f"{active(stack).name}."
+    own = [name for name in place.felt if name.startswith(disk)] or list(place.felt)
+    squares = sum((np.abs(place.felt[name]) ** 2 for name in own), np.zeros(place.Z.size))
     felt = np.sqrt(scales.ROUGH_FLOOR**2 + squares)
     bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.shapes.values()), np.zeros(place.Z.size)))
     return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt, bent)

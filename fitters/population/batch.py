@@ -16,7 +16,7 @@ import numpy as np
 
 from ...models.base.errors import PzctlError
 from ..interface import FitResult, FitTask
-from ..plugins import load_fitter
+from ..plugins import load_fitter, run
 from .process_pool import started
 
 _Item = TypeVar("_Item")
@@ -59,7 +59,7 @@ def fit_job(job: BatchJob, fitter: str) -> Outcome:
     """Fit one sample in this process. Raises nothing: any failure becomes the outcome's sentence."""
     try:
         with _one_at_a_time:
-            return Outcome(job.sample, load_fitter(fitter).fit(job.task))
+            return Outcome(job.sample, run(load_fitter(fitter), job.task))
     except PzctlError as error:
         return Outcome(job.sample, None, str(error))
     except Exception as error:  # whatever a third party's fitter does

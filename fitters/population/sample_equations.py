@@ -129,7 +129,8 @@ def _shared(
 def _kind_of(columns: ErrorColumns, problem: Problem) -> str:
     """Return a key that is equal for samples sharing the model's own error: layers, steps, and bands."""
     steps = [f"{r.step}:{r.sweep.frequency[0]:.0f}-{r.sweep.frequency[-1]:.0f}" for r in problem.recordings]
-    layers = [layer.name for layer in problem.build.layers]
+    devices = [r.model.reference for r in problem.recordings if isinstance(r.model, Device)]
+    layers = dict.fromkeys(layer.name for stack in devices for layer in stack.layers)
     return "+".join([*layers, *dict.fromkeys(steps), str(len(columns.parts) - columns.parts.count("line"))])
 
 

@@ -11,7 +11,14 @@ from ...models.build import Build, LayerSpec
 from ..engine.covariance import Estimate, estimate
 from ..engine.multi_step_fit import Solution
 from ..engine.objective import Objective
-from ..engine.parameters.assembly import ELASTIC_CONSTANTS, PIEZO_CONSTANTS, UNITS, effects_of, layers_of
+from ..engine.parameters.assembly import (
+    BOLT_STIFFNESS,
+    ELASTIC_CONSTANTS,
+    PIEZO_CONSTANTS,
+    UNITS,
+    effects_of,
+    layers_of,
+)
 from ..engine.parameters.known_effects import KnownEffect
 from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
@@ -64,6 +71,9 @@ def fitted_constants(
             elif full in values:
                 for name_ in (full, *(ground for ground in values if ground.startswith(f"{full}@"))):
                     constants[name_] = Constant(values[name_], 0.0, u(name_), 0.0, UNITS[name], free=u(name_) != 0)
+    if BOLT_STIFFNESS in names:
+        stiffness, known = values[BOLT_STIFFNESS], u(BOLT_STIFFNESS)
+        constants[BOLT_STIFFNESS] = Constant(stiffness, 0.0, known, 0.0, UNITS["stiffness"], free=known != 0)
     for name, knob in (parameter for one in effects for parameter in one.parameters):
         constants[name] = Constant(values[name], 0.0, u(name), 0.0, knob.unit, free=u(name) != 0)
     return constants
@@ -162,10 +172,10 @@ def _carried(solution: Solution) -> Reals:
 
 
 def _aspect(build: Build) -> float | None:
-    """Return diameter/thickness of the piezo layer, if the diameter is known."""
+    """Return diameter/thickness of the first piezo layer, if the diameter is known."""
     if build.diameter is None:
         return None
-    piezo = next(layer for layer in build.layers if layer.kind == "piezo")
+    piezo = build.piezos[0]
     return build.diameter.re / piezo.values["thickness"].re
 
 
@@ -193,7 +203,7 @@ def _rms_of_step(curves: Sequence[Curve], step: str) -> float:
 
 def _lateral(build: Build, curves: Sequence[Curve]) -> tuple[str, ...]:
     """Return the hint that a disk's diameter shows, if its bare recording has more resonances than a plate."""
-    aspect, disk = _aspect(build), next(layer for layer in build.layers if layer.kind == "piezo")
+    aspect, disk = _aspect(build), build.piezos[0]
     bare = [curve for curve in curves if build.step(curve.step).layers == (disk.name,)]
     if aspect is None or aspect > _WIDE or not bare or _rms_of_step(bare, bare[0].step) < _GROSS:
         return ()

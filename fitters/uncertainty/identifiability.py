@@ -1,6 +1,6 @@
 """Identifiability: constants that a recording cannot separate, and the combination that it determines."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -43,7 +43,10 @@ def separability(
     for layer in layers:
         if layer.kind == "elastic":
             says += _of_layer(layer.name, relative, derived, highest)
-    return (*says, *_across(relative))
+    ceramics = [layer.name for layer in layers if layer.kind == "piezo" and layer.values["c33D"].same_as is None]
+    says += filter(None, (_alike(first, second, relative) for first, second in combinations(ceramics, 2)))
+    tied = {f"{layer.name}.{name}" for layer in layers for name, value in layer.values.items() if value.same_as}
+    return (*says, *_across(relative, tied))
 
 
 class _Relative:
@@ -65,6 +68,27 @@ def _relative(values: Mapping[str, float], names: Sequence[str], covariance: Rea
     kept = [k for k in range(len(names)) if covariance[k, k] > 0 and size[k] != 0]
     scaled = covariance[np.ix_(kept, kept)] / np.outer(size[kept], size[kept])
     return _Relative([names[k] for k in kept], scaled)
+
+
+def _alike(first: str, second: str, relative: _Relative) -> str | None:
+    """Return the sentence on two piezo layers of which the recording determines only the mean of some constants."""
+    found: list[str] = []
+    for name in relative.names:
+        layer, _, constant = name.partition(".")
+        other = f"{second}.{constant}"
+        if layer != first or other not in relative.u or constant in ("thickness", "density"):
+            continue
+        rho, u, v = relative.correlation(name, other), relative.u[name], relative.u[other]
+        mean = float(np.sqrt(max(0.0, u**2 + v**2 + 2 * rho * u * v))) / 2
+        if rho < -_TOGETHER and mean < _BETTER * min(u, v):
+            shown = constant.removesuffix(".re")
+            found.append(f"{shown} to {100 * mean:.2g} % (each alone to {100 * min(u, v):.2g} %)")
+    if not found:
+        return None
+    return (
+        f"The recordings cannot tell {first} from {second}; they determine the mean of {', '.join(found)}. If both are "
+        f'of one ceramic, write material = {{ same_as = "{first}" }} for {second}.'
+    )
 
 
 def _of_layer(layer: str, relative: _Relative, derived: Mapping[str, Constant], highest: float) -> list[str]:
@@ -110,11 +134,14 @@ def _rho(rho: float) -> str:
     return f"{rho:.{digits}f}"
 
 
-def _across(relative: _Relative) -> list[str]:
-    """Return the closest pairs of constants of different layers, and the product of powers that is known better."""
+def _across(relative: _Relative, tied: Set[str]) -> list[str]:
+    """Return the closest pairs of constants of different layers, and the product of powers that is known better.
+
+    `tied`: the constants that follow another one.
+    """
     pairs = [
         _Pair(a, b, relative.correlation(a, b))
-        for a, b in combinations(relative.names, 2)
+        for a, b in combinations((name for name in relative.names if name.removesuffix(".re") not in tied), 2)
         if a.split(".")[0] != b.split(".")[0] and not a.endswith(".im") and not b.endswith(".im")
         # The loads of air on the two faces of a disk are inseparable, and nobody needs them.
         if not {a, b} & {"back.z", "front.z"}

@@ -12,6 +12,7 @@ from .fit import read_steps
 from .fit_options import UsageError, comma_names
 
 if TYPE_CHECKING:
+    from ....fitters.engine.fitted_model import Diagnosable
     from ....fitters.interface import FitTask
 
 
@@ -19,7 +20,10 @@ def diagnose(
     recordings: Annotated[
         list[str] | None, typer.Argument(metavar="STEP=FILE...", help="Recordings by gluing step.")
     ] = None,
-    build: Annotated[Path | None, typer.Option(help="build.toml")] = None,
+    build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` needs none.")] = None,
+    fitter: Annotated[
+        str, typer.Option(help="Whose model is diagnosed: mason, or radial, disk, disk2d, bvd for what is no stack.")
+    ] = "mason",
     effects: Annotated[
         str | None, typer.Option(help="Consider only these effects, for example cable,bond-layer.")
     ] = None,
@@ -68,7 +72,8 @@ def diagnose(
     from ....fitters.diagnosis.inference.inflated_uncertainty import widened
     from ....fitters.engine.on_cores import available_cores
     from ....fitters.interface import FitTask
-    from ....models.effects import find_effect
+    from ....fitters.plugins import DEFAULT
+    from ....fitters.user_effects import find_any_effect
     from ...files.builds.build_file import read_build
     from ...files.builds.effects_writing import append_effects
     from ...report.pictures.diagnosis_picture import diagnosis_picture
@@ -79,24 +84,29 @@ def diagnose(
     chosen = (
         None
         if effects is None
-        else tuple(find_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
+        else tuple(find_any_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
     )
     if every or dask:
+        if fitter != DEFAULT:
+            raise UsageError(f"--all diagnoses the model of {DEFAULT}; --fitter does not go with it")
         _check_all(every, {"build": build, "picture": picture, "other-sample": other_sample, "unseen": unseen or None})
         from .diagnose_all import diagnose_all
 
         diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
         return
-    if build is None or not recordings:
+    if not recordings or (build is None and fitter != "bvd"):
         raise UsageError("STEP=FILE and --build are needed, or --all")
+    model = _model_of(fitter, learn=learn)
     if picture is not None:
         check_picture(picture)
-    device = read_build(build)
+    device = None if build is None else read_build(build)
     others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
     task = FitTask(device, read_steps(recordings, accuracy))
     with screen.status("diagnosing") as status:
-        diagnosis = run_diagnosis(task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores())
+        diagnosis = run_diagnosis(
+            task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores(), fitter=model
+        )
     if unseen:
         diagnosis = widened(diagnosis)
     shown_diagnosis = diagnosis_json(diagnosis)
@@ -108,13 +118,23 @@ def diagnose(
             print_constants(console(), diagnosis)
     if picture is None and as_json:
         return
-    if learn and diagnosis.effects:
+    if build is not None and learn and diagnosis.effects:
         append_effects(build, diagnosis.effects)
         names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)
         console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
-    target = picture or Path(f"{device.name}-diagnosis.png")
+    target = picture or Path(f"{device.name if device else 'device'}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
+
+
+def _model_of(fitter: str, *, learn: bool) -> "Diagnosable | None":
+    """Return the fitter whose model is diagnosed, None for stacks. Raises TaskError, PluginError, UsageError."""
+    from ....fitters.diagnosis.diagnose import fitter_to_diagnose
+
+    model = fitter_to_diagnose(fitter)
+    if learn and model is not None:
+        raise UsageError(f"--learn looks for laws in the layers of a stack, which the model of {fitter} is not")
+    return model
 
 
 def _check_all(every: bool, others: "dict[str, object]") -> None:

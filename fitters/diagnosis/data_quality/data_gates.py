@@ -9,10 +9,10 @@ from ....models.base.arrays import Reals
 from ....models.base.true_runs import true_runs
 from ....models.sweep import Sweep
 from ...engine.noise import noise_from_smoothness
+from ...polarity import put_right
 from .data_issues import DataCheck, DataIssue
 from .matched_filters import Glitch
 from .passivity import active_bands
-from .polarity import put_right
 from .pole_fit import MOST_POLES, PoleFit
 from .repeats import differences
 from .sampling import points_per_linewidth

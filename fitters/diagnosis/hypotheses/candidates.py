@@ -1,4 +1,4 @@
-"""Candidates: every catalogue effect at every place of a build where it can occur."""
+"""Candidates: every effect, of the catalogue or the user's own, at every place of a build where it can occur."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.base.model import Model
-from ....models.effects import Device, Effect, EffectParameter, catalogue
+from ....models.effects import Device, Effect, EffectParameter
 from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
+from ....models.stack import Stack
+from ...user_effects import every_effect
 from .instrument_artefacts import ANY, FLAWS
 from .problem import Candidate, Problem
 
@@ -18,30 +20,32 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
     An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
     all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
+    A model that is no stack can only have effects outside of it.
     """
     wanted = None if names is None else set(names)
-    considered = [effect for effect in catalogue() if wanted is None or effect.name in wanted]
-    return tuple(found for effect in considered for found in _of_effect(problem, effect))
+    considered = [effect for effect in every_effect() if wanted is None or effect.name in wanted]
+    return tuple(found for effect in considered for found in candidates_of(problem, effect))
 
 
 def flaws(problem: Problem) -> tuple[Candidate, ...]:
     """Return the possible artefacts of the instrument as candidates."""
-    return tuple(found for flaw in FLAWS for found in _of_effect(problem, flaw))
+    return tuple(found for flaw in FLAWS for found in candidates_of(problem, flaw))
 
 
-def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
+def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
+    """Return the candidates of one effect."""
     places: dict[str, list[str]] = {}
     devices = {recording.step: recording.model for recording in problem.recordings}
     for step, device in devices.items():
-        if isinstance(device, Device):
-            for where in effect.places(device.bare):
+        if isinstance(device, Device) and (effect.outside or isinstance(device.bare, Stack)):
+            for where in effect.places(device.reference):
                 places.setdefault(where, []).append(step)
     found: list[Candidate] = []
     for where, steps in places.items():
         device = devices[steps[-1]]
         if not isinstance(device, Device):
             continue
-        effect_parameters = effect.effect_parameters(device.bare, where)
+        effect_parameters = effect.effect_parameters(device.reference, where)
         if not effect_parameters:
             continue
         effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
@@ -54,7 +58,7 @@ def _of_effect(problem: Problem, effect: Effect) -> list[Candidate]:
 def _is_known(device: Model, effect: Effect, where: str) -> bool:
     """Return whether the build states this effect, which is therefore part of the device already."""
     return isinstance(device, Device) and any(
-        (one.effect.name, one.where) == (effect.name, where) for one in device.added
+        (one.effect.law_name, one.where) == (effect.law_name, where) for one in device.added
     )
 
 

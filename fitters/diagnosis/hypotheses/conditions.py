@@ -6,6 +6,7 @@ from datetime import datetime
 
 from ....models.base.model import Model
 from ....models.effects import Conditions, Device
+from ....models.stack import Stack
 from ....models.sweep import Sweep
 from ...engine.recording import Recording
 
@@ -13,21 +14,24 @@ _CLOCK_IS_RIGHT = 0.3
 """A sweep faster than this part of what the instrument needs was simulated, and its clock does not count."""
 
 
-def as_devices(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings with devices in place of stacks, so that effects can be added."""
+def as_devices(recordings: Sequence[Recording], scale: Stack | None = None) -> tuple[Recording, ...]:
+    """Return the recordings with devices in place of their models, so that effects can be added.
+
+    `scale`: the stack that sets the scale of effects, for models that are none.
+    """
     ran: dict[int, Conditions] = {}
     for step in dict.fromkeys(recording.step for recording in recordings):
         of_step = [recording.sweep for recording in recordings if recording.step == step]
         ran |= {id(sweep): one for sweep, one in zip(of_step, conditions_of(of_step), strict=True)}
     return tuple(
-        replace(recording, model=_device(recording.model, ran[id(recording.sweep)])) for recording in recordings
+        replace(recording, model=_device(recording.model, ran[id(recording.sweep)], scale)) for recording in recordings
     )
 
 
-def _device(model: Model, conditions: Conditions) -> Device:
+def _device(model: Model, conditions: Conditions, scale: Stack | None) -> Device:
     if isinstance(model, Device):
         return replace(model, conditions=conditions)
-    return Device(model, conditions=conditions)  # type: ignore[arg-type]
+    return Device(model, conditions=conditions, nominal=scale)
 
 
 def conditions_of(sweeps: Sequence[Sweep]) -> tuple[Conditions, ...]:

@@ -72,4 +72,4 @@ def _above(recording: Recording) -> NDArray[np.bool_]:
     model, f = recording.model, recording.sweep.frequency
     if not isinstance(model, Device):
         return np.zeros(f.size, np.bool_)
-    return f > _BETWEEN * resonance(model.nominal or model.bare)
+    return f > _BETWEEN * resonance(model.reference)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ....models.base.arrays import Reals
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import coordinates_of
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
@@ -62,7 +61,7 @@ class Hypothesis:
 
 def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
     """Return the coordinates of a fit with effects, whose parameters have unit normal priors."""
-    base = coordinates_of(problem.build, problem.steps, values, problem.free)
+    base = problem.bare_coordinates(values)
     pairs = [(name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
     blocks = [*base.blocks, *(block_of(name, knob) for name, knob in pairs)]
     start = {**{name: _start(knob.expected[0], knob.null, knob.from_nothing) for name, knob in pairs}, **values}

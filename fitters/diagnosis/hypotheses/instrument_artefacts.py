@@ -27,6 +27,11 @@ class InstrumentArtefact(Effect):
     name = UNKNOWN
     odds = 0.1
 
+    @property
+    def outside(self) -> bool:
+        """The instrument's faults do not depend on the device."""
+        return True
+
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `any`: the instrument is not part of the build."""
         return (ANY,)

@@ -1,24 +1,24 @@
-"""The fit to which effects can be added: recordings of a build, their devices, and the free parameters."""
+"""The fit to which effects can be added: recordings, their devices, and the free parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....models.build import Build
 from ....models.effects import Device, Effect, EffectParameter
-from ...engine.multi_step_fit import Solution
+from ...engine.fitted_model import Diagnosable, FittedModel
+from ...engine.multi_step_fit import Solution, solve
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import coordinates_of, nominal_parameters, priors_of
+from ...engine.parameters.assembly import priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Prior, Recording
 from ...error_model.error_columns import WeakLine
+from ...interface import FitTask
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
+from .model_under_diagnosis import LayeredModel, ModelUnderDiagnosis
 
-_THIN = 1e-2
-"""Smallest layer thickness at which a fit can start, relative to the nominal one."""
 _LEAST = 1e-5
 """Smallest size at which a fit can start, relative to the typical one."""
 
@@ -69,15 +69,14 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The recordings of a build with their devices, priors and start values."""
+    """The recordings with their devices, priors and start values."""
 
-    build: Build
+    model: ModelUnderDiagnosis
     recordings: tuple[Recording, ...]
     """Each with a `Device` as its model."""
     priors: tuple[Prior, ...]
     values: Mapping[str, float]
     """Start values of the fits."""
-    free: tuple[str, ...] | None
     proof: Masks = ()
     """Held-out points of every recording, as masks."""
     lines: tuple[WeakLine, ...] = ()
@@ -99,19 +98,41 @@ class Problem:
         values, _ = objective.coordinates.forward(solution.descent.x)
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
         return cls(
-            solution.build, recordings, priors_of(solution.build, steps), values, free, held_out(recordings, hold_out)
+            LayeredModel(solution.build, free),
+            recordings,
+            priors_of(solution.build, steps),
+            values,
+            held_out(recordings, hold_out),
         )
 
-    def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
-        """Return the coordinates of a fit with these effects, starting at `values`.
+    @classmethod
+    def posed(
+        cls, task: FitTask, progress: Callable[[str], None], fitter: Diagnosable | None = None, hold_out: str = BANDS
+    ) -> "Problem":
+        """Return the problem of a task, fitted without effects: of its stacks, or of the `fitter`'s model.
 
-        A layer whose thickness a wrong model has driven to zero restarts at a small part of its nominal thickness: a
-        fit cannot return from 1e-100 m.
+        Raises FitError.
         """
-        nominal = nominal_parameters(self.build)
-        thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}
-        values = {**values, **{name: max(values[name], least) for name, least in thin.items()}}
-        base = coordinates_of(self.build, self.steps, values, self.free)
+        if fitter is None:
+            return cls.of(solve(task, progress), task.free, hold_out)
+        return cls.of_model(fitter.fitted_model(task, progress), hold_out)
+
+    @classmethod
+    def of_model(cls, found: FittedModel, hold_out: str = BANDS) -> "Problem":
+        """Return the problem of a model other than a stack, as a fitter has fitted it. Raises FitError."""
+        objective = found.descent.objective
+        recordings = as_devices(objective.recordings, found.scale)
+        values, _ = objective.coordinates.forward(found.descent.x)
+        return cls(found, recordings, objective.priors, values, held_out(recordings, hold_out))
+
+    def bare_coordinates(self, values: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of a fit without effects, starting at `values`."""
+        return self.model.coordinates(self.steps, values)
+
+    def coordinates(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of a fit with these effects, starting at or near `values`."""
+        values = self.model.restart(values)
+        base = self.bare_coordinates(values)
         blocks = [*base.blocks, *(block for effect in effects for block in effect.blocks(values))]
         names = [name for effect in effects for name in effect.parameters]
         null = {effect.prefix + knob.name: knob.null for effect in effects for knob in effect.effect_parameters}

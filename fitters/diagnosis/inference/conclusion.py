@@ -103,12 +103,15 @@ def conclude(search: GreedySearch) -> Conclusion:
                 others,
             )
         )
-    taken = taken_up(final.fit)
-    remaining = Remaining(_rms(final), _size(taken.instrument))
     left = unexplained(final) > LEFT
     return Conclusion(
-        null, final, tuple(named), remaining, left, _something_else(search, final.key), _nearest(search, null)
+        null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
+
+
+def remaining_of(one: Hypothesis) -> Remaining:
+    """Return what a hypothesis leaves, and the part of it that is the instrument's."""
+    return Remaining(_rms(one), _size(taken_up(one.fit).instrument))
 
 
 def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:

@@ -1,5 +1,6 @@
 """Findings of the data checks: recordings with wrong polarity, and disturbed recordings."""
 
+from ...polarity import turned_says
 from ..data_quality.data_gates import Gated
 from ..data_quality.data_issues import DataCheck
 from ..findings import Finding, Verdict
@@ -20,7 +21,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     turned = [
         _finding(
             *("polarity", "terminals", step, 0.995, ()),
-            says=f"The recording of {step} is {how}: it was turned round before anything was fitted.",
+            says=turned_says(step, how),
             chi2=(float("inf"), chi2),
             held_out=(float("inf"), held_out),
         )

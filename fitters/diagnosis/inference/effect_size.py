@@ -5,10 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ...engine.parameters.assembly import effects_of, layers_of
 from ...error_model.uncertainty_sources import spread_of
 from ...interface import Constant
-from ...uncertainty.fit_result import fitted_constants
 from ..findings import Size
 from ..hypotheses.changes import change_by, projected
 from ..hypotheses.hypothesis import Hypothesis
@@ -52,9 +50,7 @@ def constants_of(problem: Problem, one: Hypothesis, coarseness: float = 1.0) -> 
     """Return the constants with standard uncertainties; for `coarseness` see `covariance_of`."""
     covariance = covariance_of(one, coarseness)
     names = one.objective.coordinates.parameters
-    layers = layers_of(problem.build, problem.steps)
-    known = effects_of(problem.build, problem.steps)
-    return fitted_constants(layers, one.values, names, covariance, effects=known)
+    return problem.model.constants(problem.steps, one.values, names, covariance)
 
 
 def parameters_of(candidate: Candidate, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Size]:

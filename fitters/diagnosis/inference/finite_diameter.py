@@ -15,9 +15,8 @@ from scipy.special import expit
 
 from ....models.base.errors import PzctlError
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.effects import Added, find_effect, outside_effects
+from ....models.effects import Added, Device, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
-from ....models.effects.base.terminal_effects import TerminalEffects
 from ...disk.bare_disk import bare_disk
 from ...disk.two_d.disk2d import FittedDisk, disk_result, fitted_disk, with_effects
 from ...disk.two_d.tensor_start import implausibility
@@ -182,8 +181,7 @@ def _without(found: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk:
     free = tuple(name for name in coordinates.free if name not in names)
     kept = Coordinates(blocks, {n: v for n, v in values.items() if n not in names}, free)
     bare = [
-        replace(one, model=one.model.device if isinstance(one.model, TerminalEffects) else one.model)
-        for one in before.recordings
+        replace(one, model=one.model.bare if isinstance(one.model, Device) else one.model) for one in before.recordings
     ]
     objective = Objective(bare, kept, before.priors)
     return replace(found, descent=replace(found.descent, objective=objective, start=kept.x, x=kept.x))

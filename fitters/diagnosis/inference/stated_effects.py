@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from ....models.build import EffectSpec, Quantity
 from ....models.effects import Stage
+from ....models.effects.learned.learned import NAME as LEARNED
 from ....models.effects.learned.learned import LearnedLaw
+from ....models.effects.learned.user_law import UserLaw
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Problem
@@ -30,9 +32,9 @@ def _belongs_to_the_sample(named: NamedEffect) -> bool:
 def _stated(problem: Problem, final: Hypothesis, named: NamedEffect, coarseness: float) -> EffectSpec:
     one = named.candidate
     sizes = parameters_of(one, final, coarseness)
-    law = one.effect if isinstance(one.effect, LearnedLaw) else None
+    law = one.effect if isinstance(one.effect, LearnedLaw | UserLaw) else None
     return EffectSpec(
-        effect=one.effect.name,
+        effect=LEARNED if law else one.effect.name,  # a build is complete without the user's catalogue
         where=one.where,
         values={
             knob.name: Quantity(sizes[knob.name].value, u=sizes[knob.name].u, source="diagnosis")
@@ -41,4 +43,5 @@ def _stated(problem: Problem, final: Hypothesis, named: NamedEffect, coarseness:
         steps=() if one.steps == problem.steps else one.steps,
         quantity=law.place.quantity if law else "",
         law=law.law.name if law else "",
+        reference=law.reference if law else 0.0,
     )

@@ -4,11 +4,10 @@ The upper limit of each is what the recording allows (95 %), but no more than is
 could shift a constant by more than the stated uncertainty.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from ...engine.parameters.assembly import PIEZO_CONSTANTS
 from ...interface import Constant
 from ..findings import NotDecidable, Size
 from ..search.refit import Refit, shift_of
@@ -43,7 +42,7 @@ def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[
     limit = min(max(score.value, 0.0) + _ONE_SIDED_95 * sigma, _PLAUSIBLE * knob.typical, knob.upper)
     moved = shift_of(found.objective, found.descent.x, score.shifts * limit)
     worst, shifts = 0.0, dict[str, float]()
-    for name, key, value, u in _parts(constants):
+    for name, key, value, u in _parts(constants, moved):
         if key in moved:
             worst = max(worst, abs(moved[key]) / u)
             if abs(moved[key]) > 0.1 * u:
@@ -56,11 +55,11 @@ def _entry(found: Refit, score: Score, constants: dict[str, Constant]) -> tuple[
     return worst, NotDecidable(candidate.effect.name, candidate.where, upper, shifts, candidate.effect.separates)
 
 
-def _parts(constants: dict[str, Constant]) -> Iterator[tuple[str, str, float, float]]:
+def _parts(constants: dict[str, Constant], parameters: Collection[str]) -> Iterator[tuple[str, str, float, float]]:
     """Yield name, model parameter, value and uncertainty of every free real and imaginary part."""
     for name, constant in constants.items():
-        piezo = name.split(".")[1] in PIEZO_CONSTANTS
+        lossy = f"{name}.im" in parameters
         if constant.free and constant.u_re:
-            yield name, f"{name}.re" if piezo else name, constant.re, constant.u_re
-        if constant.free and constant.u_im and constant.im and piezo:
+            yield name, f"{name}.re" if lossy else name, constant.re, constant.u_re
+        if constant.free and constant.u_im and constant.im and lossy:
             yield f"{name}.im", f"{name}.im", constant.im, constant.u_im

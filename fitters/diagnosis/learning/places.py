@@ -10,6 +10,7 @@ from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Device
 from ....models.effects.learned.corrections import Place, places
+from ....models.effects.learned.learned import NAME
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...engine.on_cores import on_cores
@@ -60,7 +61,8 @@ def placed_corrections(
         alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
-    everywhere = list(_places(problem).items())
+    taken = {one.where for one in parent.effects if one.effect.name == NAME}  # one law is possible at one place
+    everywhere = [(place, steps) for place, steps in _places(problem).items() if place.where not in taken]
     progress(f"trying a correction of each of {len(everywhere)} places")
     trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
     screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
@@ -86,9 +88,10 @@ def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
     steps: dict[Place, list[str]] = {}
     last = problem.steps[-1]
     for recording in problem.recordings:
-        if not isinstance(recording.model, Device):
+        device = recording.model
+        if not isinstance(device, Device) or not isinstance(device.bare, Stack):
             continue
-        for place in places(recording.model.bare):
+        for place in places(device.bare):
             if place.where == "face:front" and recording.step != last:
                 continue  # buried by the next step
             own = steps.setdefault(place, [])

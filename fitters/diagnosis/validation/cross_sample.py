@@ -5,14 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....models.effects import Effect
+from ....models.effects.learned.learned import LearnedLaw
 from ...engine.descent import descend
-from ...engine.multi_step_fit import solve
+from ...engine.fitted_model import Diagnosable
 from ...engine.objective import Objective
 from ...engine.recording import Posterior
+from ...error_model.error_columns import stack_of
 from ...interface import FitError, FitTask
 from ..data_quality.data_gates import gate
 from ..findings import OtherSample
-from ..hypotheses.candidates import candidates
+from ..hypotheses.candidates import candidates_of
 from ..hypotheses.problem import Candidate, Problem
 from ..search.refit import ROUGH, Refit, finished
 from ..search.trial_fits import null_refit, polish, resoftened
@@ -21,7 +24,12 @@ _FINE = 1e-8
 
 
 def carried_over(
-    problem: Problem, final: Refit, sample: str, task: FitTask, progress: Callable[[str], None]
+    problem: Problem,
+    final: Refit,
+    sample: str,
+    task: FitTask,
+    progress: Callable[[str], None],
+    fitter: Diagnosable | None = None,
 ) -> OtherSample:
     """Return how well the effects of a final fit describe another sample, whose own constants are free.
 
@@ -30,7 +38,7 @@ def carried_over(
     """
     progress(f"testing the findings on {sample}")
     try:
-        other = Problem.of(solve(replace(task, sweeps=gate(task.sweeps).sweeps), progress), task.free)
+        other = Problem.posed(replace(task, sweeps=gate(task.sweeps).sweeps), progress, fitter)
     except FitError as error:
         raise FitError(f"{sample}: {error}") from error
     null = polish(other, null_refit(other), _FINE)
@@ -55,11 +63,18 @@ def _twins(other: Problem, found: Candidate) -> list[Candidate]:
     """Return the same effect at the same place in the other sample, in as many common steps as possible, or nothing."""
     same = [
         one
-        for one in candidates(other, (found.effect.name,))
+        for one in candidates_of(other, _effect_of(other, found.effect))
         if one.where == found.where and set(one.steps) <= set(found.steps)
     ]
     longest = max(same, key=lambda one: len(one.steps), default=None)
     return [] if longest is None else [replace(longest, effect_parameters=found.effect_parameters)]
+
+
+def _effect_of(other: Problem, effect: Effect) -> Effect:
+    """Return an effect for another sample; a learned law has its size at the same frequency there."""
+    if isinstance(effect, LearnedLaw):
+        return LearnedLaw(effect.place, effect.law, stack_of(other.recordings[-1].model), effect.reference)
+    return effect
 
 
 def _told(problem: Problem, final: Refit, effects: Sequence[Candidate]) -> Posterior:

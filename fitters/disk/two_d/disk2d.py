@@ -20,18 +20,18 @@ from ....models.disk2d.full import FullDisk
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
-from ....models.effects.base.device import Added
-from ....models.effects.base.terminal_effects import TerminalEffects
+from ....models.effects import Added, Device
 from ....models.stack import CausalConstantQ
 from ...engine.covariance import estimate
 from ...engine.descent import Descent, descend, with_model_discrepancy
+from ...engine.fitted_model import FittedModel
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, Coordinates, positive
 from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError, FitResult, FitTask, TaskError
 from ..bare_disk import BareDisk, bare_disk
-from ..planar_result import Named, planar_answer, radial_named
+from ..planar_result import PLANAR_UNITS, Named, planar_answer, radial_named
 from .determined_constants import undetermined
 from .predictions import predictions, sentence
 from .reduced_disk_cache import reduced_disk
@@ -67,6 +67,13 @@ class Disk2DFitter:
         its thickness resonance.
         """
         return finite_disk(task, progress=progress)
+
+    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
+        """Return the fitted disk, for a diagnosis. Raises FitError as `fit` does."""
+        found = fitted_disk(task, progress=progress)
+        return FittedModel(
+            found.descent, stack_of(found.disk.build, found.disk.build.step(found.disk.step)), PLANAR_UNITS
+        )
 
 
 def finite_disk(
@@ -139,7 +146,7 @@ def with_effects(
         (*before.coordinates.blocks, *blocks), {**values, **start}, (*before.coordinates.free, *names)
     )
     x, evaluations, last, settled = coordinates.x, found.descent.evaluations, math.inf, False
-    model = TerminalEffects(before.recordings[0].model, nominal, tuple(own))
+    model = Device(before.recordings[0].model, tuple(own), nominal=nominal)
     recordings = [
         Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
     ]

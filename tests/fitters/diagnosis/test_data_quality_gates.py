@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue, Kind
 from pzctl.fitters.diagnosis.data_quality.matched_filters import adjusted, standing, strongest
 from pzctl.fitters.diagnosis.data_quality.passivity import active_bands
-from pzctl.fitters.diagnosis.data_quality.polarity import polarity_of, put_right
 from pzctl.fitters.diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles, linear_fit
 from pzctl.fitters.diagnosis.data_quality.repeats import differences
 from pzctl.fitters.diagnosis.data_quality.sampling import points_per_linewidth
 from pzctl.fitters.diagnosis.data_quality.steps_and_glitches import find_abrupt, good_points, repaired
+from pzctl.fitters.polarity import polarity_of, put_right
 from pzctl.models.sweep import Sweep
 
 N, NOISE, F_K = 401, 1e-4, 3e6

@@ -16,7 +16,7 @@ from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.plugins import load_fitter, run
 from pzctl.models.effects import Device
-from pzctl.models.stack import Piezo
+from pzctl.models.stack import Piezo, Stack
 from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
@@ -30,12 +30,10 @@ def _recorded(Z: np.ndarray) -> FitTask:
     return FitTask(BUILD, {"disk": (Sweep(F, noisy),)})
 
 
-def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
-    """The disk is computed separately at each frequency with its permittivity there; no law of the library is used."""
-    strength, at = 0.2, 4e6
-    stack = bare.bare
+def _relaxing(stack: Stack, strength: float, at: float) -> np.ndarray:
+    """The disk, computed separately at each frequency with its permittivity there; no law of the library is used."""
     disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))
-    Z = np.array(
+    return np.array(
         [
             replace(
                 stack,
@@ -47,8 +45,21 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
             for f in F
         ]
     )
-    task = _recorded(Z)
-    diagnosis = diagnose(task, effects=("polarity",), learn=True)
+
+
+def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
+    strength, at = 0.2, 4e6
+    task = _recorded(_relaxing(bare.bare, strength, at))
+    others = {
+        "alike": _recorded(_relaxing(bare.bare, 1.05 * strength, at)),
+        "without": _recorded(bare.bare.impedance(F)),
+    }
+    diagnosis = diagnose(task, effects=("polarity",), learn=True, others=others)
+    alike, without = diagnosis.others
+    assert alike.effects == without.effects
+    assert "learned at layer:disk" in alike.effects
+    assert alike.chi2_per_dof_after < 0.05 * alike.chi2_per_dof_before
+    assert without.chi2_per_dof_after > 2 * without.chi2_per_dof_before, "it does not have it"
     assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
     assert diagnosis.places[0].probability > 0.9
     (finding,) = (one for one in diagnosis.findings if one.effect == "learned")
@@ -66,6 +77,15 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
     name = next(name for name in fit.constants if name.startswith("learned@layer:disk") and name.endswith(".at"))
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
+
+
+def test_a_law_takes_the_place_of_what_only_imitates_it(bare: Device) -> None:
+    """Without a law, a resonance beside the lead is named, which leaves forty times as much."""
+    diagnosis = diagnose(_recorded(_relaxing(bare.bare, 0.2, 4e6)), effects=("cable",), learn=True)
+    assert [(one.effect, one.where) for one in diagnosis.findings] == [("learned", "layer:disk")]
+    assert diagnosis.findings[0].probability > 0.9
+    assert diagnosis.verdict == "explained"
+    assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....models.sweep import Sweep
+from ..models.sweep import Sweep
 
 _MOSTLY = 0.9
 _FALLING = 0.75
@@ -54,3 +54,8 @@ def put_right(sweeps: Mapping[str, tuple[Sweep, ...]]) -> tuple[dict[str, tuple[
                 made.append(sweep)
         right[step] = tuple(made)
     return right, turned
+
+
+def turned_says(step: str, how: str) -> str:
+    """Return the sentence about a recording that was corrected; `how`: `inverted` or `conjugated`."""
+    return f"The recording of {step} is {how}: it was turned round before anything was fitted."

@@ -1,0 +1,86 @@
+"""Fitter disk2d where it needs its whole search: a ceramic far from the library's, and a real disk."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, finite_disk
+from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.fitters.interface import FitTask
+from pzctl.models.constants.passivity import passivity_margin
+from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.disk_model import Disk2D
+from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.stack import CausalConstantQ
+from pzctl.models.sweep import Sweep
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    before = os.environ.get("PZCTL_HOME")
+    os.environ["PZCTL_HOME"] = str(tmp_path_factory.mktemp("home"))
+    yield
+    if before is None:
+        del os.environ["PZCTL_HOME"]
+    else:
+        os.environ["PZCTL_HOME"] = before
+
+
+def build(diameter, thickness, density, material="PZT-5A", more=""):
+    return parse_build(
+        f"""
+name = "D"
+diameter_mm = {diameter}
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "{material}"
+thickness_mm = {thickness}
+density_kg_m3 = {density}
+{more}
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+""",
+        "build.toml",
+    )
+
+
+def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():
+    real = np.array([126e9, 79.5e9, 84.1e9, 117e9, 23e9, -6.55, 23.3, 17.0, 15.05e-9, 13.02e-9])
+    loss = np.where(np.arange(10) < 5, 1 / 65, np.where(np.arange(10) < 8, 0.0, -0.02))
+    truth = Tensor6mm(*(real * (1 + 1j * loss)))
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    f = np.linspace(1.4e6, 3.2e6, 301)
+    law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
+    Z = Disk2D("disk", truth, np.pi * 25e-6, 1e-3, 7500.0, reduced, law).impedance(f)
+    rng = np.random.default_rng(2)
+    sweep = Sweep(f, Z * np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))))
+    result = finite_disk(FitTask(build(10, 1, 7500, "Pz27"), {"disk": (sweep,)}))
+    assert result.chi2_per_dof < 1.3
+    for name in CONSTANTS:
+        assert abs(result.constants[f"disk.{name}"].re - getattr(truth, name).real) < (
+            4 * result.constants[f"disk.{name}"].u_re
+        ), name
+
+
+def test_the_real_disk_of_20_by_2_mm_is_fitted_without_a_manual_start(recordings):
+    sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
+    few = replace(sweep, frequency=sweep.frequency[::4], impedance=sweep.impedance[::4])
+    result = Disk2DFitter().fit(FitTask(build(20, 2.013, 7956), {"disk": (few,)}))
+    assert result.rms_log_error < 0.05  # the one-dimensional model leaves 0.59
+    # a narrow band around the thickness mode says almost nothing about motion along the circumference
+    assert any("only together: disk.c12E" in sentence for sentence in result.says)
+    # half of a soft ceramic's value: it compensates for the remaining misfit, and the result must say so
+    assert any("Unusually far from" in sentence and "disk.eps11S" in sentence for sentence in result.says)
+    tensor = Tensor6mm(*(complex(c.re, c.im) for c in (result.constants[f"disk.{name}"] for name in CONSTANTS)))
+    assert passivity_margin(tensor.law) > 0
+    assert 0.42 < tensor.thickness.kt.real < 0.55
+    assert 500 < tensor.eps33S.real / 8.854e-12 < 1100

@@ -1,0 +1,84 @@
+"""Diagnosis of models that are no stack: a disk's radial modes, solved by finite elements, and a circuit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from complex_ceramic import TENSOR
+from disk_skfem import SkfemDisk
+
+from pzctl.fitters.diagnosis.diagnose import diagnose, fitter_to_diagnose
+from pzctl.fitters.disk.radial import RadialLeastSquares
+from pzctl.fitters.interface import FitTask, TaskError
+from pzctl.fitters.layered.bvd import ButterworthVanDyke
+from pzctl.models.base.arrays import Frequencies, Impedances
+from pzctl.models.build import Build
+from pzctl.models.circuits.lumped import Branch, Lumped
+from pzctl.models.constants.causal import continued
+from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.stack import CausalConstantQ
+from pzctl.models.sweep import Sweep
+
+SIZES = (10.0, 0.25, 7700.0)  # mm, mm, kg/m3
+LEAD = 2e-7  # H
+
+
+@pytest.fixture(scope="module")
+def radial_modes() -> tuple[Frequencies, Impedances]:
+    """Three radial modes of a disk of finite thickness, by a package that shares no code with the project's models."""
+    f = np.linspace(120e3, 860e3, 221)
+    law = CausalConstantQ(220e3)
+    over = np.array([continued(law, complex(getattr(TENSOR, name)), f)[0] for name in CONSTANTS]).T
+    diameter, thickness, density = SIZES
+    disk = SkfemDisk(diameter / 2e3, thickness / 1e3, 1)
+    return f, 1 / (2j * np.pi * f * disk.capacitance(over, density, f))
+
+
+def recorded(f: Frequencies, Z: Impedances, seed: int) -> Sweep:
+    rng = np.random.default_rng(seed)
+    return Sweep(f, Z * np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))))
+
+
+def test_a_lead_on_a_radial_disk_is_named_with_its_size(
+    radial_modes: tuple[Frequencies, Impedances], disk_build: Callable[..., Build]
+) -> None:
+    f, Z = radial_modes
+    build = disk_build("test ceramic", SIZES, (0.0, 0.0, 0.0))
+
+    def seen(inductance: float) -> FitTask:
+        return FitTask(build, {"disk": (recorded(f, Z + 2j * np.pi * f * inductance, 1),)})
+
+    found = diagnose(seen(LEAD), fitter=RadialLeastSquares())
+    (lead,) = found.findings
+    assert (found.verdict, lead.effect, lead.where) == ("explained", "lead-inductance", "terminals")
+    size = lead.parameters["inductance"]
+    assert abs(size.value - LEAD) < 3 * size.u < 0.5 * LEAD
+    s11E = found.final.constants["disk.s11E"]
+    assert s11E.unit == "1/Pa"
+    assert abs(s11E.re - TENSOR.radial.s11E.real) < 3 * (s11E.u_re or 0.0)
+
+    nothing = diagnose(seen(0.0), fitter=RadialLeastSquares())
+    assert (nothing.verdict, nothing.findings) == ("no-mismatch", ())
+
+
+def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recovered() -> None:
+    f = np.linspace(0.6e6, 1.6e6, 301)
+    circuit = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)
+    for wire, verdict, effects in ((5e-7, "explained", ["lead-inductance"]), (0.0, "no-mismatch", [])):
+        task = FitTask(None, {"probe": (recorded(f, replace(circuit, L=wire).impedance(f), 3),)})
+        found = diagnose(task, fitter=ButterworthVanDyke())
+        assert found.verdict == verdict
+        assert [one.effect for one in found.findings] == effects
+        constants = found.final.constants
+        assert [constants[name].unit for name in ("C0", "branch1.R", "branch1.L")] == ["F", "ohm", "H"]
+        for name in ("C0", "branch1.L", "branch1.C"):
+            assert abs(constants[name].re - circuit.parameters()[name]) < 4 * (constants[name].u_re or 0.0), name
+
+
+def test_what_acts_inside_a_stack_is_refused_for_another_model() -> None:
+    with pytest.raises(TaskError, match=r"'electrode-mass' acts in the layers of a stack.* can have cable, lead-"):
+        diagnose(FitTask(None, {}), ("electrode-mass",), fitter=ButterworthVanDyke())
+    with pytest.raises(TaskError, match=r"'sherrit-radial' cannot be diagnosed.* mason, radial, disk, disk2d and bvd"):
+        fitter_to_diagnose("sherrit-radial")
+    assert fitter_to_diagnose("mason") is None
