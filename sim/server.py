@@ -14,6 +14,7 @@ from .bench.bench import Bench
 from .bench.bench_port import BenchPort
 from .bench.hidden_effects import hide
 from .bench.jig import JIGS
+from .bench.sample import BenchSample, sample
 from .instrument.instrument import SERIAL, Instrument
 from .model import MODELS
 from .transport.faults import Faults
@@ -80,6 +81,8 @@ class Simulator:
     """The running simulator: its listeners and the clients they have."""
 
     options: SimOptions
+    draw: Callable[[int], BenchSample] = sample
+    """Draws the sample on the bench."""
     port: int = 0
     """The instrument's real port, once it listens."""
     bench_port: int = 0
@@ -100,7 +103,7 @@ class Simulator:
     async def start(self) -> None:
         """Listen on all ports. Raises SimError if one is taken."""
         o = self.options
-        bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig])
+        bench = Bench(seed=o.seed, noise=o.noise, radial=o.radial, off=o.off, jig=JIGS[o.jig], draw=self.draw)
         hide(bench, o.hidden)
         model = MODELS[o.model]
         self.instrument = Instrument(
@@ -148,8 +151,13 @@ class Simulator:
             await self._ftp.stop()
 
 
-async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: asyncio.Event) -> None:
-    simulator = Simulator(options)
+async def _serve(
+    options: SimOptions,
+    draw: Callable[[int], BenchSample],
+    ready: Callable[[Simulator], None],
+    stop: asyncio.Event,
+) -> None:
+    simulator = Simulator(options, draw)
     try:
         await simulator.start()
         ready(simulator)
@@ -158,8 +166,8 @@ async def _serve(options: SimOptions, ready: Callable[[Simulator], None], stop: 
         await simulator.stop()
 
 
-def run(options: SimOptions) -> None:
-    """Run the simulator until SIGTERM or SIGINT. Raises SimError if a port is taken.
+def run(options: SimOptions, draw: Callable[[int], BenchSample] = sample) -> None:
+    """Run the simulator until SIGTERM or SIGINT; `draw` makes the sample of a seed. Raises SimError if a port is taken.
 
     When it is ready, it prints a line for people to standard error and a JSON object to standard output.
     """
@@ -181,14 +189,14 @@ def run(options: SimOptions) -> None:
                 loop.add_signal_handler(number, stop.set)
             except NotImplementedError:  # Windows: Ctrl-C ends asyncio.run itself
                 continue
-        await _serve(options, ready, stop)
+        await _serve(options, draw, ready, stop)
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(main())
 
 
 @contextlib.contextmanager
-def running(options: SimOptions | None = None) -> Generator[Simulator]:
+def running(options: SimOptions | None = None, draw: Callable[[int], BenchSample] = sample) -> Generator[Simulator]:
     """Run a simulator in a thread for a `with` block; by default on free ports and without waiting.
 
     Raises SimError if a port is taken.
@@ -198,7 +206,7 @@ def running(options: SimOptions | None = None) -> Generator[Simulator]:
 
     async def main() -> None:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
-        await _serve(chosen, lambda s: handover.put((s, lambda: _set_from_outside(loop, stop))), stop)
+        await _serve(chosen, draw, lambda s: handover.put((s, lambda: _set_from_outside(loop, stop))), stop)
 
     def thread_main() -> None:
         try:

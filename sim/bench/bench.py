@@ -4,6 +4,7 @@ The instrument calls `measure` for a sweep; the commands of the bench change wha
 no command of the instrument glues a layer.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,8 @@ from ..instrument.accuracy import noise_sigma, noisy, systematic, terms
 from ..instrument.axis import Axis
 from .bench_errors import BenchError
 from .jig import JIGS, LOAD_STANDARD_OHM, Jig
-from .sample import STEPS, BenchSample, sample
+from .sample import BenchSample
+from .sample import sample as transducer
 from .sweep_effects import Effects, device_impedance
 
 CONTENTS = ("device", "open", "short", "load")
@@ -34,7 +36,9 @@ class Bench:
     """Systematic error of section 8.2, the same for every sweep of this instrument."""
     jig: Jig = field(default_factory=lambda: JIGS["compensated"])
     effects: Effects = field(default_factory=Effects)
-    step: str = field(init=False, default=STEPS[0])
+    draw: Callable[[int], BenchSample] = transducer
+    """Draws the sample of a seed."""
+    step: str = field(init=False)
     content: str = field(init=False, default=CONTENTS[0])
     seconds: float = field(init=False, default=0.0)
     """Bench time: the unscaled duration of all sweeps so far."""
@@ -48,16 +52,27 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.new_sample(self.seed)
+        self.check(self.effects, self.radial)
+
+    def check(self, effects: Effects, radial: bool) -> None:
+        """Raise BenchError if the sample cannot have these effects or radial modes."""
+        if radial and self.sample.radial is None:
+            raise BenchError("bench: this sample has no radial modes; only the bench's own transducer has them")
+        if effects.strain_softening and len(self.sample.piezos) > 1:
+            several = ", ".join(self.sample.piezos)
+            raise BenchError(f"bench: drive-nonlinearity needs a single piezo layer; this sample has {several}")
 
     def new_sample(self, seed: int) -> None:
         """Put another bare disk into the fixture."""
-        self.seed, self.sample, self.step, self.content = seed, sample(seed), STEPS[0], "device"
+        drawn = self.draw(seed)
+        self.seed, self.sample, self.step, self.content = seed, drawn, drawn.steps[0], "device"
         self._random, self._idle_random = (np.random.default_rng([seed, stream]) for stream in (0, 1))
 
     def glue(self, step: str) -> None:
         """Glue the device up to a step. Raises BenchError for a step that does not exist or that is already passed."""
         self.sample.names(step)
-        if STEPS.index(step) < STEPS.index(self.step):
+        order = self.sample.steps
+        if order.index(step) < order.index(self.step):
             raise BenchError(
                 f"bench: the device is at step {self.step!r} and glue does not come off; "
                 f"a bare disk is had by the command new-sample, {step!r} is not had again"
@@ -66,10 +81,11 @@ class Bench:
 
     def glue_next(self) -> None:
         """Do the next gluing step. Raises BenchError after the last one."""
-        following = STEPS.index(self.step) + 1
-        if following == len(STEPS):
+        steps = self.sample.steps
+        following = steps.index(self.step) + 1
+        if following == len(steps):
             raise BenchError(f"bench: {self.step!r} is the last gluing step; new-sample brings a bare disk")
-        self.glue(STEPS[following])
+        self.glue(steps[following])
 
     def connect(self, content: str) -> None:
         """Put the device, or a standard, into the fixture. Raises BenchError."""

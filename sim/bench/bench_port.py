@@ -14,7 +14,6 @@ from ..transport.session import InFlight
 from .bench_errors import BenchError
 from .hidden_effects import hidden, hide
 from .jig import JIGS, Jig
-from .sample import STEPS
 
 
 class BenchPort:
@@ -95,7 +94,7 @@ class BenchPort:
         return {
             "seed": bench.seed,
             "step": bench.step,
-            "steps": list(STEPS),
+            "steps": list(bench.sample.steps),
             "layers": list(bench.sample.names(bench.step)),
             "connected": bench.content,
             "bench_seconds": bench.seconds,
@@ -126,10 +125,12 @@ class BenchPort:
         return {"jig": vars(self._bench.jig).copy()}
 
     def _effects(self, command: dict[str, Any]) -> dict[str, Any]:
-        for switch in ("noise", "off", "radial"):
-            if switch in command:
-                setattr(self._bench, switch, _switch(command, switch))
-        self._bench.effects = self._bench.effects.changed(**command)
+        wanted = {name: _switch(command, name) for name in ("noise", "off", "radial") if name in command}
+        effects = self._bench.effects.changed(**command)
+        self._bench.check(effects, wanted.get("radial", self._bench.radial))
+        for name, on in wanted.items():
+            setattr(self._bench, name, on)
+        self._bench.effects = effects
         switches = {name: getattr(self._bench, name) for name in ("noise", "off", "radial")}
         return {"effects": vars(self._bench.effects) | switches}
 

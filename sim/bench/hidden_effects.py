@@ -36,6 +36,8 @@ KINDS: Mapping[str, Kind] = {
 def hide(bench: Bench, sizes: Mapping[str, object]) -> None:
     """Set the hidden effects to `sizes` (SI); 0 removes one. Raises BenchError and then changes nothing."""
     checked = {name: _size(name, size) for name, size in sizes.items()}
+    inside = {KINDS[name].field: size for name, size in checked.items() if KINDS[name].owner == "effects"}
+    bench.check(replace(bench.effects, **inside), bench.radial)
     for name, size in checked.items():
         kind = KINDS[name]
         setattr(bench, kind.owner, replace(getattr(bench, kind.owner), **{kind.field: size}))

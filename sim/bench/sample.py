@@ -1,11 +1,11 @@
-"""The transducer on the bench: a stack whose true constants are defined only here.
+"""The transducer on the bench: a stack whose true constants are defined only here, unless it is of a build.
 
 The numbers are those of the thesis (Tjelde, NTNU 2012, tables 4.1 to 4.7): a Pz27 disk whose fitted constants
 differ from the data sheet's, as real ones do, and two glued matching layers. Every seed gives another sample.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...models.base.model import Model
 from ...models.constants.causal import continued
 from ...models.constants.piezo_constants import Radial
 from ...models.disk.round_disk import BothModes
-from ...models.stack import AIR, CausalConstantQ, Elastic, Piezo, Stack
+from ...models.stack import AIR, CausalConstantQ, Elastic, Layer, Piezo, Stack
 from .bench_errors import BenchError
 
 EPS0 = 8.8541878128e-12
@@ -35,12 +35,30 @@ GLUE_Z, GLUE_C33, GLUE_Q = 2.8e6, 6.86e9, 13.0
 
 @dataclass(frozen=True)
 class BenchSample:
-    """One transducer with all its layers, back to front, identified by `seed`."""
+    """One transducer at all its gluing steps, identified by `seed`."""
 
     seed: int
-    layers: tuple[Piezo | Elastic, ...]
-    radial: Radial
-    """The disk's radial constants; its eps33T follows from these and the thickness constants."""
+    stacks: Mapping[str, Stack]
+    """The device after each gluing step, in their order."""
+    radial: Radial | None = None
+    """The disk's radial constants, if it has radial modes; its eps33T follows from all constants."""
+    beside: Mapping[str, Model] = field(default_factory=dict[str, Model])
+    """What is measured after a step that has more than its stack, such as a lead."""
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The gluing steps in order."""
+        return tuple(self.stacks)
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers after the last step, back to front."""
+        return self.stacks[self.steps[-1]].layers
+
+    @property
+    def piezos(self) -> tuple[str, ...]:
+        """The names of the piezoelectric layers, back to front."""
+        return tuple(layer.name for layer in self.layers if isinstance(layer, Piezo))
 
     def device(self, step: str, radial: bool) -> Model:
         """Return the device after a gluing step, with or without the disk's radial modes.
@@ -51,10 +69,10 @@ class BenchSample:
         """
         stack = self.stack(step)
         if not radial:
-            return stack
+            return self.beside.get(step, stack)
         disk = self.layers[0]
-        if not isinstance(disk, Piezo):
-            raise BenchError(f"bench: {disk.name!r} is not piezoelectric; only such a disk has radial modes")
+        if self.radial is None or not isinstance(disk, Piezo):
+            raise BenchError(f"bench: the sample at step {step!r} has no radial modes")
         law = CausalConstantQ(_antiresonance(disk))
         causal = replace(disk, c_law=law, h_law=law, eps_law=law)
         both = BothModes.of(replace(stack, layers=(causal, *stack.layers[1:])), disk.name, self.radial)
@@ -62,27 +80,26 @@ class BenchSample:
         return replace(both, arm=replace(both.arm, alpha=ALPHA, d33f=D33F, laws=laws))
 
     def stack(self, step: str) -> Stack:
-        """Return the device after a gluing step, in air. Raises BenchError for an unknown step."""
-        return Stack(layers=self.layers[: self._count(step)], back=AIR, front=AIR, area=AREA)
+        """Return the layers after a gluing step and their loads. Raises BenchError for an unknown step."""
+        if step not in self.stacks:
+            raise BenchError(f"bench: no gluing step {step!r}; there are {', '.join(self.stacks)}")
+        return self.stacks[step]
 
     def names(self, step: str) -> tuple[str, ...]:
         """Return the layers after a step, back to front. Raises BenchError."""
-        return tuple(layer.name for layer in self.layers[: self._count(step)])
-
-    def _count(self, step: str) -> int:
-        if step not in STEPS:
-            raise BenchError(f"bench: no gluing step {step!r}; there are {', '.join(STEPS)}")
-        return 1 + 2 * STEPS.index(step)
+        return tuple(layer.name for layer in self.stack(step).layers)
 
     def truth(self) -> dict[str, dict[str, float | str]]:
         """Return every true constant by its name (`disk.c33D`): real and imaginary part and unit."""
         table: dict[str, dict[str, float | str]] = {}
         for layer in self.layers:
-            for key, value, unit in _constants(layer):
-                table[f"{layer.name}.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+            if isinstance(layer, Piezo | Elastic):
+                for key, value, unit in _constants(layer):
+                    table[f"{layer.name}.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
         for key, unit in (("s11E", "1/Pa"), ("s12E", "1/Pa"), ("d31", "C/N"), ("eps33T", "F/m")):
-            value = complex(getattr(self.radial, key))
-            table[f"disk.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
+            if self.radial is not None:
+                value = complex(getattr(self.radial, key))
+                table[f"disk.{key}"] = {"re": value.real, "im": value.imag, "unit": unit}
         return table
 
 
@@ -117,7 +134,9 @@ def sample(seed: int) -> BenchSample:
     ml1 = _matching("ml1", about(10.3e6, 0.04), about(2455.0, 0.05), about(0.139e-3, 0.007), about(24.0, 0.12))
     glue2 = _glue("glue2", about(6.4e-6, 0.08))
     ml2 = _matching("ml2", about(2.4e6, 0.04), about(2250.0, 0.03), about(0.147e-3, 0.007), about(22.0, 0.10))
-    return BenchSample(seed, (disk, glue1, ml1, glue2, ml2), _radial(about, disk))
+    layers = (disk, glue1, ml1, glue2, ml2)
+    stacks = {step: Stack(layers[: 1 + 2 * k], AIR, AIR, AREA) for k, step in enumerate(STEPS)}
+    return BenchSample(seed, stacks, _radial(about, disk))
 
 
 def _antiresonance(disk: Piezo) -> float:

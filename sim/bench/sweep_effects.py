@@ -75,27 +75,23 @@ def lagging(frequency: Frequencies, point_seconds: Reals, order: NDArray[np.intp
 
 
 def warmed(device: Model, kelvin: float) -> Model:
-    """Return the device with its disk this many kelvins above the reference temperature."""
+    """Return the device with its piezoelectric layers this many kelvins above the reference temperature."""
     if kelvin == 0:
         return device
-    return _scaled(device, 1 + STIFFNESS_PER_KELVIN * kelvin, 1 + PERMITTIVITY_PER_KELVIN * kelvin)
-
-
-def _scaled(device: Model, stiffness: complex, permittivity: float) -> Model:
     have = device.parameters()
-    c33D, eps33S = _complex(have, "c33D") * stiffness, _complex(have, "eps33S") * permittivity
-    return device.replace(
-        {
-            "disk.c33D.re": c33D.real,
-            "disk.c33D.im": c33D.imag,
-            "disk.eps33S.re": eps33S.real,
-            "disk.eps33S.im": eps33S.imag,
-        }
-    )
+    factors = {"c33D": 1 + STIFFNESS_PER_KELVIN * kelvin, "eps33S": 1 + PERMITTIVITY_PER_KELVIN * kelvin}
+    parts = (f"{name}.{part}" for name in piezos(have) for part in ("c33D.re", "c33D.im", "eps33S.re", "eps33S.im"))
+    return device.replace({part: have[part] * factors[part.split(".")[1]] for part in parts})
+
+
+def piezos(parameters: Mapping[str, float]) -> list[str]:
+    """Return the piezoelectric layers of a model with these parameters."""
+    return [name.removesuffix(".h33.re") for name in parameters if name.endswith(".h33.re")]
 
 
 def _complex(parameters: Mapping[str, float], constant: str) -> complex:
-    return complex(parameters[f"disk.{constant}.re"], parameters[f"disk.{constant}.im"])
+    (disk,) = piezos(parameters)
+    return complex(parameters[f"{disk}.{constant}.re"], parameters[f"{disk}.{constant}.im"])
 
 
 def _softened(
@@ -109,10 +105,10 @@ def _softened(
     if not softening:
         return z, 0.0
     have = device.parameters()
-    c33D = _complex(have, "c33D")
+    c33D, (disk,) = _complex(have, "c33D"), piezos(have)
     for _ in range(40):
         softer = c33D * (1 - softening * strain * (1 - 1j * RAYLEIGH))
-        bent = device.replace({"disk.c33D.re": softer.real, "disk.c33D.im": softer.imag})
+        bent = device.replace({f"{disk}.c33D.re": softer.real, f"{disk}.c33D.im": softer.imag})
         z = complex(bent.impedance(frequency)[0])
         now = mean_strain(have, z, float(frequency[0]), level)
         if abs(now - strain) <= 1e-4 * max(now, 1e-12):
@@ -126,7 +122,8 @@ def mean_strain(parameters: Mapping[str, float], z: complex, frequency: float, l
 
     V = I/(j w C0) - h t S for the mean strain S, so |S| = |I| |Z - 1/(j w C0)| / (|h| t).
     """
-    thickness = parameters["disk.thickness"]
+    (disk,) = piezos(parameters)
+    thickness = parameters[f"{disk}.thickness"]
     clamped = thickness / (2j * np.pi * frequency * _complex(parameters, "eps33S") * parameters["area"])
     current = np.sqrt(2) * level / abs(z + SOURCE_OHM)
     return float(current * abs(z - clamped) / (abs(_complex(parameters, "h33")) * thickness))

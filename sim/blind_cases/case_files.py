@@ -21,8 +21,12 @@ uncertainty that a micrometer leaves."""
 
 
 def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:
+    """Write the files of case `index` of a seed as `write_case` does; return its name and its truth."""
+    return write_case(folder, draw_case(seed, index))
+
+
+def write_case(folder: Path, case: Case) -> dict[str, Any]:
     """Write the files of one case into its own folder below `folder`; return its name and its truth."""
-    case = draw_case(seed, index)
     case_folder = folder / case.name
     case_folder.mkdir(parents=True, exist_ok=True)
     (case_folder / "build.toml").write_text(_build_text(case))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...client.client import Client
 
 
-def adapted_plan(lab: "Client", build: "Build", step: str, console: "Console") -> "SweepPlan":
+def adapted_plan(lab: "Client", build: "Build", step: str, analyzer: str, console: "Console") -> "SweepPlan":
     """Sweep the range of the build's plan quickly; return a plan adapted to the resonances seen.
 
     Preliminary sweeps and adapted plan together take as long as the build's plan. The preliminary sweeps are ordinary
@@ -25,9 +25,12 @@ def adapted_plan(lab: "Client", build: "Build", step: str, console: "Console") -
 
     if build.plan is None:
         raise UsageError(f"--adaptive: build {build.name!r} has no [sweep]; its range and its duration are needed")
-    can = capabilities_of(lab.hello().instrument.idn)
+    (on,) = (one for one in lab.hello().analyzers if one.name == analyzer)
+    can = capabilities_of(on.instrument.idn)
     seconds = can.seconds(build.plan)
-    adaptation = adapted(build.plan, seconds, lambda plan: lab.measure(build, step, plan).sweeps, can)
+    adaptation = adapted(
+        build.plan, seconds, lambda plan: lab.measure(build, step, plan, analyzer=analyzer).sweeps, can
+    )
     points = sum(segment.points for segment in adaptation.plan.segments)
     console.print(
         f"{step}: {len(adaptation.looks)} preliminary sweep(s); {points} points in {len(adaptation.plan.segments)} "

@@ -61,7 +61,8 @@ class Diagnoser:
 
     def _by_hand(self, diagnosis: dict[str, Any]) -> None:
         """Print what a person could do if no sweep can decide."""
-        from ....models.effects import EffectError, find_effect
+        from ....fitters.user_effects import find_any_effect
+        from ....models.effects import EffectError
 
         if diagnosis.get("would_measure"):
             return
@@ -71,7 +72,7 @@ class Diagnoser:
             ]
             for name in (finding["effect"], *others) if others else ():
                 with suppress(EffectError):
-                    says = f"to tell {finding['effect']} from {', '.join(others)}: {find_effect(name).separates}"
+                    says = f"to tell {finding['effect']} from {', '.join(others)}: {find_any_effect(name).separates}"
                     self.console.print(f"no sweep can decide; {says}", style="cyan", highlight=False, soft_wrap=True)
 
     def _agreed(self, step: str, proposal: dict[str, Any]) -> bool:

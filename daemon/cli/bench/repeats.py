@@ -1,41 +1,37 @@
 """Repeated measurements: the time from one start to the next."""
 
-import re
 import time
 from typing import TYPE_CHECKING
 
+from ...files.durations import seconds_of
 from ..analysis.fit_options import UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-_DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
-_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _SHOWN = 0.5
 """Seconds between two updates of the countdown."""
 
 
 def duration(text: str, option: str) -> float:
     """Return a time in seconds from `30s`, `10min` or `2h`. Raises UsageError."""
-    found = _DURATION.fullmatch(text.strip())
-    if found is None:
+    seconds = seconds_of(text)
+    if seconds is None:
         raise UsageError(f"{option} {text!r}: a number with s, min or h is needed, for example 10min")
-    return float(found[1]) * _SECONDS[found[2]]
+    return seconds
 
 
 class Pause:
     """Waits until so many seconds have passed since the last start."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, first: float = 0.0) -> None:
+        """Begin; the first start is `first` seconds from now."""
         self._seconds = seconds
-        self._next: float | None = None
+        self._next = time.monotonic() + first
 
     def wait(self, console: "Console", done: str) -> None:
-        """Wait for the next start with a countdown; the first is at once. A late start does not delay later ones."""
-        now = time.monotonic()
-        if self._next is None:
-            self._next = now
-        if self._next > now:
+        """Wait for the next start with a countdown. A late start does not delay later ones."""
+        if self._next > time.monotonic():
             with console.status(done) as status:
                 while (left := self._next - time.monotonic()) > 0:
                     status.update(f"{done}; the next starts in {left:.0f} s (Ctrl-C ends; what is measured is kept)")

@@ -1,5 +1,7 @@
 """`pzctl sim`: a simulated analyzer on its raw socket."""
 
+from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -25,6 +27,9 @@ def sim(
         int | None, typer.Option(min=0, max=65535, help="Port of the FTP server (needs aioftp), for example 2121.")
     ] = None,
     off: Annotated[bool, typer.Option("--off", help="Add a systematic error within the analyzer's accuracy.")] = False,
+    build: Annotated[
+        Path | None, typer.Option(help="Put a transducer of this build on the bench; the seed draws its constants.")
+    ] = None,
     hidden: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Hidden effect, in SI units; may be repeated. See below."),
@@ -38,7 +43,10 @@ def sim(
     Example: pzctl sim --port 5025 --time-scale 0.01 --hidden lead-inductance=2e-8
     """
     from ....sim.bench.hidden_effects import parse
+    from ....sim.bench.sample import sample
     from ....sim.server import SimOptions, run
+    from ...files.builds.build_file import read_build
+    from .sample_of_build import sample_of
 
     run(
         SimOptions(
@@ -54,5 +62,6 @@ def sim(
             radial=radial,
             off=off,
             hidden=parse(hidden or []),
-        )
+        ),
+        sample if build is None else partial(sample_of, read_build(build)),
     )

@@ -1,0 +1,134 @@
+"""`pzctl measure --queue`: what of a queue file is left, and carrying it out without a person."""
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING
+
+import typer
+
+from ....models.base.errors import CannotError, PzctlError
+from ...client.protocol import DaemonError
+from ...files.measurement_queue import QUEUE_KEY, MeasurementQueue, QueuedStep
+from ..analysis.fit_options import UsageError
+from .repeats import Pause
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from ....models.build import Build
+
+_ENDED_CODES = ("failed", "cancelled", "abandoned", "bad-plan")
+"""Codes of errors that concern one measurement only; the queue goes on with the next."""
+
+
+class QueueError(CannotError):
+    """Measurements of a queue failed."""
+
+
+def queued(path: "Path", changed: "Callable[[Build], Build]", given: Mapping[str, object]) -> MeasurementQueue:
+    """Return the queue of a file; `given`: other options of the command, which a queue file replaces if true.
+
+    Raises UsageError, BuildError.
+    """
+    from ...files.measurement_queue import read_queue
+
+    for option, value in given.items():
+        if value:
+            raise UsageError(f"{option} is given beside --queue, whose file says what is measured; leave out {option}")
+    queue = read_queue(path, changed)
+    asks = [entry for entry in queue.steps if entry.ask]
+    if asks and not sys.stdin.isatty():
+        raise UsageError(
+            f"{path}: ask = {asks[0].ask!r} needs a person at a terminal; leave it out of a queue that runs alone"
+        )
+    return queue
+
+
+def what_is_left(queue: MeasurementQueue, console: "Console") -> MeasurementQueue:
+    """Return the measurements that the journal does not hold yet, and say how many it holds. Raises QueueError."""
+    done = _done(queue)
+    left = queue.without(done)
+    if left.total < queue.total:
+        already = f"{queue.total - left.total} of {queue.total} measurements of queue {queue.name!r} are in the journal"
+        if not left.total:
+            raise QueueError(f"{already}: all of them; give the queue another name to measure again")
+        console.print(f"{already}; {left.total} are left", highlight=False, soft_wrap=True)
+    return left
+
+
+def _done(queue: MeasurementQueue) -> Counter[tuple[str, str]]:
+    """Return how often the journal holds each sample and step of this queue, with what the daemon still measures."""
+    from ...samples.sample_selection import NoSamplesError, open_journal
+
+    done: Counter[tuple[str, str]] = Counter()
+    try:
+        journal = open_journal()
+    except NoSamplesError:
+        return done
+    with closing(journal):
+        for sample in {entry.build.name for entry in queue.steps}:
+            known = "sample = ? AND state IN ('measured', 'measuring', 'queued')"
+            for measurement in journal.measurements(known, sample):
+                if journal.build(measurement.id).metadata.get(QUEUE_KEY) == queue.name:
+                    done[sample, measurement.sample.step] += 1
+    return done
+
+
+class QueueRun:
+    """Carries out a queue; a measurement that fails does not end it."""
+
+    def __init__(self, queue: MeasurementQueue, console: "Console") -> None:
+        self._queue = queue
+        self._console = console
+        self._done = 0
+        self._failed: list[str] = []
+
+    def run(self, prepare: Callable[[str], None], measure: Callable[[QueuedStep], None]) -> None:
+        """Measure everything in order. Raises QueueError at the end if some failed."""
+        with self._interruptible():
+            for entry in self._queue.steps:
+                pause = Pause(entry.every, entry.wait)
+                if entry.ask:
+                    typer.prompt(f"{entry.ask}; then press Enter", default="", show_default=False, err=True)
+                prepare(entry.step)
+                for _ in range(entry.repeat):
+                    pause.wait(self._console, f"{self._done} of {self._queue.total} measured")
+                    self._console.print(f"{entry.build.name}, step {entry.step}:", highlight=False, soft_wrap=True)
+                    self._measure(entry, measure)
+        if self._failed:
+            raise QueueError(
+                f"{len(self._failed)} of {self._queue.total} measurements failed, the first: {self._failed[0]}; "
+                "the same command measures them again"
+            )
+
+    def _measure(self, entry: QueuedStep, measure: Callable[[QueuedStep], None]) -> None:
+        try:
+            measure(entry)
+        except DaemonError as error:
+            if error.code not in _ENDED_CODES:
+                raise
+            self._failed.append(f"{entry.build.name}, step {entry.step}: {error}")
+            self._console.print(self._failed[-1], style="red", highlight=False, soft_wrap=True, markup=False)
+        except PzctlError as error:  # the fit; the measurement is in the journal
+            self._done += 1
+            self._console.print(f"{entry.build.name}, step {entry.step}: {error}", style="red", markup=False)
+        else:
+            self._done += 1
+
+    @contextmanager
+    def _interruptible(self) -> Generator[None]:
+        """Say on Ctrl-C how much is left."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            done, left = self._done, self._queue.total - self._done
+            self._console.print(
+                f"{done} of {done + left} measured; the same command continues with the {left} that are left",
+                highlight=False,
+                soft_wrap=True,
+            )
+            raise
