@@ -80,15 +80,19 @@ class Conversations(Questions):
         priority: int = 0,
         lease: str | None = None,
         decides: str | None = None,
+        analyzer: str | None = None,
     ) -> Conversation[Measurement]:
         """Measure a step of a build and wait for the end; Ctrl-C or cancelling the task cancels the measurement.
 
         Without `plan`, the build's own plan is used. A higher `priority` (-10 .. 10) goes first. `lease` is needed
         while the instrument is leased. `decides` is the id of the measurement whose diagnosis this one helps to decide.
-        Raises DaemonError with the daemon's sentence if the measurement failed or was cancelled.
+        `analyzer` is the name of one of the daemon's analyzers; None: the first one that this client may use. Raises
+        DaemonError with the daemon's sentence if the measurement failed or was cancelled.
         """
         follower = yield from self._follow()
-        measurement = yield from self.begin(build, step, plan, priority=priority, lease=lease, decides=decides)
+        measurement = yield from self.begin(
+            build, step, plan, priority=priority, lease=lease, decides=decides, analyzer=analyzer
+        )
         waiter = MeasurementWaiter(measurement, progress)
         try:
             while (measured := waiter.measurement) is None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import msgspec
 
+from ..files.analyzer_options import ONLY
 from ..files.paths import daemon_file, home, journal_folder
 from ..journal.stores.folder_lock import is_written
 from ..wire.curve_keys import ClientKey, read_client_key, write_secret
@@ -22,12 +23,20 @@ class Location(msgspec.Struct, frozen=True):
     resource: str
     bench: str | None
     log: str
+    analyzers: dict[str, str] = {}
+    """The resource of each analyzer by its name; `resource` and `bench` are those of the first."""
     journal: str | None = None
     """URL of its journal; None if the journal is in the data folder."""
     station: str = ""
     """Name of this bench in that journal."""
     key: ClientKey | None = None
     """CURVE key for the programs of this user account."""
+
+
+def analyzer_at(location: Location, resource: str) -> str | None:
+    """Return the name of the daemon's analyzer with this resource, or None if it owns none."""
+    owned = location.analyzers or {ONLY: location.resource}
+    return next((name for name, own in owned.items() if same_resource(resource, own)), None)
 
 
 def same_resource(first: str, second: str) -> bool:

@@ -73,9 +73,9 @@ class Questions:
         request = ask.UnansweredRequest(id=uuid7(), fitter=fitter)
         return (yield from self.answer_to(request, reply.MeasurementsAnswer)).measurements
 
-    def bench(self, command: dict[str, Any]) -> Conversation[dict[str, Any]]:
-        """Send a command to the simulator's bench and return its answer."""
-        request = ask.BenchRequest(id=uuid7(), command=command)
+    def bench(self, command: dict[str, Any], analyzer: str | None = None) -> Conversation[dict[str, Any]]:
+        """Send a command to the simulator's bench, by default that of the first analyzer; return its answer."""
+        request = ask.BenchRequest(id=uuid7(), command=command, analyzer=analyzer)
         return (yield from self.answer_to(request, reply.BenchAnswer, patience=BENCH_PATIENCE)).answer
 
     def begin(
@@ -87,24 +87,33 @@ class Questions:
         priority: int = 0,
         lease: str | None = None,
         decides: str | None = None,
+        analyzer: str | None = None,
     ) -> Conversation[str]:
         """Request a measurement without waiting for it, and return its id. The arguments are those of `measure`."""
         request = ask.MeasureRequest(
-            id=uuid7(), build=build, step=step, plan=plan, priority=priority, lease=lease, decides=decides
+            id=uuid7(),
+            build=build,
+            step=step,
+            plan=plan,
+            priority=priority,
+            lease=lease,
+            decides=decides,
+            analyzer=analyzer,
         )
         return (yield from self.answer_to(request, reply.MeasureAnswer)).measurement
 
-    def cancel(self, measurement: str | None = None) -> Conversation[None]:
-        """Cancel a measurement, by default the running one."""
-        yield from self.answer_to(ask.CancelRequest(id=uuid7(), measurement=measurement), reply.Answer)
+    def cancel(self, measurement: str | None = None, analyzer: str | None = None) -> Conversation[None]:
+        """Cancel a measurement, by default the running one of the first analyzer or of the one named."""
+        request = ask.CancelRequest(id=uuid7(), measurement=measurement, analyzer=analyzer)
+        yield from self.answer_to(request, reply.Answer)
 
-    def lease(self, owner: str, seconds: float = 60.0) -> Stream[str]:
-        """Lease the instrument for exclusive use; deliver the id that `measure` needs meanwhile.
+    def lease(self, owner: str, seconds: float = 60.0, analyzer: str | None = None) -> Stream[str]:
+        """Lease an instrument for exclusive use; deliver the id that `measure` needs meanwhile.
 
         The lease expires after `seconds`. The daemon closes its connection to the instrument, so that other tools may
         use it. Raises DaemonError if it is leased to another owner (code `leased`) or measures (code `busy`).
         """
-        request = ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds)
+        request = ask.LeaseRequest(id=uuid7(), owner=owner, seconds=seconds, analyzer=analyzer)
         lease_id = (yield from self.answer_to(request, reply.LeaseAnswer)).lease
         try:
             yield Deliver(lease_id)

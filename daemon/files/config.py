@@ -20,6 +20,7 @@ import platformdirs
 from ...fitters.data_folder import chosen_folder
 from ...models.base.errors import PzctlError
 from ...models.base.names import NameFault, among, check_name
+from .analyzer_options import read_analyzers
 from .auto_diagnosis import ASKED, AUTO
 from .backup_plan import read_backup
 from .database_url import without_password
@@ -105,6 +106,10 @@ def _form(value: Any) -> str:
 
 SETTINGS: Mapping[str, Setting] = {
     "resource": Setting("a VISA resource, or recording:FILE", _text),
+    "analyzers": Setting(
+        "a table for each name, with `resource` (default: a simulated 4294A), `max_bias_V` and `max_oscillator_V`",
+        read_analyzers,
+    ),
     "events": Setting("a ZeroMQ endpoint", _text),
     "requests": Setting("a ZeroMQ endpoint", _text),
     "fitters": Setting("names of fitters, each of at most 64 characters that can be printed", _names),
@@ -128,7 +133,8 @@ SETTINGS: Mapping[str, Setting] = {
 """All settings; each name is a flag, an environment variable and a key of the config file."""
 
 
-_LIMITS = ("max_bias_V", "max_oscillator_V", "compensation_days")
+_OF_ONE = ("max_bias_V", "max_oscillator_V")
+_LIMITS = (*_OF_ONE, "compensation_days")
 """Settings that belong to the bench."""
 
 
@@ -174,9 +180,11 @@ def options(given: Mapping[str, Any]) -> "DaemonOptions":
     simulator = {"time_scale": given.get("time_scale", 1.0), "seed": given.get("seed", 0)}
     chosen = {
         name: given[name]
-        for name in ("resource", "events", "requests", "fitters", "bench", "backup", "diagnose", *_LIMITS)
+        for name in ("resource", "events", "requests", "fitters", "bench", "backup", "diagnose", "analyzers", *_LIMITS)
         if name in given
     }
+    if "analyzers" in chosen and (both := [name for name in ("resource", "bench", *_OF_ONE) if name in chosen]):
+        raise ConfigError(f"{both[0]}: this is the setting of a single analyzer; with [analyzers] each has its own")
     chosen["journal"], chosen["station"] = journal_of(given)
     if chosen["journal"] and "backup" in chosen:
         raise ConfigError(

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .analyzer_options import ONLY, AnalyzerOptions
 from .auto_diagnosis import AUTO
 from .backup_plan import BackupPlan
 from .worker_limits import Limits
@@ -38,3 +39,11 @@ class DaemonOptions:
     """Where the journal is copied to, and how often; None: nowhere."""
     diagnose: str = AUTO
     """`auto`: diagnose every fit of the first fitter with a significant misfit; `asked`: only on request."""
+    analyzers: Mapping[str, AnalyzerOptions] = field(default_factory=dict[str, AnalyzerOptions])
+    """Analyzers by name, in place of `resource`, `bench` and the limits of the only one."""
+
+    @property
+    def every_analyzer(self) -> dict[str, AnalyzerOptions]:
+        """The analyzers by name."""
+        only = AnalyzerOptions(self.resource, self.max_bias_V, self.max_oscillator_V, self.bench)
+        return dict(self.analyzers) or {ONLY: only}

@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 from starlette.routing import BaseRoute, Route
 
+from .request_body import FORM
+
 _PARAMETER = re.compile(r"{(\w+)(?::path)?}")
 _KINDS = {"/report": "text/html", "/pdf": "application/pdf", "/download": "text/csv", "/metrics": "text/plain"}
 """Media types of the answers that are not JSON, by the beginning of the path."""
@@ -76,5 +78,8 @@ def _operation(route: Route, body: Mapping[str, Any] | None) -> dict[str, Any]:
     if more:
         operation["description"] = more
     if body is not None:
-        operation["requestBody"] = {"required": True, "content": {"application/json": {"schema": body}}}
+        operation["requestBody"] = {
+            "required": True,
+            "content": {kind: {"schema": body} for kind in ("application/json", FORM)},
+        }
     return operation

@@ -139,6 +139,8 @@ class MeasureCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What to note with it: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
     mass_g: BalanceMass | None = None
     """Mass of all layers of this step; a datum of the density."""
+    analyzer: str | None = None
+    """Name of the analyzer, if the daemon has several; default: the first."""
 
 
 class DiagnoseCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -283,12 +285,14 @@ class _PageRequestHandlers:
         signed = {"operator": user.name} if user.name else {}
         notes = {**signed, **command.metadata}
         with PageClient(user.name) as lab:
-            if lab.hello().bench is not None:
-                lab.bench({"command": "step", "name": command.step})
+            owned = lab.hello().analyzers
+            on = [one for one in owned if command.analyzer in (None, one.name)][:1]
+            if on and on[0].bench is not None:
+                lab.bench({"command": "step", "name": command.step}, command.analyzer)
             build = self._build
             if command.step in [step.name for step in build.steps]:  # the daemon refuses others
                 build = noted_build(build, command.step, notes, mass, settings({}).get("readers", ()))
-            return JSONResponse({"measurement": lab.begin(build, command.step)})
+            return JSONResponse({"measurement": lab.begin(build, command.step, analyzer=command.analyzer)})
 
     def diagnose(self, command: DiagnoseCommand, user: PageUser) -> Response:
         """Request the diagnosis of a measurement; the result arrives as an event."""

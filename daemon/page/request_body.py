@@ -1,7 +1,11 @@
-"""The body of a command: a small JSON object with exactly the command's fields, received in time."""
+"""The body of a command: a small JSON object with exactly the command's fields, received in time.
+
+Clients that can send only the fields of a form, as Octave's `webwrite` does, may do so.
+"""
 
 import asyncio
 from typing import TypeVar
+from urllib.parse import parse_qsl
 
 import msgspec
 from starlette.requests import ClientDisconnect, Request
@@ -13,6 +17,8 @@ MOST_BODY = 64 << 10
 
 BODY_SECONDS = 10.0
 """Seconds within which the whole body has to arrive."""
+
+FORM = "application/x-www-form-urlencoded"
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -42,11 +48,20 @@ async def read_body(request: Request, expected: type[T]) -> T:
     except ClientDisconnect:
         raise BodyError("request: the connection ended before its body did") from None
     try:
+        if _is_form(request, text):
+            fields = dict(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
+            return msgspec.convert(fields, expected, strict=False)
         return msgspec.json.decode(text or b"{}", type=expected)
     except msgspec.ValidationError as error:
         raise BodyError(f"request: {error}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (ValueError, UnicodeDecodeError) as error:  # msgspec.DecodeError is a ValueError
         raise BodyError(f"request: its body is not a JSON object: {error}") from None
+
+
+def _is_form(request: Request, text: bytes) -> bool:
+    """Return whether a body has the fields of a form; curl calls any body such, unless it is told otherwise."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    return kind == FORM and bool(text) and not text.lstrip().startswith((b"{", b"["))
 
 
 async def _text(request: Request) -> bytes:

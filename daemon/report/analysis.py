@@ -12,6 +12,7 @@ from ...drivers.recordings import read_recording
 from ...fitters.compare.compare import compare as run_comparison
 from ...fitters.compare.comparison import Comparison
 from ...fitters.diagnosis.diagnose import diagnose as run_diagnosis
+from ...fitters.diagnosis.diagnose import fitter_to_diagnose
 from ...fitters.diagnosis.findings import Diagnosis, Finding
 from ...fitters.engine.on_cores import available_cores
 from ...fitters.engine.parameters.assembly import stack_of
@@ -81,7 +82,7 @@ class DiagnosisAnalysis:
     """Result of a diagnosis. In a notebook it shows its findings, constants and curves."""
 
     result: Diagnosis
-    build: Build
+    build: Build | None
 
     @property
     def verdict(self) -> str:
@@ -184,21 +185,25 @@ def fit(
 
 
 def diagnose(
-    build: Build | str | Path,
+    build: Build | str | Path | None,
     recordings: Mapping[str, Recordings],
     *,
     effects: Iterable[str] | None = None,
     learn: bool = False,
+    fitter: str = DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisAnalysis:
     """Say where recordings and model differ, and which physics is missing.
 
     `effects`: the effects to consider; None for all of the catalogue. `learn`: whether to look for a law of what none
-    of them explains. Uses all cores. Raises FitError, RecordingError, EffectError or BuildError with one sentence.
+    of them explains. `fitter`: whose model is diagnosed, `mason` or, for what is no stack, `radial`, `disk`, `disk2d`
+    or `bvd`; only `bvd` needs no build. Uses all cores. Raises FitError, RecordingError, EffectError, PluginError or
+    BuildError with one sentence.
     """
-    known = _build(build)
+    known = None if build is None else _build(build)
     task = FitTask(known, _sweeps(recordings))
-    found = run_diagnosis(task, effects, progress, learn=learn, jobs=available_cores())
+    model = fitter_to_diagnose(fitter)
+    found = run_diagnosis(task, effects, progress, learn=learn, jobs=available_cores(), fitter=model)
     return DiagnosisAnalysis(found, known)
 
 

@@ -15,6 +15,7 @@ import msgspec
 from ...fitters.interface import FitResult, FitTask
 from ...fitters.manual.manual_fit import Choices, ManualFit
 from ...fitters.plugins import DEFAULT
+from ...fitters.polarity import put_right
 from ...models.base.errors import PzctlError
 from ...models.base.names import LONGEST_NAME, NameFault, check_name
 from ...models.sweep import Sweep
@@ -130,7 +131,8 @@ def _manual_fit(journal: JournalReader, measurement: JournalMeasurement, fitter:
         if of_step is not None:
             sweeps[step] = tuple(decode(event).sweep() for event in journal.sweeps(of_step))
             result = _fit(journal, of_step, fitter) or result
-    task = FitTask(build, sweeps)
+    right, _ = put_right(sweeps)  # as the fit did that it begins with
+    task = FitTask(build, right)
     manual_fit = JournalManualFit.after(task, result) if result is not None else JournalManualFit(task, fitter)
     manual_fit.measurement = measurement.id
     return manual_fit

@@ -100,7 +100,8 @@ def _daemon() -> Check:
     location = find(home())
     if location is None:
         return Check("daemon", "ok", "none runs; `pzctl measure` starts one")
-    return Check("daemon", "ok", f"runs as process {location.pid} and owns {location.resource}")
+    owned = ", ".join(location.analyzers.values()) or location.resource
+    return Check("daemon", "ok", f"runs as process {location.pid} and owns {owned}")
 
 
 def _devices(folder: Path) -> list[Check]:
@@ -139,7 +140,7 @@ def _instruments(discovery: Discovery) -> list[Check]:
 def _instrument(resource: str) -> list[Check]:
     """Identify the analyzer and make a short, weak sweep that uses the whole path; skip an analyzer of the daemon."""
     location = find(home())
-    if location is not None and location.resource == resource:
+    if location is not None and resource in (location.resource, *location.analyzers.values()):
         return [Check("instrument", "ok", f"the daemon owns {resource}, so it was not used; see `pzctl status`")]
     try:
         analyzer = open_analyzer(resource)

@@ -12,7 +12,7 @@ import msgspec
 
 from ...models.base.errors import PzctlError
 from ..client.client import Client
-from ..client.location import Location, find, same_resource
+from ..client.location import Location, analyzer_at, find
 from ..client.protocol import DaemonError
 from ..files.daemon_options import DaemonOptions
 from ..files.paths import home, journal_folder, log_file, writable_home
@@ -49,7 +49,7 @@ def start(options: DaemonOptions | None = None) -> Location:
         time.sleep(0.05)  # a daemon is just starting or ending
     present = running()
     if present is not None:
-        if wanted.resource is not None and not same_resource(wanted.resource, present.resource):
+        if wanted.resource is not None and analyzer_at(present, wanted.resource) is None:
             raise DaemonError(
                 f"a daemon runs already (process {present.pid}) and measures with {present.resource}, "
                 f"not {wanted.resource}; end it first",

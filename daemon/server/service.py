@@ -1,7 +1,7 @@
-"""The daemon, which owns the analyzer and the journal, answers requests and publishes events.
+"""The daemon, which owns its analyzers and the journal, answers requests and publishes events.
 
-One asyncio loop owns the journal and answers requests, one thread owns the analyzer, another one the events socket, and
-each fitter runs in a process of its own.
+One asyncio loop owns the journal and answers requests, one thread owns each analyzer, another one the events socket,
+and each fitter runs in a process of its own.
 """
 
 import asyncio
@@ -10,9 +10,9 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, ExitStack
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -26,6 +26,7 @@ from ...drivers.base.analyzer import Analyzer
 from ...models.sweep import now_utc
 from ...models.sweep_plan import LevelLimits
 from ..client.location import Location, announce, withdraw
+from ..files.analyzer_options import AnalyzerOptions
 from ..files.auto_diagnosis import DIAGNOSIS, is_significant
 from ..files.daemon_options import DaemonOptions
 from ..files.database_url import without_password
@@ -38,15 +39,16 @@ from ..wire.metrics import Metrics
 from ..wire.replies import FitterState
 from .access.access_control import AccessControl
 from .access.connection_guard import LARGEST_MESSAGE, MOST_SUBSCRIBED, ConnectionGuard
-from .acquisition import Acquisition, AnalyzerThread
-from .compensation_check import CompensationCheck
-from .plan_limits import PlanLimits
+from .analyzers.acquisition import Acquisition, AnalyzerThread
+from .analyzers.compensation_check import CompensationCheck
+from .analyzers.plan_limits import PlanLimits
+from .analyzers.served_analyzers import ServedAnalyzer, ServedAnalyzers
+from .analyzers.simulated_analyzer import simulated_instrument
 from .publishing.durable_publisher import DurablePublisher
 from .publishing.event_publisher import EventPublisher
 from .publishing.spool import Spool
 from .requests.request_handlers import RequestHandlers
 from .requests.request_server import RequestServer
-from .simulated_analyzer import simulated_instrument
 from .sockets import access_control_for, bind_events, bind_requests, from_here, port_of
 from .workers.backup_schedule import BackupSchedule
 from .workers.job_runner import JobRunner, WorkerJob
@@ -73,18 +75,37 @@ def run(options: DaemonOptions) -> None:
     fails.
     """
     folder = writable_home()
-    open_analyzer: Callable[[str], Analyzer] = open_visa
     with ExitStack() as stack, asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-        if options.resource is None:
-            open_analyzer = partial(open_visa, timeout_seconds=SIMULATED_SECONDS)
-            simulated = stack.enter_context(simulated_instrument(log_file(folder, "sim"), options.simulator))
-            options = replace(options, resource=simulated.instrument, bench=simulated.bench)
-        runner.run(_serve(folder, options, open_analyzer))
+        connections: list[_Connection] = []
+        for k, (name, own) in enumerate(options.every_analyzer.items()):
+            if own.resource is not None:
+                connections.append(_Connection(name, own, open_visa))
+                continue
+            log_name = "sim" if k == 0 else f"sim-{k + 1}"
+            simulated = stack.enter_context(simulated_instrument(log_file(folder, log_name), options.simulator))
+            there = replace(own, resource=simulated.instrument, bench=simulated.bench)
+            connections.append(_Connection(name, there, partial(open_visa, timeout_seconds=SIMULATED_SECONDS)))
+        if not options.analyzers:
+            only = connections[0].options
+            options = replace(options, resource=only.resource, bench=only.bench)
+        runner.run(_serve(folder, options, connections))
 
 
-async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[str], Analyzer]) -> None:
+@dataclass(frozen=True)
+class _Connection:
+    """An analyzer of the settings whose address is known, and the function that opens it."""
+
+    name: str
+    options: AnalyzerOptions
+    open: Callable[[str], Analyzer]
+
+    @property
+    def resource(self) -> str:
+        return self.options.resource or ""
+
+
+async def _serve(folder: Path, options: DaemonOptions, connections: Sequence[_Connection]) -> None:
     """Open everything, serve, and close everything in reverse order, whatever happens."""
-    resource = options.resource or ""
     async with AsyncExitStack() as stack:
         journal = JournalWriter(journal_folder(folder), options.journal, options.station)
         stack.callback(journal.close)  # closed last: its lock keeps the next daemon out until everything is released
@@ -105,37 +126,43 @@ async def _serve(folder: Path, options: DaemonOptions, open_analyzer: Callable[[
         guard = ConnectionGuard(most, metrics.counts)
         event_publisher = EventPublisher(plain, events)
         stack.callback(event_publisher.close, lambda: guard.cut(port_of(events_endpoint), "the daemon ends"))
-        analyzer = AnalyzerThread(resource, open_analyzer)
-        stack.push_async_callback(analyzer.close)
-        identity = await analyzer.identify()
-        instrument = InstrumentInfo(**asdict(identity), simulated=options.bench is not None)
+        opened: list[_Opened] = []
+        for connection in connections:  # each with its bias off before the first request is read
+            thread = AnalyzerThread(connection.resource, connection.open)
+            stack.push_async_callback(thread.close)
+            identity = await thread.identify()
+            instrument = InstrumentInfo(**asdict(identity), simulated=connection.options.bench is not None)
+            opened.append(_Opened(connection, thread, instrument))
         endpoints = (events_endpoint, requests_endpoint)
-        daemon = Daemon(
-            journal, event_publisher, requests, guard, metrics, analyzer, instrument, options, folder, endpoints, access
-        )
+        daemon = Daemon(journal, event_publisher, requests, guard, metrics, opened, options, folder, endpoints, access)
         where = Location(
             pid=os.getpid(),
             run=journal.run,
             version=version("pzctl"),
             events=from_here(events_endpoint),
             requests=from_here(requests_endpoint),
-            resource=resource,
-            bench=options.bench,
+            resource=connections[0].resource,
+            bench=connections[0].options.bench,
+            analyzers={connection.name: connection.resource for connection in connections},
             log=str(log_file(folder, "daemon")),
             journal=options.journal,
             station=options.station,
             key=access.local,
         )
         announce(folder, where)
-        log.info(
-            "%s at %s; requests %s, events %s; data %s",
-            instrument.idn,
-            resource,
-            requests_endpoint,
-            events_endpoint,
-            folder,
-        )
+        for one in opened:
+            log.info("%s: %s at %s", one.connection.name, one.instrument.idn, one.connection.resource)
+        log.info("requests %s, events %s; data %s", requests_endpoint, events_endpoint, folder)
         await daemon.serve()
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """An analyzer that has answered."""
+
+    connection: _Connection
+    thread: AnalyzerThread
+    instrument: InstrumentInfo
 
 
 class Daemon:
@@ -148,8 +175,7 @@ class Daemon:
         requests: zmq.asyncio.Socket,
         guard: ConnectionGuard,
         metrics: Metrics,
-        analyzer: AnalyzerThread,
-        instrument: InstrumentInfo,
+        opened: "Sequence[_Opened]",
         options: DaemonOptions,
         folder: Path,
         endpoints: tuple[str, str],
@@ -171,7 +197,8 @@ class Daemon:
         )
         self.publish = self._publisher.publish
         check = CompensationCheck(compensation_file(folder), options.compensation_days)
-        self._acquisition = Acquisition(analyzer, instrument, self.publish, self._publisher.there, check)
+        served = [self._served(one, check) for one in opened]
+        self._analyzers = ServedAnalyzers(served, access.may_use)
         self._pending = PendingResults(options.fitters)
         self._supervisor = Supervisor(
             *around,
@@ -185,20 +212,23 @@ class Daemon:
         self._backup = BackupSchedule(options.backup, folder, lambda event: self.publish(event, ()))
         handlers = RequestHandlers(
             journal=journal,
-            acquisition=self._acquisition,
+            analyzers=self._analyzers,
             supervisor=self._supervisor,
             jobs=self._jobs,
-            instrument=instrument,
             endpoints=endpoints,
-            bench=options.bench,
             settings=asdict(options) | {"journal": options.journal and without_password(options.journal)},
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,
-            plan_limits=PlanLimits(LevelLimits(options.max_bias_V, options.max_oscillator_V)),
             backup=lambda: self._backup.state,
         )
         self._request_server = RequestServer(requests, handlers, access, guard)
+
+    def _served(self, one: _Opened, check: CompensationCheck) -> ServedAnalyzer:
+        name, own = one.connection.name, one.connection.options
+        acquisition = Acquisition(name, one.thread, one.instrument, self.publish, self._publisher.there, check)
+        limits = PlanLimits(LevelLimits(own.max_bias_V, own.max_oscillator_V))
+        return ServedAnalyzer(name, one.instrument, acquisition, limits, own.bench)
 
     def _said(self, event: Event) -> None:
         """Update the daemon's state after an event was published."""
@@ -228,16 +258,16 @@ class Daemon:
             self.publish(StateEvent(state="abandoned", says=says, measurement=left.id, sample=left.sample), ())
         gc.collect()
         gc.freeze()  # present objects stay for ever; collecting them again and again would delay answers
-        acquiring = asyncio.create_task(self._acquisition.work())
+        acquiring = [asyncio.create_task(one.acquisition.work()) for one in self._analyzers.every]
         others = [self._request_server.serve(), self._guard.watch(), self._publisher.mend(), self._beat()]
         others += [self._backup.keep()]
         others += [self._supervisor.keep(name) for name in self._options.fitters]
-        tasks = [acquiring, *map(asyncio.create_task, others)]
+        tasks = [*acquiring, *map(asyncio.create_task, others)]
         stop = asyncio.create_task(self._stop.wait())
         try:
             await self._until_stopped(stop, acquiring, {*tasks})
         finally:
-            self._acquisition.cancel_all()
+            self._cancel_all()
             await self._jobs.end()
             for task in (*tasks, stop):
                 task.cancel()
@@ -249,19 +279,24 @@ class Daemon:
         self._stop.set()
 
     async def _until_stopped(
-        self, stop: "asyncio.Task[Any]", acquiring: "asyncio.Task[None]", tasks: "set[asyncio.Task[None]]"
+        self, stop: "asyncio.Task[Any]", acquiring: "Sequence[asyncio.Task[None]]", tasks: "set[asyncio.Task[None]]"
     ) -> None:
-        """Wait until stopped, then for the end of the running measurement. Raise the error of a failed task."""
+        """Wait until stopped, then for the end of the running measurements. Raise the error of a failed task."""
         while not stop.done():
             done, _ = await asyncio.wait({stop, *tasks}, return_when=asyncio.FIRST_COMPLETED)
             for task in done & tasks:
                 task.result()  # only the task of a broken fitter may end; any other has failed
                 tasks.discard(task)
         self.publish(StateEvent(state="stopping"), ())
-        self._acquisition.cancel_all()
-        waiting = self._acquisition.waiting
-        while not acquiring.done() and (self._acquisition.current or (waiting and not self._publisher.is_away)):
-            await asyncio.sleep(0.02)
+        self._cancel_all()
+        for task, one in zip(acquiring, self._analyzers.every, strict=True):
+            queue = one.acquisition
+            while not task.done() and (queue.current or (queue.waiting and not self._publisher.is_away)):
+                await asyncio.sleep(0.02)
+
+    def _cancel_all(self) -> None:
+        for one in self._analyzers.every:
+            one.acquisition.cancel_all()
 
     async def _beat(self) -> None:
         while True:
@@ -300,10 +335,11 @@ class Daemon:
 
 
 def _limits(options: DaemonOptions) -> str:
-    """Return the resource and the limits that protect sample and instrument, as a sentence for the journal."""
-    return (
-        f"on {options.resource}; bias up to {_most(options.max_bias_V)}, oscillator up to "
-        f"{_most(options.max_oscillator_V)}"
+    """Return the resources and the limits that protect samples and instruments, as a sentence for the journal."""
+    return "; ".join(
+        f"{f'{name}: ' if options.analyzers else ''}on {own.resource or 'a simulated 4294A'}; bias up to "
+        f"{_most(own.max_bias_V)}, oscillator up to {_most(own.max_oscillator_V)}"
+        for name, own in options.every_analyzer.items()
     )
 
 

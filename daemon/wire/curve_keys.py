@@ -56,6 +56,12 @@ class AllowedClient(msgspec.Struct, frozen=True):
     right: Right
     expires: date | None = None
     """The last day (UTC) on which the key is valid; None: for ever."""
+    analyzers: tuple[str, ...] | None = None
+    """The analyzers that it may use; None: all."""
+
+    def may_use(self, analyzer: str) -> bool:
+        """Return whether the client may use the analyzer of this name."""
+        return self.analyzers is None or analyzer in self.analyzers
 
 
 class ClientKey(msgspec.Struct, frozen=True):
@@ -99,15 +105,21 @@ def server_key(folder: Path) -> KeyPair:
     return _parsed(folder / "server.json", _server)
 
 
-def make_client(folder: Path, name: str, right: Right, expires: date | None = None) -> ClientKey:
-    """Give a client access, until a day or for ever; return its keys.
+def make_client(
+    folder: Path,
+    name: str,
+    right: Right,
+    expires: date | None = None,
+    analyzers: tuple[str, ...] | None = None,
+) -> ClientKey:
+    """Give a client access, until a day or for ever, to all analyzers or to those named; return its keys.
 
     Raises KeyFileError if there is a client of this name already, or no server key.
     """
     _check_client_name(name)
     server = server_key(folder)
     pair = new_pair()
-    write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right, expires)))
+    write_secret(_file(folder, name), to_json(AllowedClient(name, pair.public, right, expires, analyzers)))
     _file(folder, name + PREVIOUS).unlink(missing_ok=True)  # of an earlier client, whose file was removed by hand
     return ClientKey(server.public, pair.public, pair.secret)
 
@@ -142,7 +154,7 @@ def rotate(folder: Path, name: str, old_until: date, today: date, expires: date 
     write_secret(previous, to_json(msgspec.structs.replace(old, expires=until)))
     part = path.with_suffix(".part")
     part.unlink(missing_ok=True)
-    write_secret(part, to_json(AllowedClient(name, pair.public, old.right, expires)))
+    write_secret(part, to_json(AllowedClient(name, pair.public, old.right, expires, old.analyzers)))
     part.replace(path)
     return ClientKey(server.public, pair.public, pair.secret)
 
@@ -158,8 +170,16 @@ def admitted(files: Mapping[Path, AllowedClient]) -> dict[str, AllowedClient]:
         now = present.get(client.name)
         if now is not None:
             right = min(client.right, now.right, key=RIGHTS.index)
-            by_key[client.public] = msgspec.structs.replace(client, right=right)
+            common = _both(client.analyzers, now.analyzers)
+            by_key[client.public] = msgspec.structs.replace(client, right=right, analyzers=common)
     return by_key
+
+
+def _both(first: tuple[str, ...] | None, second: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    """Return the analyzers that both allow; None: all."""
+    if first is None or second is None:
+        return second if first is None else first
+    return tuple(name for name in first if name in second)
 
 
 def clients(folder: Path) -> tuple[tuple[AllowedClient, ...], tuple[str, ...]]:

@@ -99,6 +99,8 @@ class SweepEvent(Sampled, frozen=True, kw_only=True, tag="sweep"):
     notes: tuple[str, ...] = ()
     decides: str | None = None
     """The measurement whose diagnosis this one helps to decide; such a sweep does not count as the step's own."""
+    analyzer: str = ""
+    """Name of the analyzer in the daemon's settings."""
     client: str | None = None
     """Name of the key of the client that requested the measurement."""
     by: str | None = None
@@ -129,6 +131,8 @@ class StateEvent(Event, frozen=True, kw_only=True, tag="state"):
     measurement: str | None = None
     sample: SampleStep | None = None
     fitter: str | None = None
+    analyzer: str = ""
+    """Name of the analyzer, for a state of one."""
     client: str | None = None
     """Name of the key of the client that requested it; None if nobody did."""
     by: str | None = None

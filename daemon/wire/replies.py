@@ -45,6 +45,19 @@ class BackupState(msgspec.Struct, frozen=True):
     """What the last backup copied, or why it failed."""
 
 
+class AnalyzerState(msgspec.Struct, frozen=True):
+    """One of the daemon's analyzers, what it measures, and its queue."""
+
+    name: str
+    instrument: InstrumentInfo
+    bench: str | None
+    """`host:port` of the simulator's bench; None for a real instrument."""
+    measuring: str | None
+    sample: SampleStep | None
+    queue: tuple[str, ...]
+    lease: LeaseState | None
+
+
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
     """The fields of all answers; an answer without further content has only these."""
 
@@ -80,6 +93,8 @@ class HelloAnswer(Answer, frozen=True, kw_only=True):
     requests: str
     bench: str | None
     fitters: tuple[FitterState, ...]
+    analyzers: tuple[AnalyzerState, ...] = ()
+    """All analyzers that this client may use; `instrument` and `bench` are those of the first."""
 
 
 class StatusAnswer(Answer, frozen=True, kw_only=True):
@@ -97,6 +112,8 @@ class StatusAnswer(Answer, frozen=True, kw_only=True):
     """None if the instrument is not leased."""
     backup: BackupState | None = None
     """None if no backup is scheduled."""
+    analyzers: tuple[AnalyzerState, ...] = ()
+    """All analyzers that this client may use; `measuring`, `sample`, `queue` and `lease` are those of the first."""
 
 
 class MetricsAnswer(Answer, frozen=True, kw_only=True):
@@ -123,6 +140,8 @@ class MeasureAnswer(Answer, frozen=True, kw_only=True):
     """The id of the accepted measurement."""
 
     measurement: str
+    analyzer: str = ""
+    """Name of the analyzer that measures."""
 
 
 class LeaseAnswer(Answer, frozen=True, kw_only=True):

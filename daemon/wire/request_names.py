@@ -11,6 +11,9 @@ from .frames import WireError
 LONGEST_OWNER = 200
 """Greatest number of characters of a person's name."""
 
+ON_AN_ANALYZER = (ask.MeasureRequest, ask.LeaseRequest, ask.CancelRequest, ask.BenchRequest)
+"""Requests that may name an analyzer."""
+
 LONGEST_VERSION = 4000
 """Greatest number of characters of a version; that of a diagnosis names further measurements."""
 
@@ -39,6 +42,8 @@ def _names(request: ask.Request) -> Iterator[tuple[str, str, int]]:
             yield request.fitter, "fitter", LONGEST_NAME
         if request.version:
             yield request.version, "version", LONGEST_VERSION
+    if isinstance(request, ON_AN_ANALYZER) and request.analyzer is not None:
+        yield request.analyzer, "analyzer", LONGEST_NAME
     if isinstance(request, ask.LeaseRequest):
         yield request.owner, "owner", LONGEST_OWNER
 

@@ -64,6 +64,8 @@ class MeasureRequest(Request, frozen=True, kw_only=True, tag="measure"):
     decides: str | None = None
     """The measurement of this step whose diagnosis this one helps to decide. Such a measurement is kept, but does not
     count as the step's own and is not fitted."""
+    analyzer: Id | None = None
+    """Name of the analyzer; None: the first one that this client may use."""
 
 
 class LeaseRequest(Request, frozen=True, kw_only=True, tag="lease"):
@@ -77,6 +79,8 @@ class LeaseRequest(Request, frozen=True, kw_only=True, tag="lease"):
     seconds: Annotated[float, msgspec.Meta(gt=0, le=3600)]
     lease: str | None = None
     """Id of the current lease, to extend it."""
+    analyzer: Id | None = None
+    """Name of the analyzer; None: that of the lease to extend, or the first one that this client may use."""
 
 
 class ReleaseRequest(Request, frozen=True, kw_only=True, tag="release"):
@@ -89,6 +93,8 @@ class CancelRequest(Request, frozen=True, kw_only=True, tag="cancel"):
     """Cancel a queued or running measurement; by default the running one."""
 
     measurement: str | None = None
+    analyzer: Id | None = None
+    """The analyzer whose running measurement is meant; None: the first one that this client may use."""
 
 
 class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
@@ -174,6 +180,8 @@ class BenchRequest(Request, frozen=True, kw_only=True, tag="bench"):
     """A command for the simulator's bench, passed on unchanged."""
 
     command: dict[str, Any]
+    analyzer: Id | None = None
+    """The analyzer whose bench is meant; None: the first one that this client may use."""
 
 
 class ShutdownRequest(Request, frozen=True, kw_only=True, tag="shutdown"):

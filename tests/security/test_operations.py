@@ -103,6 +103,33 @@ def test_the_container_installs_extras_and_runs_commands_that_exist() -> None:
     assert told["USER"] == "pzctl", "not root"
 
 
+def test_the_steps_of_the_container_install_a_daemon_that_reports_its_health(
+    start_program: Callable[..., "subprocess.Popen[bytes]"], tmp_path: Path, wait_until: Callable[..., None]
+) -> None:
+    """The instructions in their order, with a folder in place of the image and this environment's libraries."""
+    source, image, data = tmp_path / "src", tmp_path / "image", tmp_path / "data"
+    for words in (shlex.split(words) for step, words in STEPS if step == "COPY" and not words.startswith("--from")):
+        for name in words[:-1]:
+            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+            source.mkdir(exist_ok=True)
+            copy(ROOT / name, source / name)
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", image, "."], cwd=source, check=True)
+    told = dict(STEPS)
+    (program,) = json.loads(told["ENTRYPOINT"])
+    given = dict(word.partition("=")[::2] for word in shlex.split(told["ENV"]))
+    environment = {**os.environ, **given, "PATH": os.environ["PATH"], "PZCTL_HOME": str(data), "PYTHONPATH": str(image)}
+    own = [sys.executable, "-c", "import pzctl; print(pzctl.__file__)"]
+    assert subprocess.check_output(own, env=environment, cwd=tmp_path, text=True).startswith(str(image))
+    command = [sys.executable, image / "bin" / program]
+    daemon = start_program([*command, *json.loads(told["CMD"])], env=environment, cwd=tmp_path)
+    check = [*command, *json.loads(told["HEALTHCHECK"].partition("CMD ")[2])[1:]]
+    wait_until(lambda: subprocess.run(check, env=environment, cwd=tmp_path, check=False).returncode == 0)
+    daemon.terminate()
+    assert daemon.wait(60) == 0
+    assert subprocess.run(check, env=environment, cwd=tmp_path, check=False).returncode != 0, "nobody is healthy now"
+
+
 def test_prometheus_reads_what_the_daemon_counts_with_a_token_of_its_own(
     start_daemon: Callable[..., Location], build: Build, tmp_path: Path
 ) -> None:

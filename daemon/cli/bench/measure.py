@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ....models.sweep_plan import SweepPlan
     from ...client.client import Client
     from ...client.result_waiter import Measurement
+    from ...files.measurement_queue import QueuedStep
+    from ...wire.replies import AnalyzerState
     from .deciding_sweep import Diagnoser
 
 _STORY_TIME_SCALE = 0.02
@@ -38,6 +40,8 @@ class Report:
     measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     diagnoses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    queue: str | None = None
+    """Name of the queue; `build` is then the first sample."""
     truth: dict[str, Any] | None = None
     """The true constants of a simulated device; None for a real one."""
 
@@ -50,9 +54,16 @@ def measure(
     every: Annotated[
         str, typer.Option(metavar="TIME", help="With --repeat: from start to start, for example 30s, 10min or 2h.")
     ] = "0s",
+    queue: Annotated[
+        Path | None,
+        typer.Option(help="Queue file: several samples and steps after each other; what is measured is skipped."),
+    ] = None,
     fit: Annotated[bool, typer.Option("--fit", help="Fit after each step and print the constants.")] = False,
     fitter: Annotated[list[str] | None, typer.Option(help="Fitter to wait for; may be repeated.")] = None,
     resource: Annotated[str | None, typer.Option(help="VISA resource of the analyzer; none: a simulated one.")] = None,
+    analyzer: Annotated[
+        str | None, typer.Option(help="Name of the analyzer, if the daemon has several; default: the first.")
+    ] = None,
     time_scale: Annotated[
         float | None, typer.Option(help="Speed of a simulated 4294A started here; 0.02 unless it is configured.")
     ] = None,
@@ -90,38 +101,72 @@ def measure(
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from ...client.result_waiter import require
     from ...report.terminal import console
 
     notes = NoteOptions(operator, temperature, mass, batch, barcode, note or ())
     notes.check(step)  # before anything is started
+    wanted = tuple(fitter or (["mason"] if fit else []))
+    screen = console(stderr=as_json)
+    if queue is not None:
+        given = {"--build": build, "--step": step, "--sample": sample, "--repeat": repeat > 1, "--every": every != "0s"}
+        given |= {"--mass": mass, "--adaptive": adaptive, "--diagnose": diagnose}
+        report = _by_queue(queue, limits, given, notes, (resource, analyzer, wanted, time_scale), screen)
+        if as_json:
+            print(json.dumps(asdict(report)))
+        _exit_by_verdict(report)
+        return
     device = _device(build, limits, sample)
     names = _steps(device, step, repeat)
     pause = Pause(duration(every, "--every"))
-    wanted = tuple(fitter or (["mason"] if fit else []))
-    screen = console(stderr=as_json)
     report = Report(device.name)
-    with _daemon(resource, wanted, time_scale, screen) as (lab, simulated):
-        fitters = lab.status().fitters if wanted else ()
-        for name in wanted:
-            require(name, fitters)  # before anything is swept
-        diagnoser = _diagnoser(lab, device, screen, yes) if diagnose else None
+    with _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
+        simulated = on.bench is not None
+        diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
         for name in names:
-            _prepare(lab, name, simulated, screen)
+            _prepare(lab, name, on, screen)
             for k in range(repeat):
                 pause.wait(screen, f"{name}: {k} of {repeat} measured")
-                _one_step(lab, notes.noted(device, name), name, wanted, screen, report, adaptive)
+                _one_step(lab, notes.noted(device, name), name, on.name, wanted, screen, report, adaptive)
                 if diagnoser is not None:
                     report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:
             report.diagnoses += _in_the_background(lab, report, screen)
         if simulated:
-            report.truth = lab.bench({"command": "truth"})["constants"]
+            report.truth = lab.bench({"command": "truth"}, on.name)["constants"]
         if report.truth and report.fits:
             _against_truth(report.truth, report.fits[-1], screen)
     if as_json:
         print(json.dumps(asdict(report)))
     _exit_by_verdict(report)
+
+
+def _by_queue(
+    path: Path,
+    limits: Path | None,
+    given: dict[str, Any],
+    notes: NoteOptions,
+    daemon: tuple[str | None, str | None, tuple[str, ...], float | None],
+    screen: "Console",
+) -> Report:
+    """Measure what is left of a queue file; `daemon`: resource, analyzer, fitters and time scale. Raises PzctlError."""
+    from ...files.builds.limits_table import with_limits
+    from .queue_run import QueueRun, queued, what_is_left
+
+    wanted = queued(path, lambda build: with_limits(build, limits), given)
+    report = Report(wanted.steps[0].build.name, queue=wanted.name)
+    fitters = daemon[2]
+    with _daemon(*daemon, screen) as (lab, on):
+
+        def prepare(step: str) -> None:
+            if on.bench is not None:
+                _prepare(lab, step, on, screen)
+
+        def measure(entry: "QueuedStep") -> None:
+            noted = notes.noted(entry.build, entry.step)
+            _one_step(lab, noted, entry.step, on.name, fitters, screen, report, adaptive=False)
+
+        QueueRun(what_is_left(wanted, screen), screen).run(prepare, measure)
+    return report
 
 
 def _device(build: Path | None, limits: Path | None, sample: str | None) -> "Build":
@@ -159,16 +204,22 @@ def _exit_by_verdict(report: Report) -> None:
 
 @contextmanager
 def _daemon(
-    resource: str | None, fitters: tuple[str, ...], time_scale: float | None, console: "Console"
-) -> "Generator[tuple[Client, bool]]":
-    """Yield a client of the running daemon, or of one started here, and whether its instrument is simulated.
+    resource: str | None,
+    analyzer: str | None,
+    fitters: tuple[str, ...],
+    time_scale: float | None,
+    console: "Console",
+) -> "Generator[tuple[Client, AnalyzerState]]":
+    """Yield a client of the running daemon, or of one started here, and the analyzer to measure with.
 
-    A daemon started here for a simulated bench is stopped afterwards; one for a real instrument keeps running.
+    A daemon started here for a simulated bench is stopped afterwards; one for a real instrument keeps running. Raises
+    DaemonError if the daemon does not own the analyzer.
     """
     from ....fitters.plugins import installed
     from ...client.client import connect
-    from ...client.location import same_resource
+    from ...client.location import analyzer_at
     from ...client.protocol import DaemonError
+    from ...client.result_waiter import require
     from ...files.config import options, settings
     from ...server.launch import running, start
 
@@ -180,21 +231,30 @@ def _daemon(
     if place is None:
         given = settings({"resource": resource, "time_scale": time_scale})
         daemon_options = options({"time_scale": _STORY_TIME_SCALE} | given)
-        simulated = daemon_options.resource is None
-        console.print(f"no daemon runs: starting one for {daemon_options.resource or 'a simulated 4294A'}", style="dim")
+        every = [own.resource or "a simulated 4294A" for own in daemon_options.every_analyzer.values()]
+        simulated = not any(own.resource for own in daemon_options.every_analyzer.values())
+        console.print(f"no daemon runs: starting one for {', '.join(every)}", style="dim")
         if fitters:
             daemon_options = replace(
                 daemon_options, fitters=tuple(dict.fromkeys((*fitters, *given.get("fitters", ()))))
             )
         place = start(daemon_options)
-    elif resource is not None and not same_resource(resource, place.resource):
-        raise DaemonError(
-            f"the running daemon owns {place.resource}, not {resource}; end it with `pzctl daemon --stop`", "owner"
-        )
-    console.print(f"instrument: {place.resource}", style="dim", highlight=False, soft_wrap=True)
+    elif resource is not None:
+        found = analyzer_at(place, resource)
+        if found is None:
+            owned = ", ".join(place.analyzers.values()) or place.resource
+            raise DaemonError(
+                f"the running daemon owns {owned}, not {resource}; end it with `pzctl daemon --stop`", "owner"
+            )
+        analyzer = analyzer or found
     with connect(place.events, place.requests) as lab:
         try:
-            yield lab, place.bench is not None
+            on = _analyzer(lab, analyzer)
+            console.print(f"instrument: {on.instrument.name}", style="dim", highlight=False, soft_wrap=True)
+            states = lab.status().fitters if fitters else ()
+            for name in fitters:
+                require(name, states)  # before anything is swept
+            yield lab, on
         finally:
             if started and simulated:
                 lab.shutdown()
@@ -202,10 +262,19 @@ def _daemon(
                 console.print("the daemon keeps running; end it with `pzctl daemon --stop`", style="dim")
 
 
+def _analyzer(lab: "Client", name: str | None) -> "AnalyzerState":
+    """Return the analyzer of this name, or the first one. Raises UsageError."""
+    owned = {one.name: one for one in lab.hello().analyzers}
+    if name is not None and name not in owned:
+        raise UsageError(f"--analyzer {name}: the daemon's analyzers are {', '.join(owned)}")
+    return owned[name] if name is not None else next(iter(owned.values()))
+
+
 def _one_step(
     lab: "Client",
     build: "Build",
     step: str,
+    analyzer: str,
     fitters: tuple[str, ...],
     console: "Console",
     report: Report,
@@ -213,11 +282,16 @@ def _one_step(
 ) -> None:
     from .adaptive_measure import adapted_plan
 
-    plan = adapted_plan(lab, build, step, console) if adaptive else None
-    measurement = _sweep(lab, build, step, plan, console)
+    plan = adapted_plan(lab, build, step, analyzer, console) if adaptive else None
+    measurement = _sweep(lab, build, step, analyzer, plan, console)
     ended = time.perf_counter()
     report.measurements.append(
-        {"id": measurement.id, "step": step, "sweeps": [sweep.id for sweep in measurement.sweeps]}
+        {
+            "id": measurement.id,
+            "sample": build.name,
+            "step": step,
+            "sweeps": [sweep.id for sweep in measurement.sweeps],
+        }
     )
     points = sum(sweep.frequency.size for sweep in measurement.sweeps)
     console.print(f"{step}: {points} points in {len(measurement.sweeps)} sweep(s)", highlight=False)
@@ -225,11 +299,11 @@ def _one_step(
         _show(lab.wait_fit(fitter, measurement.id), build, ended, console, report)
 
 
-def _diagnoser(lab: "Client", build: "Build", console: "Console", yes: bool) -> "Diagnoser":
+def _diagnoser(lab: "Client", build: "Build", analyzer: str, console: "Console", yes: bool) -> "Diagnoser":
     from .deciding_sweep import Diagnoser
 
     def sweep(plan: "SweepPlan", step: str, decides: str) -> "Measurement":
-        return _sweep(lab, build, step, plan, console, decides)
+        return _sweep(lab, build, step, analyzer, plan, console, decides)
 
     return Diagnoser(lab, build, console, sweep, yes)
 
@@ -253,13 +327,13 @@ def _in_the_background(lab: "Client", report: Report, console: "Console") -> lis
     return diagnoses
 
 
-def _prepare(lab: "Client", step: str, simulated: bool, console: "Console") -> None:
+def _prepare(lab: "Client", step: str, on: "AnalyzerState", console: "Console") -> None:
     """Bring the device to its step: tell the simulated bench to glue, or ask a person to."""
     from ...client.protocol import DaemonError
 
-    if simulated:
+    if on.bench is not None:
         try:
-            lab.bench({"command": "step", "name": step})
+            lab.bench({"command": "step", "name": step}, on.name)
         except DaemonError as error:
             console.print(f"bench: {error}", style="dim", highlight=False)
     elif sys.stdin.isatty():
@@ -270,6 +344,7 @@ def _sweep(
     lab: "Client",
     build: "Build",
     step: str,
+    analyzer: str,
     plan: "SweepPlan | None",
     console: "Console",
     decides: str | None = None,
@@ -285,7 +360,7 @@ def _sweep(
         def show(event: ProgressEvent) -> None:
             progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
 
-        return lab.measure(build, step, plan, progress=show, decides=decides)
+        return lab.measure(build, step, plan, progress=show, decides=decides, analyzer=analyzer)
 
 
 def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:

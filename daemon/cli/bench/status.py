@@ -25,13 +25,16 @@ def status(
     if as_json:
         print(to_json({"daemon": hello, "status": now, "metrics": metrics}).decode())
         return
-    simulated = " (simulated)" if hello.instrument.simulated else ""
     print(f"pzctl {hello.version}, process {hello.pid}, up {metrics.uptime / 3600:.1f} h")
-    print(f"instrument: {shown(hello.instrument.idn)} at {hello.instrument.name}{simulated}")
-    measured = shown(f"{now.sample.name} {now.sample.step}") if now.sample else "nothing"
-    print(f"measuring: {measured}; {len(now.queue)} waiting")
-    if now.lease:
-        print(f"leased: {shown(now.lease.owner)} until {now.lease.until}")
+    for analyzer in now.analyzers:
+        if len(now.analyzers) > 1:
+            print(f"analyzer {shown(analyzer.name)}:")
+        simulated = " (simulated)" if analyzer.instrument.simulated else ""
+        print(f"instrument: {shown(analyzer.instrument.idn)} at {analyzer.instrument.name}{simulated}")
+        measured = shown(f"{analyzer.sample.name} {analyzer.sample.step}") if analyzer.sample else "nothing"
+        print(f"measuring: {measured}; {len(analyzer.queue)} waiting")
+        if analyzer.lease:
+            print(f"leased: {shown(analyzer.lease.owner)} until {analyzer.lease.until}")
     if now.backup:
         print(shown(backup_sentence(now.backup)))
     for fitter in now.fitters:

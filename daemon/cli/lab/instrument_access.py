@@ -18,7 +18,7 @@ def own_analyzer(given: str | None) -> "Generator[Analyzer]":
     InstrumentError.
     """
     from ....drivers import open_analyzer
-    from ...client.location import same_resource
+    from ...client.location import analyzer_at
     from ...client.protocol import DaemonError
     from ...files.config import settings
     from ...server.launch import running
@@ -27,7 +27,7 @@ def own_analyzer(given: str | None) -> "Generator[Analyzer]":
     if resource is None:
         raise UsageError("no instrument is named: give --resource, set PZCTL_RESOURCE, or write it into config.toml")
     place = running()
-    if place is not None and same_resource(resource, place.resource):
+    if place is not None and analyzer_at(place, resource) is not None:
         raise DaemonError(f"the running daemon owns {resource}; end it with `pzctl daemon --stop`", "owner")
     analyzer = open_analyzer(resource)
     try:

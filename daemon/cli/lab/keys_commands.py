@@ -38,6 +38,9 @@ def client(
     expires: Annotated[
         datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the key is valid.")
     ] = None,
+    analyzer: Annotated[
+        list[str] | None, typer.Option(help="Analyzer that the client may use; may be repeated; default: all.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Give a client access and write its key file.
@@ -59,7 +62,7 @@ def client(
     if path.exists():
         raise UsageError(f"--out {path}: this file exists already")
     folder = keys_folder(home())
-    key = make_client(folder, name, granted, expires.date() if expires else None)
+    key = make_client(folder, name, granted, expires.date() if expires else None, tuple(analyzer) if analyzer else None)
     try:
         write_secret(path, to_json(key))
     except PzctlError:

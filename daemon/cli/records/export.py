@@ -87,9 +87,10 @@ def _write_spice(sweep: "Sweep", path: Path) -> None:
     from ....drivers.recordings.atomic_file import write_whole
     from ....fitters.interface import FitTask
     from ....fitters.layered.bvd import ButterworthVanDyke, circuit_of
+    from ....fitters.plugins import run
     from ....models.circuits.spice import spice_subcircuit
 
-    result = ButterworthVanDyke().fit(FitTask(None, {path.stem: (sweep,)}))
+    result = run(ButterworthVanDyke(), FitTask(None, {path.stem: (sweep,)}))
     low, high = float(sweep.frequency[0]) / 1e6, float(sweep.frequency[-1]) / 1e6
     comments = (
         f"{path.stem}: Butterworth-Van Dyke circuit, fitted by pzctl from {low:.4g} to {high:.4g} MHz",

@@ -239,9 +239,13 @@ function painted(time) {
 
 // ---- events and actions
 
+let opened = 0; // the record asked for last is the one shown, whichever answer comes last
+
 async function open(sample, step) {
+  const mine = ++opened;
   const record = await ask(`/api/record/${encodeURIComponent(sample)}`);
   const one = record.steps.find((found) => found.step === step) ?? record.steps.at(-1);
+  if (mine !== opened) return;
   Object.assign(view, { build: record.build, sample, step: one.step, measurement: one.measurement, sweeps: one.sweeps, segment: 0, diagnosis: one.diagnosis, metadata: one.metadata, fits: one.fits, fit: one.fits[0] ?? null, withdrawn: record.withdrawn });
   showAll();
 }
@@ -259,7 +263,7 @@ async function begin() {
   view.build ??= now.build;
   await refresh();
   const known = view.samples.find((one) => one.name === now.build.name);
-  if (!view.measurement && known) await open(known.name); else showAll();
+  if (!view.measurement && !opened && known) await open(known.name); else showAll();
 }
 
 // A fit's event comes without the build's limits; its record has the verdict.

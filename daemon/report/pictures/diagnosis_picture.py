@@ -27,12 +27,15 @@ _CORRECTIONS = 2.4
 """Height of the row of corrections, inches."""
 
 
-def diagnosis_picture(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build, path: Path) -> Path:
-    """Draw a diagnosis (the object of `diagnosis_json` and its curves) and return the path. Raises PictureError."""
+def diagnosis_picture(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build | None, path: Path) -> Path:
+    """Draw a diagnosis (the object of `diagnosis_json` and its curves) and return the path. Raises PictureError.
+
+    Without a build there is no sketch of the device.
+    """
     return save_picture(diagnosis_figure(diagnosis, curves, build), path, dpi=160)
 
 
-def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build) -> Any:
+def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], build: Build | None) -> Any:
     """Return the figure; in `curves`, `start` is the fit without effects and `fitted` the fit with them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -56,9 +59,13 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
             _residuals(axes, shown[k], diagnosis["findings"], held, named=named, legend=k == 0)
         else:
             axes.set_axis_off()
-    above.suptitle(as_label(f"{build.name}: {diagnosis['says'][0]}"), fontweight="bold", fontsize=11.5)
+    name = "device" if build is None else build.name
+    above.suptitle(as_label(f"{name}: {diagnosis['says'][0]}"), fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
-    draw_sketch(sketch, build, curves[-1].step, _places(diagnosis))
+    if build is None:
+        sketch.set_axis_off()
+    else:
+        draw_sketch(sketch, build, curves[-1].step, _places(diagnosis))
     _candidates(chances, diagnosis["findings"])
     for part in last:
         part.suptitle("What is left, as a correction of the model at its likeliest places", fontsize=10)

@@ -140,6 +140,7 @@ def stack_svg(build: Build, present: Sequence[str], marked: Sequence[str]) -> st
         axes.axvspan(left, right, color=colour, ec="0.4", lw=0.6)
         label = f"{as_label(layer.name)}\n{layer.values['thickness'].re * 1e6:.4g} µm"
         axes.text((left + right) / 2, 0.5, label, ha="center", va="center", rotation=90, fontsize="small")
+        axes.text((left + right) / 2, 0.04, build.poling(layer), ha="center", va="bottom", fontsize="small")
     for where in marked:
         place = _edge(where, [layer.name for layer in layers], edges)
         if place is not None:

@@ -117,6 +117,11 @@ class AccessControl:
             )
         return who.name
 
+    def may_use(self, client: str, analyzer: str) -> bool:
+        """Return whether the client of this name may use an analyzer."""
+        keys = [known for known in self._clients().values() if known.name == client]
+        return client == LOCAL or any(known.may_use(analyzer) for known in keys)
+
     def _who(self, key: str) -> AllowedClient | None:
         if key == self.local.public:
             return AllowedClient(LOCAL, key, "admin")

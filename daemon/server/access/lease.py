@@ -72,7 +72,11 @@ class Lease:
             "wait until the lease is returned or expires",
         )
 
-    def _own(self, client: str, lease: str) -> None:
+    def is_of(self, client: str, lease: str) -> bool:
+        """Return whether this client has the lease with this id."""
         current = self._held
-        if self.holder is None or current is None or (current.client, current.lease) != (client, lease):
+        return self.holder is not None and current is not None and (current.client, current.lease) == (client, lease)
+
+    def _own(self, client: str, lease: str) -> None:
+        if not self.is_of(client, lease):
             raise RequestError("no-such-lease", "this lease has expired, was returned, or never existed")

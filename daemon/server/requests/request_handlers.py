@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, singledispatchmethod
 from importlib.metadata import version
 from typing import Any
@@ -19,12 +19,10 @@ from ...journal.withdrawal import WithdrawalError, withdrawal_event
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
-from ...wire.events import WIRE, Event, InstrumentInfo, Payload, SampleStep, StateEvent, envelope
+from ...wire.events import WIRE, Event, Payload, SampleStep, StateEvent, envelope
 from ...wire.metrics import Metrics
-from ..access.bench_step import BenchStep
-from ..access.lease import Lease
-from ..acquisition import Acquisition, MeasurementJob
-from ..plan_limits import PlanLimits
+from ..analyzers.acquisition import MeasurementJob
+from ..analyzers.served_analyzers import ServedAnalyzer, ServedAnalyzers
 from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
 from ..workers.supervisor import Supervisor
@@ -49,20 +47,15 @@ class RequestHandlers:
     """The daemon's answers to requests, and the parts of the daemon that they need."""
 
     journal: JournalWriter
-    acquisition: Acquisition
+    analyzers: ServedAnalyzers
     supervisor: Supervisor
     jobs: JobRunner
-    instrument: InstrumentInfo
     endpoints: tuple[str, str]
-    bench: str | None
     settings: dict[str, Any]
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
     metrics: Metrics
-    plan_limits: PlanLimits
     backup: Callable[[], reply.BackupState | None]
-    lease: Lease = field(default_factory=Lease)
-    bench_step: BenchStep = field(default_factory=BenchStep)
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -76,6 +69,7 @@ class RequestHandlers:
     def _(self, request: ask.HelloRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         if request.fitter is not None:
             self._list_fitter(request.fitter, request.version or "", client)
+        usable = tuple(one.state for one in self.analyzers.of(client))
         return (
             reply.HelloAnswer(
                 id=request.id,
@@ -84,30 +78,32 @@ class RequestHandlers:
                 pid=os.getpid(),
                 run=self.journal.run,
                 seq=self.journal.last_seq,
-                instrument=self.instrument,
+                instrument=usable[0].instrument,
                 events=self.endpoints[0],
                 requests=self.endpoints[1],
-                bench=self.bench,
+                bench=usable[0].bench,
                 fitters=tuple(self.supervisor.states.values()),
+                analyzers=usable,
             ),
             [],
         )
 
     @answer.register
     def _(self, request: ask.StatusRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        job = self.acquisition.current
+        usable = tuple(one.state for one in self.analyzers.of(client))
         return (
             reply.StatusAnswer(
                 id=request.id,
                 run=self.journal.run,
                 seq=self.journal.last_seq,
-                measuring=job.measurement if job else None,
-                sample=job.sample if job else None,
-                queue=tuple(waiting.measurement for waiting in self.acquisition.waiting),
+                measuring=usable[0].measuring,
+                sample=usable[0].sample,
+                queue=usable[0].queue,
                 fitters=tuple(self.supervisor.states.values()),
                 garbage=self.metrics.counts["garbage"],
-                lease=self.lease.holder,
+                lease=usable[0].lease,
                 backup=self.backup(),
+                analyzers=usable,
             ),
             [],
         )
@@ -120,7 +116,7 @@ class RequestHandlers:
                 id=request.id,
                 uptime=time.monotonic() - metrics.began,
                 counts=dict(metrics.counts),
-                queue=len(self.acquisition.waiting),
+                queue=self.analyzers.waiting,
                 errands=len(self.jobs.running),
                 seconds=metrics.spreads(),
             ),
@@ -133,6 +129,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.MeasureRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        on = self.analyzers.named(request.analyzer, client)
         steps = [step.name for step in request.build.steps]
         if request.step not in steps:
             raise RequestError(
@@ -146,46 +143,53 @@ class RequestHandlers:
                 "give a plan, or a [sweep] table in build.toml",
             )
         try:
-            self.plan_limits.check(request.build, plan, self.acquisition.seconds)
+            on.plan_limits.check(request.build, plan, on.acquisition.seconds)
         except PlanError as error:
             raise RequestError(
                 "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
             ) from error
         if request.decides is not None:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
-        self.lease.check(client, request.lease)
-        self.bench_step.check(request.step)
-        if len(self.acquisition.waiting) >= MOST_WAITING:
+        on.lease.check(client, request.lease)
+        on.bench_step.check(request.step)
+        if len(on.acquisition.waiting) >= MOST_WAITING:
             raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
         if new:
             arguments = (plan, request.priority, request.decides, client, request.by)
             job = MeasurementJob(measurement, request.build, request.step, *arguments)
-            self.audit(request, client, "queued", measurement=measurement, sample=job.sample)
-            self.acquisition.add(job)
-        return reply.MeasureAnswer(id=request.id, measurement=measurement), []
+            self.audit(request, client, "queued", measurement=measurement, sample=job.sample, analyzer=on.name)
+            on.acquisition.add(job)
+        return reply.MeasureAnswer(id=request.id, measurement=measurement, analyzer=on.name), []
 
     @answer.register
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        busy = self.acquisition.is_busy
-        lease, state = self.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
-        self.audit(request, client, "leased", f"to {request.owner!r} for {request.seconds:g} s")
+        on = self.leased(request, client)
+        busy = on.acquisition.is_busy
+        lease, state = on.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
+        says = f"to {request.owner!r} for {request.seconds:g} s"
+        self.audit(request, client, "leased", says, analyzer=on.name)
         return reply.LeaseAnswer(id=request.id, lease=lease, until=state.until), []
 
     @answer.register
     def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        self.lease.give_back(client, request.lease)
-        self.audit(request, client, "released")
+        on = self.analyzers.of_lease(request.lease, client)
+        on.lease.give_back(client, request.lease)
+        self.audit(request, client, "released", analyzer=on.name)
         return reply.Answer(id=request.id), []
 
     @answer.register
     def _(self, request: ask.CancelRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        self.lease.check_client(client)
-        job = self.acquisition.cancel(request.measurement)
+        if request.measurement is None or request.analyzer is not None:
+            on = self.analyzers.named(request.analyzer, client)
+        else:
+            on = self.analyzers.of_measurement(request.measurement, client)
+        on.lease.check_client(client)
+        job = on.acquisition.cancel(request.measurement)
         if job is None:
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
-        self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample)
+        self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample, analyzer=on.name)
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -286,10 +290,25 @@ class RequestHandlers:
         says: str = "",
         measurement: str | None = None,
         sample: SampleStep | None = None,
+        analyzer: str = "",
     ) -> None:
         """Publish who requested an action, so that the journal keeps it, hashed and chained like every event."""
-        event = StateEvent(state=did, says=says, measurement=measurement, sample=sample, client=client, by=request.by)
+        event = StateEvent(
+            state=did,
+            says=says,
+            measurement=measurement,
+            sample=sample,
+            analyzer=analyzer,
+            client=client,
+            by=request.by,
+        )
         self.publish(event, ())
+
+    def leased(self, request: ask.LeaseRequest, client: str) -> ServedAnalyzer:
+        """Return the analyzer to lease. Raises RequestError."""
+        if request.lease is not None and request.analyzer is None:
+            return self.analyzers.of_lease(request.lease, client)
+        return self.analyzers.named(request.analyzer, client)
 
     def _list_fitter(self, fitter: str, version: str, client: str) -> None:
         """List a fitter as ready. Raises RequestError if the name belongs to another client or the list is full."""

@@ -25,6 +25,7 @@ from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from ..access.unread_answers import UnreadAnswers
+from ..analyzers.served_analyzers import ServedAnalyzer
 from .request_errors import RequestError
 from .request_handlers import RequestHandlers, scoped
 
@@ -185,9 +186,11 @@ class RequestServer:
         """Answer a request that waits for the bench, the instrument, the catalogue of effects or a reading thread."""
         try:
             if isinstance(request, ask.BenchRequest):
-                self._handlers.lease.check_client(client)
-                answer = await self._bench(request, client)
-                self._handlers.audit(request, client, "bench", to_json(request.command).decode()[:MOST_TOLD])
+                on = self._handlers.analyzers.named(request.analyzer, client)
+                on.lease.check_client(client)
+                answer = await _bench(on, request, client)
+                says = to_json(request.command).decode()[:MOST_TOLD]
+                self._handlers.audit(request, client, "bench", says, analyzer=on.name)
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
@@ -197,7 +200,7 @@ class RequestServer:
             else:
                 answer, more = self._handlers.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest):
-                await self._handlers.acquisition.let_go()
+                await self._handlers.leased(request, client).acquisition.let_go()
             header = to_json(answer)
             if len(header) > LARGEST_FRAME:
                 says = f"the answer would have {len(header)} bytes; at most {LARGEST_FRAME} are allowed"
@@ -222,25 +225,23 @@ class RequestServer:
         log.error("request %s", request, exc_info=error)
         return _refusal(request, reply.ErrorBody("defect", f"a defect of pzctl, see the daemon's log: {error!r}"))
 
-    async def _bench(self, request: ask.BenchRequest, client: str) -> reply.BenchAnswer:
-        """Pass a command on to the simulator's bench. Raises RequestError."""
-        if self._handlers.bench is None:
-            raise RequestError("no-bench", "the instrument of this daemon has no simulated bench")
-        if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
-            raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
-        size = len(to_json(request.command))
-        if size > LONGEST_COMMAND:
-            raise RequestError(
-                "bench-failed", f"bench: a command of {size} bytes; at most {LONGEST_COMMAND} are allowed"
-            )
-        host, _, port = self._handlers.bench.rpartition(":")
-        busy = self._handlers.acquisition.is_busy
-        with self._handlers.bench_step.command(request.command, client, busy=busy) as answer:
-            try:
-                answer.update(await asyncio.to_thread(bench_command, host, int(port), **request.command))
-            except PzctlError as error:
-                raise RequestError("bench-failed", str(error)) from None
-        return reply.BenchAnswer(id=request.id, answer=answer)
+
+async def _bench(on: ServedAnalyzer, request: ask.BenchRequest, client: str) -> reply.BenchAnswer:
+    """Pass a command on to the simulator's bench. Raises RequestError."""
+    if on.bench is None:
+        raise RequestError("no-bench", "the instrument of this daemon has no simulated bench")
+    if taken := sorted({"host", "port", "timeout"} & request.command.keys()):
+        raise RequestError("bench-failed", f"bench: no command has a field {taken[0]!r}")
+    size = len(to_json(request.command))
+    if size > LONGEST_COMMAND:
+        raise RequestError("bench-failed", f"bench: a command of {size} bytes; at most {LONGEST_COMMAND} are allowed")
+    host, _, port = on.bench.rpartition(":")
+    with on.bench_step.command(request.command, client, busy=on.acquisition.is_busy) as answer:
+        try:
+            answer.update(await asyncio.to_thread(bench_command, host, int(port), **request.command))
+        except PzctlError as error:
+            raise RequestError("bench-failed", str(error)) from None
+    return reply.BenchAnswer(id=request.id, answer=answer)
 
 
 def _unread(waiting: int) -> RequestError:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
+from ....fitters.data_folder import user_effects_folder
 from ...files.auto_diagnosis import DIAGNOSIS
 from ...files.paths import log_file
 from ...files.worker_limits import Limits
@@ -87,10 +88,11 @@ class JobRunner:
         return True
 
     async def effects(self) -> frozenset[str]:
-        """Return the names of all effects; looked up only once."""
+        """Return the names of all effects; those of the catalogue are looked up only once."""
         if self._effects is None:
             self._effects = asyncio.create_task(asyncio.to_thread(_effects))
-        return await asyncio.shield(self._effects)
+        own = await asyncio.to_thread(lambda: {file.stem for file in user_effects_folder(self.home).glob("*.toml")})
+        return await asyncio.shield(self._effects) | own
 
     async def end(self) -> None:
         """End all jobs."""

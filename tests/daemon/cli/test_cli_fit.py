@@ -1,14 +1,17 @@
 """`pzctl fit` as a user calls it: real recordings, JSON, and one clear sentence for every mistake."""
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from pzctl.daemon.cli import app
-from pzctl.drivers.recordings import read_memory_trace
+from pzctl.drivers.recordings import read_memory_trace, read_recording, write_csv
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.circuits.lumped import Branch, Lumped
 
@@ -47,7 +50,8 @@ def test_a_disk_that_one_dimensional_models_do_not_describe(here: Path, recordin
     assert done.exit_code == 0
     assert answer["rms_log_error"] == pytest.approx(0.59, abs=0.02)
     assert any("1-D model does not describe" in sentence for sentence in answer["says"])
-    assert any("Diameter/thickness is 9.9" in sentence for sentence in answer["says"])
+    (hint,) = (sentence for sentence in answer["says"] if "Diameter/thickness is 9.9" in sentence)
+    assert "`--fitter disk2d`" in hint
 
 
 def test_the_picture_and_the_table(here: Path, cases: Path) -> None:
@@ -79,11 +83,26 @@ def test_the_fitted_circuit_is_near_the_analyzers(here: Path, recordings: Path) 
 
 
 @pytest.mark.parametrize("name", ["MD1", "sampleadmittance"])
-def test_inverted_polarity_is_said(here: Path, recordings: Path, name: str) -> None:
-    done = run("--fitter", "bvd", f"device={recordings / 'hp4294a-exports' / f'{name}.txt'}")
+def test_an_inverted_export_is_turned_round_as_in_a_diagnosis(here: Path, recordings: Path, name: str) -> None:
+    done = run("--json", "--fitter", "bvd", f"device={recordings / 'hp4294a-exports' / f'{name}.txt'}")
     assert "inverted by 180 degrees" in done.stderr
-    assert isinstance(done.exception, PzctlError)
-    assert "is not capacitive" in str(done.exception)
+    answer = json.loads(done.stdout)
+    assert answer["says"][0] == "The recording of device is inverted: it was turned round before anything was fitted."
+    assert answer["constants"]["C0"]["re"] > 0
+
+
+@pytest.mark.parametrize(("how", "turn"), [("inverted", np.negative), ("conjugated", np.conj)])
+def test_a_turned_recording_has_the_constants_of_the_right_one(
+    here: Path, cases: Path, how: str, turn: Callable[..., Any]
+) -> None:
+    sweep = read_recording(cases / "null" / "disk.csv")
+    write_csv(replace(sweep, impedance=turn(sweep.impedance)), here / "turned.csv")
+    build = cases / "null" / "build.toml"
+    right = json.loads(run("--json", "--build", build, f"disk={cases / 'null' / 'disk.csv'}").stdout)
+    turned = json.loads(run("--json", "--build", build, "disk=turned.csv").stdout)
+    assert turned["says"][0] == f"The recording of disk is {how}: it was turned round before anything was fitted."
+    assert turned["constants"]["disk.c33D"]["re"] == pytest.approx(right["constants"]["disk.c33D"]["re"], rel=1e-6)
+    assert turned["chi2_per_dof"] == pytest.approx(right["chi2_per_dof"], rel=1e-3)
 
 
 @pytest.mark.parametrize(

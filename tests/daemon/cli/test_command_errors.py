@@ -28,8 +28,8 @@ from pzctl.daemon.report.fit_widget import sliders
 from pzctl.daemon.report.pictures.picture_file import save_picture
 from pzctl.daemon.samples.sample_selection import journal_samples
 from pzctl.daemon.server.access.access_control import AccessControl
+from pzctl.daemon.server.analyzers.simulated_analyzer import simulated_instrument
 from pzctl.daemon.server.publishing.spool import Spool
-from pzctl.daemon.server.simulated_analyzer import simulated_instrument
 from pzctl.daemon.server.sockets import _bind, access_control_for
 from pzctl.daemon.wire.curve_keys import read_client_key, write_secret
 from pzctl.daemon.wire.events import BeatEvent, ReceivedEvent, decode
@@ -132,7 +132,7 @@ def test_an_impossible_port_is_refused_before_anything_starts(here: Path, words:
 def without_plan() -> object:
     text = BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
     nobody: Any = None
-    return adapted_plan(nobody, parse_build(text), "disk", nobody)
+    return adapted_plan(nobody, parse_build(text), "disk", "analyzer", nobody)
 
 
 def long_name() -> object:

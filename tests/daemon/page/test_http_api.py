@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -19,12 +20,24 @@ from pzctl.drivers.recordings import read_recording
 
 TOKEN = "at least sixteen characters"  # noqa: S105
 GUIDE = Path(__file__).parents[3] / "docs" / "http-api.md"
-Http = Callable[..., bytes]
+
+
+class Http:
+    """A page that programs use, with its token unless another is given."""
+
+    def __init__(self, port: int) -> None:
+        self.address = f"http://127.0.0.1:{port}"
+
+    def __call__(self, path: str, body: object = None, token: str = TOKEN) -> bytes:
+        data = None if body is None else json.dumps(body).encode()
+        asked = Request(f"{self.address}{path}", data, {"Authorization": f"Bearer {token}"})  # noqa: S310
+        with urlopen(asked, timeout=60) as answer:  # noqa: S310
+            return answer.read()
 
 
 @pytest.fixture
 def http(start_daemon, wait_until) -> Iterator[Http]:
-    """Return a function that asks the page of a running daemon, with the token unless another is given."""
+    """The page of a running daemon."""
     start_daemon(names=("mason",))
     port = free_port()
     words = ["page", "--port", str(port), "--token", TOKEN, "--json"]
@@ -36,13 +49,7 @@ def http(start_daemon, wait_until) -> Iterator[Http]:
 
     wait_until(serves)
 
-    def request(path: str, body: object = None, token: str = TOKEN) -> bytes:
-        data = None if body is None else json.dumps(body).encode()
-        asked = Request(f"http://127.0.0.1:{port}{path}", data, {"Authorization": f"Bearer {token}"})
-        with urlopen(asked, timeout=60) as answer:  # noqa: S310
-            return answer.read()
-
-    yield request
+    yield Http(port)
     page.terminate()
     page.communicate(timeout=60)
 
@@ -73,6 +80,16 @@ def test_a_program_measures_and_reads_the_sweep_and_the_constants(
             http("/api/measure", **asked)
         with refused.value as answer:
             assert (answer.code, says in answer.read()) == (status, True)
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="there is no Octave here")
+def test_the_program_of_the_guide_measures_from_octave(http: Http, tmp_path: Path) -> None:
+    (program,) = re.findall(r"```matlab\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    script = tmp_path / "bench.m"
+    program = program.replace("http://127.0.0.1:8294", http.address)
+    script.write_text(program + "disp(size(sweep, 2) > 1000);\n", encoding="utf-8")
+    ran = subprocess.run(["octave-cli", script], capture_output=True, text=True, check=False)
+    assert ran.stdout.split() == ["mason", "1"], ran.stderr
 
 
 def test_a_command_needs_its_token_in_the_header_or_comes_from_the_page() -> None:

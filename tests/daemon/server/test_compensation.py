@@ -10,7 +10,7 @@ from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.compensation_record import CompensationRecord, keep_record
 from pzctl.daemon.files.paths import compensation_file
-from pzctl.daemon.server.compensation_check import UNDATED, CompensationCheck
+from pzctl.daemon.server.analyzers.compensation_check import UNDATED, CompensationCheck
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.agilent4294a.instrument import Agilent4294A
 from pzctl.models.build import Build

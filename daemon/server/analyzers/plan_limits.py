@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...models.build import Build
-from ...models.sweep_plan import LevelLimits, PlanError, SweepPlan
+from ....models.build import Build
+from ....models.sweep_plan import LevelLimits, PlanError, SweepPlan
 
 MOST_POINTS = 200_000
 """Greatest number of points of one measurement: 3.2 MB of impedances, held in memory several times."""

@@ -4,18 +4,18 @@ import asyncio
 import logging
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from ...drivers.base.analyzer import Analyzer, Cancelled, Identity, InstrumentError, Progress
-from ...models.base.errors import PzctlError
-from ...models.build import Build
-from ...models.sweep import Sweep
-from ...models.sweep_plan import SweepPlan
-from ..journal.store import JournalError
-from ..wire.events import (
+from ....drivers.base.analyzer import Analyzer, Cancelled, Identity, InstrumentError, Progress
+from ....models.base.errors import PzctlError
+from ....models.build import Build
+from ....models.sweep import Sweep
+from ....models.sweep_plan import SweepPlan
+from ...journal.store import JournalError
+from ...wire.events import (
     Event,
     InstrumentInfo,
     Payload,
@@ -25,7 +25,7 @@ from ..wire.events import (
     SweepEvent,
     sweep_columns,
 )
-from ..wire.uuid7 import uuid7
+from ...wire.uuid7 import uuid7
 
 log = logging.getLogger(__name__)
 
@@ -123,6 +123,7 @@ class Acquisition:
 
     def __init__(
         self,
+        name: str,
         analyzer: AnalyzerThread,
         instrument: InstrumentInfo,
         publish: Callable[[Event, Payload], None],
@@ -131,6 +132,7 @@ class Acquisition:
     ) -> None:
         self.current: MeasurementJob | None = None
         self.waiting: deque[MeasurementJob] = deque()
+        self._name = name
         self._analyzer = analyzer
         self._instrument = instrument
         self._publish = publish
@@ -148,10 +150,23 @@ class Acquisition:
         return self._analyzer.seconds(plan)
 
     def add(self, job: MeasurementJob) -> None:
-        """Put a job into the queue, behind those of the same or a higher priority."""
-        behind = next((k for k, other in enumerate(self.waiting) if other.priority < job.priority), len(self.waiting))
-        self.waiting.insert(behind, job)
+        """Put a job into the queue, behind those of a higher priority; among equals, clients take turns."""
+        self.waiting.insert(self._place(job), job)
         self._more.set()
+
+    def _place(self, job: MeasurementJob) -> int:
+        """Return the place of a new job: a client's nth job waits only for the first n jobs of every other client."""
+        equals = [other for other in self.waiting if other.priority == job.priority]
+        turn = sum(other.client == job.client for other in equals)
+        turns: Counter[str | None] = Counter()
+        for place, other in enumerate(self.waiting):
+            if other.priority < job.priority:
+                return place
+            if other.priority == job.priority:
+                if turns[other.client] > turn:
+                    return place
+                turns[other.client] += 1
+        return len(self.waiting)
 
     async def let_go(self) -> None:
         """Close the connection to the instrument until the next job, so that another tool can use it."""
@@ -219,6 +234,7 @@ class Acquisition:
                 settings=dict(sweep.settings),
                 notes=sweep.notes,
                 decides=job.decides,
+                analyzer=self._name,
                 client=job.client,
                 by=job.by,
                 columns=columns,
@@ -226,7 +242,7 @@ class Acquisition:
             self._publish(event, payload)
 
     def _state(self, job: MeasurementJob, state: str, says: str = "") -> None:
-        event = StateEvent(state=state, says=says, measurement=job.measurement, sample=job.sample)
+        event = StateEvent(state=state, says=says, measurement=job.measurement, sample=job.sample, analyzer=self._name)
         self._publish(event, ())
 
     def _reporter(self, job: MeasurementJob) -> Callable[[Progress], None]:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ...models.sweep import Sweep
-from ..files.compensation_record import CompensationRecord, record_of
+from ....models.sweep import Sweep
+from ...files.compensation_record import CompensationRecord, record_of
 
 UNDATED = "The instrument uses a compensation of unknown date and fixture; `pzctl compensate` makes a dated one."
 """The note of a sweep whose compensation is not recorded, or differs from the record."""

@@ -1,6 +1,6 @@
 """A simulated 4294A in a child process, for a daemon without an instrument.
 
-python -m pzctl.daemon.server.simulated_analyzer '{"time_scale": 0}'
+python -m pzctl.daemon.server.analyzers.simulated_analyzer '{"time_scale": 0}'
 """
 
 import subprocess
@@ -12,12 +12,12 @@ from typing import Any
 
 import msgspec
 
-from ...drivers.base.analyzer import InstrumentError
-from ..files.worker_limits import limit_files
-from ..wire.frames import to_json
-from .logs import LARGEST_LOG
-from .workers.bounded_logs import keep_end
-from .workers.subprocesses import end_child, end_with_parent, last_line, start_child
+from ....drivers.base.analyzer import InstrumentError
+from ...files.worker_limits import limit_files
+from ...wire.frames import to_json
+from ..logs import LARGEST_LOG
+from ..workers.bounded_logs import keep_end
+from ..workers.subprocesses import end_child, end_with_parent, last_line, start_child
 
 
 class Simulated(msgspec.Struct, frozen=True):
@@ -39,7 +39,11 @@ def simulated_instrument(log: Path, options: Mapping[str, Any]) -> Generator[Sim
     sim_options = to_json({"port": 0, "bench_port": 0, **options}).decode()
     with log.open("ab") as errors:
         process = start_child(
-            "pzctl.daemon.server.simulated_analyzer", [sim_options], errors, stdout=subprocess.PIPE, environment={}
+            "pzctl.daemon.server.analyzers.simulated_analyzer",
+            [sim_options],
+            errors,
+            stdout=subprocess.PIPE,
+            environment={},
         )
         try:
             yield _first_words(process, log)
@@ -57,7 +61,7 @@ def _first_words(process: "subprocess.Popen[bytes]", log: Path) -> Simulated:
 
 def main() -> None:
     """Run the simulated instrument until the parent ends."""
-    from ...sim.server import SimOptions, run
+    from ....sim.server import SimOptions, run
 
     end_with_parent()
     limit_files()

@@ -1,0 +1,1 @@
+"""The analyzers that a daemon owns: their threads, queues, limits, and simulated ones."""
