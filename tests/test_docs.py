@@ -44,7 +44,7 @@ def test_every_command_of_a_guide_works(name: str, tmp_path: Path) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path, "PZCTL_HOME": str(tmp_path / "home")}
     shorter = (
-        (DOCS / name).read_text(encoding="utf-8").replace("points = 801", "points = 201")
+        (DOCS / name).read_text(encoding="utf-8").replace("points = 801", "points = 101")
     )  # the same without the wait
     for port in set(PORT.findall(shorter)):
         shorter = shorter.replace(port, str(free_port()))
