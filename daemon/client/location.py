@@ -35,19 +35,10 @@ class Location(msgspec.Struct, frozen=True):
 
 def analyzer_at(location: Location, resource: str) -> str | None:
     """Return the name of the daemon's analyzer with this resource, or None if it owns none."""
+    from ...drivers.visa.resources import same_instrument
+
     owned = location.analyzers or {ONLY: location.resource}
-    return next((name for name, own in owned.items() if same_resource(resource, own)), None)
-
-
-def same_resource(first: str, second: str) -> bool:
-    """Return whether two resource strings name the same instrument; `HOST:PORT` is short for `TCPIP0::HOST::...`."""
-    from ...drivers.base.analyzer import InstrumentError
-    from ...drivers.visa.resources import resource_name
-
-    try:
-        return first == second or resource_name(first) == resource_name(second)
-    except InstrumentError:  # a recording: it has one name only
-        return False
+    return next((name for name, own in owned.items() if own == resource or same_instrument(own, resource)), None)
 
 
 def announce(folder: Path, location: Location) -> None:

@@ -12,6 +12,7 @@ import socket
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ import platformdirs
 from ...fitters.data_folder import chosen_folder
 from ...models.base.errors import PzctlError
 from ...models.base.names import NameFault, among, check_name
-from .analyzer_options import read_analyzers
+from .analyzer_options import AnalyzerOptions, read_analyzers
 from .auto_diagnosis import ASKED, AUTO
 from .backup_plan import read_backup
 from .database_url import without_password
@@ -43,6 +44,8 @@ class Setting:
 
     allowed: str
     read: Callable[[Any], Any]
+    is_text: bool = True
+    """Whether it can be given as text, by an environment variable."""
 
 
 def _text(value: Any) -> str:
@@ -109,6 +112,7 @@ SETTINGS: Mapping[str, Setting] = {
     "analyzers": Setting(
         "a table for each name, with `resource` (default: a simulated 4294A), `max_bias_V` and `max_oscillator_V`",
         read_analyzers,
+        is_text=False,
     ),
     "events": Setting("a ZeroMQ endpoint", _text),
     "requests": Setting("a ZeroMQ endpoint", _text),
@@ -130,7 +134,7 @@ SETTINGS: Mapping[str, Setting] = {
     "readers": Setting("names of installed readers, each of at most 64 characters that can be printed", _names),
     "log": Setting("text or json", _form),
 }
-"""All settings; each name is a flag, an environment variable and a key of the config file."""
+"""All settings; each name is a key of the config file, and mostly a flag and an environment variable."""
 
 
 _OF_ONE = ("max_bias_V", "max_oscillator_V")
@@ -152,9 +156,9 @@ def settings(flags: Mapping[str, Any]) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for name, value in _read(path).items():
         merged[name] = _checked(name, value, f"{path}: {name}")
-    for name in SETTINGS:
+    for name, setting in SETTINGS.items():
         variable = PREFIX + name.upper()
-        if os.environ.get(variable):
+        if setting.is_text and os.environ.get(variable):
             merged[name] = _checked(name, os.environ[variable], variable)
     for name, value in flags.items():
         if value is not None:
@@ -183,8 +187,9 @@ def options(given: Mapping[str, Any]) -> "DaemonOptions":
         for name in ("resource", "events", "requests", "fitters", "bench", "backup", "diagnose", "analyzers", *_LIMITS)
         if name in given
     }
-    if "analyzers" in chosen and (both := [name for name in ("resource", "bench", *_OF_ONE) if name in chosen]):
-        raise ConfigError(f"{both[0]}: this is the setting of a single analyzer; with [analyzers] each has its own")
+    if "analyzers" in chosen:
+        _check_several(chosen["analyzers"], chosen)
+        chosen.pop("resource", None)
     chosen["journal"], chosen["station"] = journal_of(given)
     if chosen["journal"] and "backup" in chosen:
         raise ConfigError(
@@ -192,6 +197,23 @@ def options(given: Mapping[str, Any]) -> "DaemonOptions":
             "tools, or with `pzctl journal backup`"
         )
     return DaemonOptions(**chosen, simulator=simulator, limits=limits)
+
+
+def _check_several(analyzers: Mapping[str, AnalyzerOptions], chosen: Mapping[str, Any]) -> None:
+    """Raise ConfigError if two analyzers are one instrument, or another setting contradicts them."""
+    from ...drivers.visa.resources import same_instrument
+
+    named = {name: own.resource for name, own in analyzers.items() if own.resource is not None}
+    for (first, one), (second, other) in combinations(named.items(), 2):
+        if same_instrument(one, other):
+            raise ConfigError(f"[analyzers]: {first} and {second} are the same instrument, {other}; it needs one table")
+    for name in ("bench", *_OF_ONE):
+        if name in chosen:
+            raise ConfigError(f"{name}: this is the setting of a single analyzer; with [analyzers] each has its own")
+    resource = chosen.get("resource")
+    if resource is not None and not any(same_instrument(resource, own) for own in named.values()):
+        there = ", ".join(f"{name} ({own.resource or 'simulated'})" for name, own in analyzers.items())
+        raise ConfigError(f"resource {resource!r}: it is none of [analyzers], which are {there}; give it a table there")
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from ...models.build import Build
-from ..wire.events import SampleStep
+from ..wire.events import SampleStep, StateEvent, decode
 from ..wire.replies import MissingEvents
 from .integrity.verification import faults_of
 from .opening import open_store
@@ -88,6 +88,12 @@ class JournalReader:
     def sweeps(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of the sweep events of a measurement, in order."""
         return self._frames("measurement = ? AND kind = 'sweep' ORDER BY station, seq", measurement)
+
+    def queued(self, measurement: str) -> StateEvent | None:
+        """Return the event with which a measurement was accepted, or None if it was pruned."""
+        rows = "measurement = ? AND kind = 'state' ORDER BY station, seq LIMIT 1"
+        events = [decode(frames).event for frames in self._frames(rows, measurement)]
+        return next((event for event in events if isinstance(event, StateEvent) and event.state == "queued"), None)
 
     def fits(self, measurement: str) -> list[list[bytes]]:
         """Return the frames of the fitters' answers to a measurement, in order."""

@@ -22,7 +22,7 @@ import zmq
 import zmq.asyncio
 
 from ...drivers import open_analyzer as open_visa
-from ...drivers.base.analyzer import Analyzer
+from ...drivers.base.analyzer import Analyzer, InstrumentError
 from ...models.sweep import now_utc
 from ...models.sweep_plan import LevelLimits
 from ..client.location import Location, announce, withdraw
@@ -126,13 +126,7 @@ async def _serve(folder: Path, options: DaemonOptions, connections: Sequence[_Co
         guard = ConnectionGuard(most, metrics.counts)
         event_publisher = EventPublisher(plain, events)
         stack.callback(event_publisher.close, lambda: guard.cut(port_of(events_endpoint), "the daemon ends"))
-        opened: list[_Opened] = []
-        for connection in connections:  # each with its bias off before the first request is read
-            thread = AnalyzerThread(connection.resource, connection.open)
-            stack.push_async_callback(thread.close)
-            identity = await thread.identify()
-            instrument = InstrumentInfo(**asdict(identity), simulated=connection.options.bench is not None)
-            opened.append(_Opened(connection, thread, instrument))
+        opened = await _opened(connections, stack)
         endpoints = (events_endpoint, requests_endpoint)
         daemon = Daemon(journal, event_publisher, requests, guard, metrics, opened, options, folder, endpoints, access)
         where = Location(
@@ -163,6 +157,30 @@ class _Opened:
     connection: _Connection
     thread: AnalyzerThread
     instrument: InstrumentInfo
+
+
+async def _opened(connections: Sequence[_Connection], stack: AsyncExitStack) -> list[_Opened]:
+    """Open all analyzers, each with its bias off before the first request is read; `stack` closes them.
+
+    One that does not answer keeps no other from being made safe. Raises InstrumentError if one did not.
+    """
+    threads = [AnalyzerThread(connection.resource, connection.open) for connection in connections]
+    for thread in threads:
+        stack.push_async_callback(thread.close)
+    identities = await asyncio.gather(*(thread.identify() for thread in threads), return_exceptions=True)
+    opened: list[_Opened] = []
+    failures: list[str] = []
+    for connection, thread, identity in zip(connections, threads, identities, strict=True):
+        if isinstance(identity, InstrumentError):
+            failures.append(f"{connection.name}: {identity}" if len(connections) > 1 else str(identity))
+        elif isinstance(identity, BaseException):
+            raise identity
+        else:
+            instrument = InstrumentInfo(**asdict(identity), simulated=connection.options.bench is not None)
+            opened.append(_Opened(connection, thread, instrument))
+    if failures:
+        raise InstrumentError("; ".join(failures))
+    return opened
 
 
 class Daemon:

@@ -60,6 +60,28 @@ def resource_name(given: str) -> str:
     raise InstrumentError(f"resource {given!r}: not an instrument's address; allowed are {ALLOWED}")
 
 
+def same_instrument(first: str, second: str) -> bool:
+    """Return whether two resources are the address of one instrument, however they are written.
+
+    `HOST:PORT` is short for `TCPIP0::HOST::PORT::SOCKET`; a resource that is no address, such as a recording, is not.
+    """
+    try:
+        return _canonical(first) == _canonical(second)
+    except InstrumentError:
+        return False
+
+
+def _canonical(given: str) -> str:
+    """Return the only form of an address among those that VISA takes as the same. Raises InstrumentError."""
+    from pyvisa.rname import InvalidResourceName, to_canonical_name
+
+    name = resource_name(given)
+    try:
+        return to_canonical_name(name).upper()
+    except InvalidResourceName:  # a Prologix adapter
+        return name.upper()
+
+
 def open_session(name: str) -> "Session":
     """Open a VISA session to `name`, a result of `resource_name`. Raises InstrumentError."""
     from .session import Session

@@ -14,6 +14,7 @@ import pytest
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.protocol import DaemonError
+from pzctl.daemon.files.analyzer_options import AnalyzerOptions
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
 from pzctl.daemon.wire.events import decode
@@ -144,6 +145,18 @@ def test_a_bias_that_a_killed_daemon_left_on_goes_off_when_the_next_one_connects
         resource = f"TCPIP0::127.0.0.1::{analyzer.port}::SOCKET"
         assert asked(analyzer.port, b"DCMOD CVOLT;DCRNG M10;DCV 5;DCO ON;DCO?") == b"1"
         start_daemon(resource=resource)
+        assert asked(analyzer.port, b"DCO?") == b"0"
+
+
+def test_an_analyzer_that_does_not_answer_leaves_no_bias_on_at_another(start_daemon: Callable[..., object]) -> None:
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0)) as analyzer:
+        asked(analyzer.port, b"DCMOD CVOLT;DCRNG M10;DCV 5;DCO ON;DCO?")
+        two = {
+            "away": AnalyzerOptions("TCPIP0::127.0.0.1::1::SOCKET"),
+            "here": AnalyzerOptions(f"TCPIP0::127.0.0.1::{analyzer.port}::SOCKET"),
+        }
+        with pytest.raises(DaemonError, match=r"away: .*127\.0\.0\.1"):
+            start_daemon(analyzers=two)
         assert asked(analyzer.port, b"DCO?") == b"0"
 
 

@@ -239,7 +239,7 @@ def _daemon(
                 daemon_options, fitters=tuple(dict.fromkeys((*fitters, *given.get("fitters", ()))))
             )
         place = start(daemon_options)
-    elif resource is not None:
+    if resource is not None:
         found = analyzer_at(place, resource)
         if found is None:
             owned = ", ".join(place.analyzers.values()) or place.resource

@@ -149,6 +149,10 @@ class Acquisition:
         """Return the estimated seconds of a plan. Raises PlanError if the analyzer cannot do it."""
         return self._analyzer.seconds(plan)
 
+    def waiting_of(self, client: str) -> int:
+        """Return how many measurements of a client wait."""
+        return sum(job.client == client for job in self.waiting)
+
     def add(self, job: MeasurementJob) -> None:
         """Put a job into the queue, behind those of a higher priority; among equals, clients take turns."""
         self.waiting.insert(self._place(job), job)

@@ -70,6 +70,16 @@ class ServedAnalyzers:
             )
         return usable
 
+    def check_every(self, client: str) -> None:
+        """Raise RequestError if the client's key is not for every analyzer."""
+        usable = self.of(client)
+        if len(usable) < len(self._served):
+            raise RequestError(
+                "not-allowed",
+                f"the key of {client!r} is for {', '.join(one.name for one in usable)}; this needs one for every "
+                f"analyzer here, {', '.join(self._served)}",
+            )
+
     def named(self, name: str | None, client: str) -> ServedAnalyzer:
         """Return the analyzer of this name, or the first one that the client may use. Raises RequestError."""
         usable = self.of(client)

@@ -1,5 +1,6 @@
 """The handlers of all requests but `bench`: look-ups, changes of the queue, answers of fitters."""
 
+import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 
 from ....fitters.plugins import installed_names
 from ....models.base.names import among
-from ....models.sweep_plan import PlanError
+from ....models.sweep_plan import PlanError, SweepPlan
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...journal.stores.event_rows import WITHDRAWN
@@ -20,6 +21,7 @@ from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.curve_keys import LOCAL
 from ...wire.events import WIRE, Event, Payload, SampleStep, StateEvent, envelope
+from ...wire.frames import to_json
 from ...wire.metrics import Metrics
 from ..analyzers.acquisition import MeasurementJob
 from ..analyzers.served_analyzers import ServedAnalyzer, ServedAnalyzers
@@ -33,7 +35,7 @@ MOST_FITTERS = 100
 """Greatest number of fitters in the list."""
 
 MOST_WAITING = 1000
-"""Greatest number of measurements in the queue."""
+"""Greatest number of measurements of one client in an analyzer's queue: nobody can fill it for the others."""
 
 
 VERSION = version("pzctl")
@@ -152,13 +154,18 @@ class RequestHandlers:
             self._check_decides(request.decides, SampleStep(request.build.name, request.step))
         on.lease.check(client, request.lease)
         on.bench_step.check(request.step)
-        if len(on.acquisition.waiting) >= MOST_WAITING:
-            raise RequestError("queue-full", f"{MOST_WAITING} measurements wait already", "cancel some, or wait")
+        if on.acquisition.waiting_of(client) >= MOST_WAITING:
+            raise RequestError(
+                "queue-full", f"{MOST_WAITING} measurements of {client!r} wait already", "cancel some, or wait"
+            )
         measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
-        if new:
+        says = _summary(plan)
+        if not new:
+            self._check_repeated(request.id, measurement, on.name, says)
+        else:
             arguments = (plan, request.priority, request.decides, client, request.by)
             job = MeasurementJob(measurement, request.build, request.step, *arguments)
-            self.audit(request, client, "queued", measurement=measurement, sample=job.sample, analyzer=on.name)
+            self.audit(request, client, "queued", says, measurement=measurement, sample=job.sample, analyzer=on.name)
             on.acquisition.add(job)
         return reply.MeasureAnswer(id=request.id, measurement=measurement, analyzer=on.name), []
 
@@ -278,6 +285,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
+        self.analyzers.check_every(client)
         self.audit(request, client, "shutdown")
         self.shutdown()
         return reply.Answer(id=request.id), []
@@ -345,6 +353,16 @@ class RequestHandlers:
         if known.state == WITHDRAWN:
             raise RequestError("withdrawn", f"measurement {known.id!r} was withdrawn; `pzctl show {known.id}` says why")
 
+    def _check_repeated(self, request: str, measurement: str, analyzer: str, says: str) -> None:
+        """Raise RequestError if a request of an earlier run had this id, but another plan or analyzer."""
+        queued = self.journal.queued(measurement)
+        if queued is not None and queued.says and (queued.analyzer, queued.says) != (analyzer, says):
+            raise RequestError(
+                "id-in-use",
+                f"id {request!r} belongs to a measurement on analyzer {queued.analyzer!r}: {queued.says}",
+                "give every request a unique id, such as a UUID",
+            )
+
     def _check_decides(self, measurement: str, sample: SampleStep) -> None:
         of = self._known(measurement).sample
         if of != sample:
@@ -364,6 +382,13 @@ class RequestHandlers:
 def scoped(client: str, request: str) -> str:
     """Return a request id that is unique among all clients, since two clients may both count "1", "2" ..."""
     return request if client == LOCAL else f"{client}/{request}"
+
+
+def _summary(plan: SweepPlan) -> str:
+    """Return a plan for people, with a hash that distinguishes it from every other plan."""
+    points = sum(segment.points for segment in plan.segments)
+    first, last = plan.segments[0].start_Hz, plan.segments[-1].stop_Hz
+    return f"{points} points, {first:.6g} to {last:.6g} Hz, plan {hashlib.sha256(to_json(plan)).hexdigest()[:16]}"
 
 
 def _measured(history: History) -> reply.MeasuredStep:

@@ -4,8 +4,10 @@ import json
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from keyed import asked
 from typer.testing import CliRunner
 
 from pzctl import connect
@@ -76,13 +78,15 @@ def test_both_measure_at_the_same_time_and_one_is_cancelled(start_daemon, build:
 def test_a_key_is_for_the_analyzers_that_it_names(start_daemon, build: Build, tmp_path: Path) -> None:
     make_server(keys_folder(tmp_path))
     key = tmp_path / "ana.key"
-    write_secret(key, to_json(make_client(keys_folder(tmp_path), "ana", "bench", analyzers=("right",))))
+    write_secret(key, to_json(make_client(keys_folder(tmp_path), "ana", "admin", analyzers=("right",))))
     where = start_daemon(analyzers=TWO, events="tcp://0.0.0.0:*", requests="tcp://0.0.0.0:*")
     with connect(where.events, where.requests, key=key) as ana:
         assert [one.name for one in ana.hello().analyzers] == ["right"]
         with connect() as lab:
             assert lab.begin(build, "disk", analyzer="left")
         assert ana.measure(build, "disk").sweeps
+        with pytest.raises(DaemonError, match="is for right; this needs one for every analyzer here, left, right"):
+            ana.shutdown()
         for refused in (
             lambda: ana.begin(build, "disk", analyzer="left"),
             lambda: ana.bench({"command": "state"}, "left"),
@@ -98,6 +102,23 @@ def test_a_key_is_for_the_analyzers_that_it_names(start_daemon, build: Build, tm
             ana.begin(build, "disk")
 
 
+def test_an_id_of_an_earlier_run_is_not_taken_for_another_plan_or_analyzer(start_daemon, build: Build) -> None:
+    def begun(points: int, analyzer: str) -> dict[str, Any]:
+        plan = SweepPlan((Segment(1e6, 6e6, points),))
+        words = {"build": build, "step": "disk", "plan": plan, "analyzer": analyzer}
+        request = json.loads(to_json({"request": "measure", "id": "1", **words}))
+        return asked(where, where.key, request)
+
+    where = start_daemon(analyzers=TWO)
+    first = begun(51, "left")["measurement"]
+    with connect() as lab:
+        lab.shutdown()
+    where = start_daemon(analyzers=TWO)
+    assert begun(51, "left")["measurement"] == first
+    for points, analyzer in ((52, "left"), (51, "right")):
+        assert begun(points, analyzer)["error"]["code"] == "id-in-use"
+
+
 def test_clients_take_turns_in_a_queue(build: Build) -> None:
     queue = Acquisition("left", *(None,) * 5)  # type: ignore[arg-type]
     job = MeasurementJob("", build, "disk", SweepPlan((Segment(1e6, 2e6, 2),)))
@@ -108,6 +129,7 @@ def test_clients_take_turns_in_a_queue(build: Build) -> None:
 
     add("a1", "a2", "a3", "b1", "c1", "b2", "a4")
     assert [one.measurement for one in queue.waiting] == ["a1", "b1", "c1", "a2", "b2", "a3", "a4"]
+    assert [queue.waiting_of(client) for client in "abcd"] == [4, 2, 1, 0], "each has a share of its own"
     add("b0", priority=1)
     assert queue.waiting[0].measurement == "b0"
 
@@ -127,8 +149,15 @@ def test_settings_of_several_analyzers(tmp_path: Path, monkeypatch: pytest.Monke
     for wrong in (left + "level = 3", '[analyzers."a\\nb"]', "[analyzers.left]\nmax_bias_V = -1", "analyzers = 3"):
         with pytest.raises(ConfigError, match=r"analyzers is .*; allowed is a table for each name"):
             told(wrong)
-    with pytest.raises(ConfigError, match=r"resource: this is the setting of a single analyzer; with \[analyzers\]"):
-        told('resource = "GPIB0::17::INSTR"\n' + left)
+    for setting, says in (
+        ('resource = "GPIB0::17::INSTR"', r"it is none of \[analyzers\], which are left \(TCPIP0::10.0.0.1::5025"),
+        ("max_bias_V = 5", r"max_bias_V: this is the setting of a single analyzer; with \[analyzers\]"),
+    ):
+        with pytest.raises(ConfigError, match=says):
+            told(f"{setting}\n{left}")
+    assert told(f'resource = "10.0.0.1:5025"\n{left}') == told(left), "the one that is meant is chosen later"
+    with pytest.raises(ConfigError, match=r"left and right are the same instrument, 10\.0\.0\.1:5025"):
+        told(left + '[analyzers.right]\nresource = "10.0.0.1:5025"\n')
 
 
 def test_the_command_line_names_an_analyzer(lab: Client, tmp_path: Path) -> None:
