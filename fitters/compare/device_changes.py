@@ -128,8 +128,9 @@ class NewResonance:
 class AmplitudeDependent:
     """Resonances soften and lose more with their amplitude: another drive level.
 
-    Softening is that of the frequency. Both sizes are those at the largest amplitude that each resonance of the
-    recording at the lower level would have at the higher one.
+    The amplitude of a resonance is the voltage over its motional capacitance, so that a resonance with twice the Q
+    softens twice as much. Softening is that of the frequency. Both sizes are those at the largest amplitude that the
+    strongest resonance of the recording at the lower level would have at the higher one.
     """
 
     resonances: Resonances
@@ -158,9 +159,11 @@ class AmplitudeDependent:
         apart = np.abs(low.poles[:, None] - low.poles) + (low.poles.real[:, None] + low.poles.real)
         together = (apart <= 0).astype(np.float64)
         np.fill_diagonal(together, 1.0)
-        size = np.abs(before @ together)
-        largest = np.max(size, axis=0)
-        size = size / largest
+        # The voltage over a motional capacitance 2 |r| / |p|^2, as a part of the strongest resonance's at its peak.
+        scale = np.abs(low.poles) ** 2 / (2 * np.abs(low.residues) @ together) / frequency[:, None]
+        strongest = np.argmax(np.abs(low.residues / low.poles.real))
+        scale = scale / np.max(np.abs(before @ together)[:, strongest] * scale[:, strongest])
+        size = np.abs(before @ together) * scale
         now, after = before, size
         for _ in range(_ROUNDS):
             part = after - self.ratio * size
@@ -168,7 +171,7 @@ class AmplitudeDependent:
             lossier = np.maximum(1 + values["loss"] * part, _LEAST)
             poles = np.asarray(low.poles.real * lossier + 1j * low.poles.imag * softer, np.complex128)
             now = pole_terms(frequency, poles, low.residues)
-            change = np.abs(now @ together) / largest - after
+            change = np.abs(now @ together) * scale - after
             after = after + change / 2
             if np.max(np.abs(change)) < _AGREED:
                 break

@@ -151,6 +151,9 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         made = replace(made, effect="something else", also=("series-capacitor",))
     elif kind == "levels":
         low, high = 0.1, 1.0
+        # All modes have the material's losses. One with several times the strong mode's Q would be bistable, and its
+        # recording would depend on the direction of the sweep.
+        modes = [(f0, min(q, modes[0][1]), part) for f0, q, part in modes]
         # At the strong mode's peak the stiffness falls by 0.25 to 1.6 linewidths.
         at_peak = high * modes[0][1]
         soft = 10 ** rng.uniform(-0.6, 0.2) / modes[0][1] / at_peak

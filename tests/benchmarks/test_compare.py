@@ -18,7 +18,7 @@ from compare_world import RECORDINGS, MadePair, at_terminals, in_device
 from pzctl.fitters.compare.compare import compare
 from pzctl.fitters.compare.comparison import Comparison
 
-SEED = 2027
+SEED = 2028
 
 
 def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
