@@ -5,7 +5,7 @@ BIN := .venv/bin
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /|/' | while IFS='|' read -r name text; do printf '  make %-10s %s\n' "$$name" "$$text"; done
 
-demo: .venv/ready ## demonstration: a simulated transducer, measured and fitted after each gluing step
+demo: .venv/installed ## demonstration: a simulated transducer, measured and fitted after each gluing step
 	$(BIN)/pzctl measure --fit
 
 test: .venv/ready ## run the tests
@@ -38,10 +38,14 @@ pictures: .venv/ready ## regenerate the screenshots of page and terminal in docs
 clean: ## remove the output of the other targets
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
-# Installed in place; a new pyproject.toml or constraints.txt installs again.
-.venv/ready: pyproject.toml constraints.txt
+# Installed in place; a new pyproject.toml or constraints.txt installs again. The demonstration needs no developers' tools.
+.venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[web]'
+	@touch $@
+
+.venv/ready: .venv/installed
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
