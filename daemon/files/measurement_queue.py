@@ -13,7 +13,6 @@ sweep = { segments = [ { start_MHz = 1, stop_MHz = 6 } ], bias_V = 5 }
 measurement = { operator = "Ana" }
 """
 
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +22,7 @@ from ...models.base.names import NameFault, check_name
 from ...models.build import Build
 from .builds.build_check import check_build, check_build_name
 from .builds.build_file import read_build, read_metadata, read_plan
-from .builds.build_table import BuildError, Table
+from .builds.build_table import BuildError, Table, read_table
 from .builds.file_keys import QUEUE_ENTRIES, QUEUED_ENTRIES
 from .durations import seconds_of
 
@@ -79,15 +78,9 @@ class MeasurementQueue:
 
 def read_queue(path: Path, changed: Callable[[Build], Build] = lambda build: build) -> MeasurementQueue:
     """Read a queue file; `changed` is applied to each of its builds. Raises BuildError."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise BuildError(f"{path}: this is not TOML: {error}") from None
-    top = Table(data, str(path))
+    top = read_table(path)
     top.only(QUEUE_ENTRIES)
-    name = top.string("name") if "name" in data else path.stem
+    name = top.string("name") if "name" in top.data else path.stem
     try:
         check_name(name, f"{path}: name")
     except NameFault as fault:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from disk_build import disk_build
 
-from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, finite_disk
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
@@ -30,29 +30,6 @@ def cache(tmp_path_factory):
         os.environ["PZCTL_HOME"] = before
 
 
-def build(diameter, thickness, density, material="PZT-5A", more=""):
-    return parse_build(
-        f"""
-name = "D"
-diameter_mm = {diameter}
-[[layers]]
-name = "disk"
-kind = "piezo"
-material = "{material}"
-thickness_mm = {thickness}
-density_kg_m3 = {density}
-{more}
-[load]
-back = "air"
-front = "air"
-[[steps]]
-name = "disk"
-layers = ["disk"]
-""",
-        "build.toml",
-    )
-
-
 def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():
     real = np.array([126e9, 79.5e9, 84.1e9, 117e9, 23e9, -6.55, 23.3, 17.0, 15.05e-9, 13.02e-9])
     loss = np.where(np.arange(10) < 5, 1 / 65, np.where(np.arange(10) < 8, 0.0, -0.02))
@@ -63,7 +40,7 @@ def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():
     Z = Disk2D("disk", truth, np.pi * 25e-6, 1e-3, 7500.0, reduced, law).impedance(f)
     rng = np.random.default_rng(2)
     sweep = Sweep(f, Z * np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))))
-    result = finite_disk(FitTask(build(10, 1, 7500, "Pz27"), {"disk": (sweep,)}))
+    result = finite_disk(FitTask(disk_build(10, 1, 7500, "Pz27"), {"disk": (sweep,)}))
     assert result.chi2_per_dof < 1.3
     for name in CONSTANTS:
         assert abs(result.constants[f"disk.{name}"].re - getattr(truth, name).real) < (
@@ -74,7 +51,7 @@ def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():
 def test_the_real_disk_of_20_by_2_mm_is_fitted_without_a_manual_start(recordings):
     sweep = read_recording(recordings / "disk-20x2" / "thickness-mode.csv")
     few = replace(sweep, frequency=sweep.frequency[::4], impedance=sweep.impedance[::4])
-    result = Disk2DFitter().fit(FitTask(build(20, 2.013, 7956), {"disk": (few,)}))
+    result = Disk2DFitter().fit(FitTask(disk_build(20, 2.013, 7956), {"disk": (few,)}))
     assert result.rms_log_error < 0.05  # the one-dimensional model leaves 0.59
     # a narrow band around the thickness mode says almost nothing about motion along the circumference
     assert any("only together: disk.c12E" in sentence for sentence in result.says)

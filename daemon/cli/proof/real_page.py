@@ -156,9 +156,9 @@ def page_text(answers: Sequence[RealAnswer]) -> str:
             [_modelled_row(one) for one in modelled],
         ),
         "## Devices that no stack describes",
-        "Without a geometry, or with modes that a stack does not have, there is no diagnosis: the data are checked, "
-        "and `radial` or an equivalent circuit of one resonance is fitted. What is *left* shows how little a circuit "
-        "of one resonance says of such a device.",
+        "Without a geometry, or with modes that a stack does not have, the data are checked, and `radial` or an "
+        "equivalent circuit with as many resonances as there is evidence for is fitted. `pzctl diagnose --fitter` "
+        "looks for effects beside such a model.",
         table(
             ("recording", "known", "fitted by", "said of the data", "left", "result", "time"),
             [_other_row(one) for one in others],

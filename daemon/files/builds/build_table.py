@@ -2,8 +2,10 @@
 
 import difflib
 import math
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 from ....models.base.errors import PzctlError
@@ -223,6 +225,16 @@ class Table:
             first[what.name] = key
             out[what.name] = self.quantity(key, what)
         return out
+
+
+def read_table(path: Path) -> Table:
+    """Return the whole of a TOML file as a table. Raises BuildError."""
+    try:
+        return Table(tomllib.loads(path.read_text(encoding="utf-8-sig")), str(path))
+    except OSError as error:
+        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise BuildError(f"{path}: this is not TOML: {error}") from None
 
 
 def keys_for(name: str, keys: Mapping[str, Key]) -> str:

@@ -9,13 +9,12 @@ kt = { min = 0.45 }
 Qm = { min = 70 }
 """
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 from ....models.build import Build
 from ....models.specification import USUAL_CONFORMANCE, Limit, Specification, SpecificationError
-from .build_table import BuildError, Table
+from .build_table import BuildError, Table, read_table
 from .file_keys import LIMIT_KEYS
 
 _ENDS = {"min": ("", "low"), "max": ("", "high"), "min_im": (".im", "low"), "max_im": (".im", "high")}
@@ -40,13 +39,7 @@ def with_limits(build: Build, path: Path | None) -> Build:
     """Return the build with the limits of a specification file in place of its own. Raises BuildError."""
     if path is None:
         return build
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise BuildError(f"{path}: this is not TOML: {error}") from None
-    top = Table(data, str(path))
+    top = read_table(path)
     top.only(("limits",))
     changed = replace(build, specification=read_limits(top.table("limits")))
     check_limits(changed, str(path))

@@ -7,9 +7,10 @@ from dataclasses import replace
 import complex_ceramic
 import numpy as np
 import pytest
+from disk_build import disk_build
 from scipy.signal import find_peaks
 
-from pzctl.daemon.files.builds.build_file import parse_build, read_build
+from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, fitted_disk, with_effects
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
@@ -36,29 +37,6 @@ def cache(tmp_path_factory):
         del os.environ["PZCTL_HOME"]
     else:
         os.environ["PZCTL_HOME"] = before
-
-
-def build(diameter, thickness, density, material="PZT-5A", more=""):
-    return parse_build(
-        f"""
-name = "D"
-diameter_mm = {diameter}
-[[layers]]
-name = "disk"
-kind = "piezo"
-material = "{material}"
-thickness_mm = {thickness}
-density_kg_m3 = {density}
-{more}
-[load]
-back = "air"
-front = "air"
-[[steps]]
-name = "disk"
-layers = ["disk"]
-""",
-        "build.toml",
-    )
 
 
 def test_coordinates_give_passive_constants_and_their_derivatives():
@@ -99,7 +77,7 @@ def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     rng = np.random.default_rng(1)
     noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     sweep = Sweep(f, disk.impedance(f) * np.exp(noise))
-    result = Disk2DFitter().fit(FitTask(build(10, 1, 7700), {"disk": (sweep,)}))
+    result = Disk2DFitter().fit(FitTask(disk_build(10, 1, 7700), {"disk": (sweep,)}))
     assert result.converged
     assert result.rms_log_error < 4e-4
     for name in CONSTANTS:
@@ -126,10 +104,10 @@ def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (build(100, 0.5, 7700), "covers diameter/thickness"),
-        (build(20, 1.9, 7700), "reaches up to"),
-        (build(20, 1.9, 7700, more="electrode_diameter_mm = 20.5"), "is 20.5; `disk2d` covers 10 to 20"),
-        (build(20, 1.9, 7700, more="electrode_diameter_mm = { value = 19, u = 0.1 }"), "takes it as exact"),
+        (disk_build(100, 0.5, 7700), "covers diameter/thickness"),
+        (disk_build(20, 1.9, 7700), "reaches up to"),
+        (disk_build(20, 1.9, 7700, more="electrode_diameter_mm = 20.5"), "is 20.5; `disk2d` covers 10 to 20"),
+        (disk_build(20, 1.9, 7700, more="electrode_diameter_mm = { value = 19, u = 0.1 }"), "takes it as exact"),
     ],
 )
 def test_disks_and_recordings_out_of_reach_are_refused(given, says):
