@@ -79,7 +79,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     pair, nothing = errors.pair, searched.nothing
     alike = _class(searched, errors)
     best = _probable(errors, searched, _substantial(searched, _simplest(searched, alike), errors), alike)
-    told = _told(searched, best, alike)
+    told = _told(searched, best, alike, pair)
     verdict, named = told.verdict, nothing if told.verdict in ("unchanged", "unexplained") else best
     held = _held_out(pair.frequency.size)
     findings = _findings(errors, searched, best, (alike, held)) if best.hypothesis.changes else ()
@@ -176,7 +176,7 @@ class _Told:
     """Sentence on the most probable unnamed explanation."""
 
 
-def _told(searched: Searched, best: Fitted, alike: Sequence[int]) -> _Told:
+def _told(searched: Searched, best: Fitted, alike: Sequence[int], pair: Pair) -> _Told:
     """Return the verdict; the rest of the best explanation tells whether it is complete."""
     usual = searched.nothing.outcome.usual
     apart = max(searched.apart, nothing_in_common(best) if best.hypothesis.changes else 0.0)
@@ -196,7 +196,7 @@ def _told(searched: Searched, best: Fitted, alike: Sequence[int]) -> _Told:
     if named < NAMED:
         return _Told("unexplained", max(other, 1 - still - named), still, named, says)
     left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))
-    change = float(np.sqrt(np.mean(np.abs(searched.nothing.outcome.left) ** 2)))
+    change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
     whole = best.outcome.usual >= NAMED or left < _EXPLAINED * change
     return _Told("explained" if whole else "partly-explained", named, still, named)
 
