@@ -78,7 +78,7 @@ def diagnose(
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
     places = (
-        placed_corrections(search.problem, found.final, progress, jobs)
+        placed_corrections(search.problem, found.final, progress, jobs, thorough=learn)
         if found.something_left and fitter is None
         else ()
     )

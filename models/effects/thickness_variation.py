@@ -1,7 +1,6 @@
 """`thickness-variation`: faces that are not parallel, or a distribution of thickness over the area."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +12,7 @@ from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active
 
-_STRIPS = (9, 17, 33, 65)
+_STRIPS = (7, 9, 12, 17, 23, 33, 46, 65)
 _NEARLY = 1e-7
 """Tolerated relative error of the mean over the face; determines the number of strips."""
 _WEDGE, _ARCHED = 1.0, 0.6
@@ -68,14 +67,14 @@ class ThicknessVariation(Effect):
         def strips(part: ParallelSection) -> list[ParallelSection]:
             t0 = part.stack.parameters()[name]
             nodes, weights = _gauss(_strips(part.stack, w), values["shape"])
+            factors = (1 + w * nodes).tolist()
+            stacks = part.stack.of_thicknesses(layer_at(where), [t0 * factor for factor in factors])
+            own = part.scale.get(name, 1.0)
             return [
-                replace(
-                    part,
-                    fraction=part.fraction * weight,
-                    stack=part.stack.replace({name: t0 * (1 + w * node)}),
-                    scale={**part.scale, name: part.scale.get(name, 1.0) * (1 + w * node)},
+                ParallelSection(
+                    part.fraction * weight, stack, {**part.scale, name: own * factor}, part.linked_parameters
                 )
-                for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True)
+                for factor, weight, stack in zip(factors, weights.tolist(), stacks, strict=True)
             ]
 
         return assembly.split(strips)

@@ -21,7 +21,7 @@ from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
 from .lumps import Mass, Spring
 from .radiation import Piston
 from .stack import Layer, Stack
-from .strips import parallel_admittance
+from .strips import parallel_admittance, parallel_jacobian
 
 __all__ = [
     "AIR",
@@ -45,5 +45,6 @@ __all__ = [
     "StackError",
     "Support",
     "parallel_admittance",
+    "parallel_jacobian",
     "viscous",
 ]

@@ -1,7 +1,7 @@
 """Parallel stacks: those that differ in the thickness of one layer only are evaluated together."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from .active import ActiveLine
 from .layers import Elastic, Piezo
 from .network import Network, Section
 from .sections import sections_of
+from .slopes import Slopes
 from .stack import Stack
 
 _TOGETHER = 4096
@@ -28,6 +29,38 @@ def parallel_admittance(stacks: Sequence[Stack], fractions: Sequence[float], fre
     return total
 
 
+def parallel_jacobian(
+    stacks: Sequence[Stack], fractions: Reals, frequency: Frequencies, names: Sequence[str], scale: Reals
+) -> tuple[Complexes, Complexes] | None:
+    """Return the sum of fraction/Z, S, shape (N,), and its derivatives by each parameter, shape (P, N).
+
+    `scale`, shape (Q, P), is d (parameter of a stack) / d (parameter of the device). None if the stacks differ in more
+    than the thickness of one layer.
+    """
+    varied = _varied(stacks)
+    if varied is None:
+        return None
+    k, thickness = varied
+    first = stacks[0]
+    loads = {"back": first.back, "front": first.front}
+    total = np.zeros(frequency.size, np.complex128)
+    slopes = np.zeros((len(names), frequency.size), np.complex128)
+    for part, network in _networks(first, k, thickness, frequency):
+        total += fractions[part] @ (first.area / network.Z)
+        weight = -fractions[part, None] * first.area / network.Z**2
+        of_layers = Slopes(network, first.layers, loads, frequency, first.bolt)
+        row = np.empty(network.Z.shape, np.complex128)
+        for p, name in enumerate(names):
+            if name == "area":
+                np.multiply(network.Z + network.path_weight, -1 / first.area, out=row)
+            else:
+                of_layers.write(name, row)
+            if name == f"{first.layers[k].name}.thickness":
+                row *= thickness[0] / thickness[part, None]
+            slopes[p] += np.einsum("qn,qn->n", weight * scale[part, p, None], row)
+    return total, slopes
+
+
 def _together(stacks: Sequence[Stack], fractions: Reals, frequency: Frequencies) -> Complexes:
     """Return the sum of fraction/Z of stacks with the same layers, with array operations over those that allow it."""
     varied = _varied(stacks)
@@ -36,17 +69,21 @@ def _together(stacks: Sequence[Stack], fractions: Reals, frequency: Frequencies)
         for stack, fraction in zip(stacks, fractions.tolist(), strict=True):
             total += fraction / stack.impedance(frequency)
         return total
-    k, thickness = varied
-    first = stacks[0]
+    for part, network in _networks(stacks[0], *varied, frequency):
+        total += fractions[part] @ (stacks[0].area / network.Z)
+    return total
+
+
+def _networks(first: Stack, k: int, thickness: Reals, frequency: Frequencies) -> Iterator[tuple[slice, Network]]:
+    """Yield slices of the stacks, and their networks: quantities that depend on the thickness have shape (Q, N)."""
     loads = first.back.impedance(frequency), first.front.impedance(frequency)
     sections = sections_of(first.layers, frequency)
     path = first.path(frequency)
     few = max(1, _TOGETHER // frequency.size)
-    for at in range(0, len(stacks), few):
-        sections[k] = _line(first.layers[k], frequency, thickness[at : at + few, None])
-        Z = Network(sections, *loads, parallel=first.connection == "parallel", path=path).Z / first.area
-        total += fractions[at : at + few] @ (1.0 / Z)
-    return total
+    for at in range(0, len(thickness), few):
+        part = slice(at, min(at + few, len(thickness)))
+        sections[k] = _line(first.layers[k], frequency, thickness[part, None])
+        yield part, Network(sections, *loads, parallel=first.connection == "parallel", path=path)
 
 
 def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
@@ -54,6 +91,9 @@ def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
     first = stacks[0]
     if len(stacks) < 2:
         return None
+    known = Stack.varied_layer(stacks)
+    if known is not None:
+        return known, _thicknesses(stacks, known)
     places: set[int] = set()
     for other in stacks[1:]:
         ends = (first.back, other.back), (first.front, other.front), (first.area, other.area), (first.bolt, other.bolt)
@@ -66,13 +106,19 @@ def _varied(stacks: Sequence[Stack]) -> tuple[int, Reals] | None:
     layers = [stack.layers[k] for stack in stacks]
     if not all(_same_but_thickness(layers[0], layer) for layer in layers[1:]):
         return None
-    return k, np.array([layer.thickness for layer in layers if isinstance(layer, Elastic | Piezo)])
+    return k, _thicknesses(stacks, k)
+
+
+def _thicknesses(stacks: Sequence[Stack], k: int) -> Reals:
+    layers = [stack.layers[k] for stack in stacks]
+    return np.array([layer.thickness for layer in layers if isinstance(layer, Elastic | Piezo)])
 
 
 def _same_but_thickness(first: object, second: object) -> bool:
     if type(first) is not type(second) or not isinstance(first, Elastic | Piezo):
         return False
-    return {**vars(first), "thickness": None} == {**vars(second), "thickness": None}
+    others = vars(second)
+    return all(key == "thickness" or value is others[key] or value == others[key] for key, value in vars(first).items())
 
 
 def _line(layer: object, frequency: Frequencies, thickness: Reals) -> Section:

@@ -50,12 +50,17 @@ class PlacedCorrection:
 
 
 def placed_corrections(
-    problem: Problem, parent: Hypothesis, progress: Callable[[str], None] = lambda _: None, jobs: int = 1
+    problem: Problem,
+    parent: Hypothesis,
+    progress: Callable[[str], None] = lambda _: None,
+    jobs: int = 1,
+    thorough: bool = True,
 ) -> tuple[PlacedCorrection, ...]:
     """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
 
     No other smooth error of the model is allowed with it: the question is which single place explains the residual.
-    `jobs`: number of processes.
+    `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts, as a law that is
+    learned from it needs; otherwise from its first-order solution alone.
     """
     try:
         alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
@@ -67,7 +72,7 @@ def placed_corrections(
     trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
     screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
     screened.sort(key=lambda trial: -trial[0].log_evidence)
-    fits = _fitted(problem, parent, [trial for trial, *_ in screened[:PLACES]], jobs)
+    fits = _fitted(problem, parent, [trial for trial, *_ in screened[:PLACES]], jobs, thorough)
     found: list[tuple[Place, tuple[str, ...], Hypothesis]] = []
     for made, (_, place, steps) in zip(fits, screened, strict=False):
         if made is not None and not _same(made, found):
@@ -152,12 +157,14 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
     return max(trials, key=lambda trial: trial.log_evidence, default=None)
 
 
-def _fitted(problem: Problem, parent: Hypothesis, trials: Sequence[_Trial], jobs: int) -> list[Hypothesis | None]:
+def _fitted(
+    problem: Problem, parent: Hypothesis, trials: Sequence[_Trial], jobs: int, thorough: bool
+) -> list[Hypothesis | None]:
     """Return the best fit of each correction; None where there is none."""
     plans = [
         _Plan((*parent.effects, trial.candidate), values, sizes, near)
         for trial in trials
-        for values, near in ((dict(parent.values), False), (trial.start, True))
+        for values, near in (((dict(parent.values), False),) if thorough else ()) + ((trial.start, True),)
         # one by one, because each leads to a different minimum
         for sizes in dict.fromkeys((trial.sizes.at("tau", 0.0), parent.fit.sizes.at("tau", 0.0)))
     ]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...base.model import Model
-from ...stack import Stack, parallel_admittance
+from ...stack import Stack, parallel_admittance, parallel_jacobian
 
 
 @dataclass(frozen=True)
@@ -177,12 +177,10 @@ class Assembly:
         if self.whole is not None:
             own, by_name = self.whole.jacobian(frequency, names)
             within, slope = self._kept(frequency, 1 / own).copy(), -by_name / own
-        for part in self.parts:
-            moved = part.moved_by(names)
-            Z, dlnZ = part.stack.jacobian(frequency, [name for _, name, _ in moved])
-            within += part.fraction / Z
-            for row, (k, _, scale) in zip(dlnZ, moved, strict=True):
-                slope[k] -= part.fraction * scale / Z * row
+        for alike in _alike(self.parts):
+            admittance, by_name = _admittance_slopes(alike, frequency, names)
+            within += admittance
+            slope += by_name
         seen: Impedances = 1 / (self._beside(frequency, jw) + within)
         slope *= -(seen**2)
         for terminal in self.terminals:
@@ -193,3 +191,37 @@ class Assembly:
 
 Record = Callable[[Assembly, Frequencies, Impedances], Impedances]
 """Maps (device, Hz, steady Z) to the impedance recorded during a sweep; shapes (N,)."""
+
+
+def _alike(parts: Sequence[ParallelSection]) -> list[list[ParallelSection]]:
+    """Group the parts whose stacks have the same layers and loads, with the same parameters linked."""
+    groups: dict[tuple[object, ...], list[ParallelSection]] = {}
+    for part in parts:
+        names = tuple(layer.name for layer in part.stack.layers)
+        key = (names, part.stack.back, part.stack.front, id(part.linked_parameters))
+        groups.setdefault(key, []).append(part)
+    return list(groups.values())
+
+
+def _admittance_slopes(
+    parts: Sequence[ParallelSection], frequency: Frequencies, names: Sequence[str]
+) -> tuple[Complexes, Complexes]:
+    """Return the admittance of parts with the same layers, S, shape (N,), and d Y / d parameter, shape (P, N)."""
+    moved = [part.moved_by(names) for part in parts]
+    own = [name for _, name, _ in moved[0]]
+    slope = np.zeros((len(names), frequency.size), np.complex128)
+    if len(parts) > 1:
+        scale = np.array([[size for *_, size in its] for its in moved])
+        fractions = np.array([part.fraction for part in parts])
+        together = parallel_jacobian([part.stack for part in parts], fractions, frequency, own, scale)
+        if together is not None:
+            for (k, *_), row in zip(moved[0], together[1], strict=True):
+                slope[k] += row
+            return together[0], slope
+    within = np.zeros(frequency.size, np.complex128)
+    for part, its in zip(parts, moved, strict=True):
+        Z, dlnZ = part.stack.jacobian(frequency, own)
+        within += part.fraction / Z
+        for row, (k, _, scale) in zip(dlnZ, its, strict=True):
+            slope[k] -= part.fraction * scale / Z * row
+    return within, slope

@@ -1,7 +1,7 @@
 """A correction of unknown law: any smooth causal function of frequency, as combinations of relaxations."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +18,8 @@ _SPACING = 0.35
 _BEYOND = np.log(8.0)
 """Range of relaxations beyond the recorded band, in ln f."""
 _NODES = 80
+_REMEMBERED = 8
+"""Number of recordings whose functions are kept; a session has fewer."""
 _KEPT = 0.003
 """Smallest kept standard deviation of a function, relative to the largest."""
 
@@ -32,12 +34,21 @@ class CausalBasis:
     """Shape (K [+ 2], M); the last two are a constant and j f/f0, for a correction that adds an impedance."""
     reference: float
     added: bool
+    _known: list[tuple[Frequencies, Complexes]] = field(default_factory=list[tuple[Frequencies, Complexes]])
+    """Newest functions at the points of recordings, by their frequencies."""
 
     def over(self, frequency: Frequencies, coefficients: Reals) -> Complexes:
         """Return the function with these coefficients of unit normal prior, shape (N,)."""
-        return np.asarray(
-            _terms(frequency, self.poles, self.reference, added=self.added) @ (self.weights @ coefficients)
-        )
+        return self._functions(frequency) @ coefficients
+
+    def _functions(self, frequency: Frequencies) -> Complexes:
+        """Return every function at these frequencies, shape (N, M)."""
+        for where, known in self._known:
+            if where is frequency or np.array_equal(where, frequency):
+                return known
+        made = np.asarray(_terms(frequency, self.poles, self.reference, added=self.added) @ self.weights)
+        self._known[:] = [(frequency.copy(), made), *self._known[: _REMEMBERED - 1]]
+        return made
 
 
 def _terms(frequency: Frequencies, poles: Reals, reference: float, *, added: bool) -> Complexes:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo, Stack, parallel_admittance
+from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo, Stack, parallel_admittance, parallel_jacobian
 
 FREQUENCY = np.linspace(1e6, 6e6, 301)
 DISK = Piezo("disk", thickness=0.5e-3, density=7700.0, c33D=1.44e11 * (1 + 1j / 80), h33=2e9, eps33S=8e-9 * (1 - 0.02j))
@@ -41,6 +41,23 @@ def test_strips_of_different_layers_and_loads_are_summed() -> None:
     bare: Stack = (AIR | DISK | AIR).with_area(2e-4)
     wet: Stack = (AIR | DISK | HalfSpace("water", 1.5e6)).with_area(2e-4)
     check([stack.replace({"disk.thickness": t}) for t in (4e-4, 5e-4, 6e-4) for stack in (bare, STACK, wet)])
+
+
+@pytest.mark.parametrize("layer", ["disk", "glue"])
+def test_derivatives_of_strips_equal_those_of_separate_stacks(layer: str) -> None:
+    thickness = STACK.parameters()[f"{layer}.thickness"]
+    stacks = STACK.of_thicknesses(layer, [thickness * part for part in (0.98, 1.0, 1.03)])
+    names = [f"{layer}.thickness", "disk.c33D.im", "glue.z", "ml1.q", "area"]
+    fractions, scale = np.array([0.2, 0.5, 0.3]), np.array([[0.98 + 0.02 * k, 1, 2, 3, 4] for k in range(3)])
+    together = parallel_jacobian(stacks, fractions, FREQUENCY, names, scale)
+    assert together is not None
+    total, slopes = np.zeros(FREQUENCY.size, complex), np.zeros((len(names), FREQUENCY.size), complex)
+    for stack, fraction, own in zip(stacks, fractions, scale, strict=True):
+        Z, by_name = stack.jacobian(FREQUENCY, names)
+        total += fraction / Z
+        slopes -= fraction / Z * own[:, None] * by_name
+    np.testing.assert_allclose(together[0], total, rtol=1e-12)
+    np.testing.assert_allclose(together[1], slopes, rtol=1e-9, atol=1e-12 * np.abs(slopes).max(axis=1)[:, None].max())
 
 
 def check(stacks: list[Stack]) -> None:
