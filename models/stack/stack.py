@@ -45,7 +45,7 @@ class Stack:
         default_factory=list[tuple[Frequencies, Network]], init=False, repr=False, compare=False
     )
     """One-entry cache of the network: callers evaluate the same stack repeatedly at the same frequencies."""
-    _varied: "tuple[Stack, int] | None" = field(default=None, init=False, repr=False, compare=False)
+    varied: "tuple[Stack, int] | None" = field(default=None, init=False, repr=False, compare=False)
     """The stack from which this one differs in the thickness of one layer, and the layer's index."""
 
     def __post_init__(self) -> None:
@@ -115,15 +115,15 @@ class Stack:
         for thickness in thicknesses:
             layer, stack = object.__new__(type(own)), object.__new__(type(self))
             vars(layer).update(vars(own), thickness=thickness)
-            vars(stack).update(vars(self), layers=(*before, layer, *after), _asked=[], _varied=origin)
+            vars(stack).update(vars(self), layers=(*before, layer, *after), _asked=[], varied=origin)
             varied.append(stack)
         return varied
 
     @staticmethod
     def varied_layer(stacks: "Sequence[Stack]") -> int | None:
         """Return the index of the layer in which these differ, if one call of `of_thicknesses` made them."""
-        first = stacks[0]._varied
-        return first[1] if first is not None and all(stack._varied is first for stack in stacks) else None
+        first = stacks[0].varied
+        return first[1] if first is not None and all(stack.varied is first for stack in stacks) else None
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
