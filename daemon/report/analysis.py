@@ -148,9 +148,12 @@ class ComparisonAnalysis:
         return _html(lambda console: print_comparison(console, self.to_json()), self.plot(), "comparison")
 
 
-def read(path: str | Path) -> Sweep:
-    """Read a recording: 4294A and E4990A exports, tables, Touchstone, NetCDF, HDF5. Raises RecordingError."""
-    return read_recording(Path(path))
+def read(path: str | Path, columns: str | None = None) -> Sweep:
+    """Read a recording: 4294A and E4990A exports, tables, Touchstone, NetCDF, HDF5. Raises RecordingError.
+
+    `columns`: names of the columns of a table without header row, such as `frequency_Hz,R_ohm,X_ohm`.
+    """
+    return read_recording(Path(path), columns)
 
 
 def model(build: Build | str | Path, step: str) -> Stack:

@@ -1,39 +1,45 @@
 """Column names as people and instruments write them: quantity, unit, data or memory trace."""
 
 import re
+import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models.base.arrays import Reals
 from .assemble import Points
 from .convert import RESISTANCE_WEAK, SIGN_LOST, loss_is_signed, to_impedance
-from .text_file import TextFile, clipped
+from .text_file import TextFile, clipped, has_decimal_comma, is_number
 
 _NAMES = {
-    "f": "f freq frequency",
-    "R": "r rs re(z) real(z) rez z' resistance",
-    "X": "x xs im(z) imag(z) imz z'' reactance",
-    "G": "g gp re(y) real(y) conductance",
-    "B": "b bp im(y) imag(y) susceptance",
-    "|Z|": "|z| abs(z) mag(z) zmod zabs zmag",
-    "theta": "theta theta-z θ θz theta(z) phase phase(z) arg(z) phase-z",
-    "|Y|": "|y| abs(y) mag(y) yabs ymag",
+    "f": "f freq frequency frequenz messfrequenz frequence",
+    "R": "r rs re(z) real(z) rez z' resistance wirkwiderstand serienwiderstand",
+    "X": "x xs im(z) imag(z) imz z'' reactance blindwiderstand",
+    "G": "g gp re(y) real(y) conductance wirkleitwert",
+    "B": "b bp im(y) imag(y) susceptance blindleitwert",
+    "|Z|": "|z| abs(z) mag(z) zmod zabs zmag impedance impedanz scheinwiderstand betrag(z) module(z)",
+    "theta": "theta theta-z θ θz theta(z) phase phase(z) arg(z) phase-z phaseangle phasenwinkel dephasage",
+    "|Y|": "|y| abs(y) mag(y) yabs ymag admittance admittanz scheinleitwert betrag(y) module(y)",
     "theta-y": "theta-y θy theta(y) phase(y) arg(y) phase-y",
-    "Cp": "cp",
-    "Cs": "cs",
-    "Lp": "lp",
-    "Ls": "ls",
-    "Rp": "rp",
-    "D": "d",
-    "Q": "q",
+    "Cp": "cp parallelkapazitat capaciteparallele",
+    "Cs": "cs serienkapazitat capaciteserie",
+    "Lp": "lp parallelinduktivitat inductanceparallele",
+    "Ls": "ls serieninduktivitat inductanceserie",
+    "Rp": "rp parallelwiderstand resistanceparallele",
+    "D": "d dissipationfactor verlustfaktor facteurdepertes",
+    "Q": "q qualityfactor gute gutefaktor guete facteurdequalite",
 }
+"""Names in English, German and French, in small letters without blanks and accents."""
 QUANTITIES = {name: quantity for quantity, names in _NAMES.items() for name in names.split()}
 REFLECTION = re.compile(r"return\s*loss|swr|vswr|s11", re.IGNORECASE)
 """With such a column in the table, `phase` is the angle of the reflection, not of the impedance."""
 
-_OHM, _SIEMENS, _ANGLE = ("ohm", "ohms", "Ω", "Ω"), ("s", "siemens", "mho"), ("deg", "degree", "degrees", "°", "rad")
+NO_HEADER = ", or name the columns with --columns frequency_Hz,R_ohm,X_ohm"
+"""What helps where the first row has numbers."""
+
+_OHM, _SIEMENS = ("ohm", "ohms", "Ω", "Ω"), ("s", "siemens", "mho")
+_ANGLE = ("deg", "degree", "degrees", "°", "grad", "degre", "degres", "rad")  # Grad: German for degree
 _BASES = {
     "f": ("hz",),
     **dict.fromkeys(("theta", "theta-y"), _ANGLE),
@@ -87,9 +93,8 @@ def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnM
             columns.append(column)
     if not any(column.quantity == "f" for column in columns):
         found = ", ".join(clipped(cell.strip(' "')) for cell in cells[:6])
-        raise page.error(
-            line, f"no frequency column among {found}; name it in the header row, for example frequency_Hz"
-        )
+        says = f"no frequency column among {found}; name it in the header row, for example frequency_Hz"
+        raise page.error(line, says + (NO_HEADER if all(map(is_number, cells)) else ""))
     return columns
 
 
@@ -119,7 +124,9 @@ def _in_si(page: TextFile, column: ColumnMeaning, numbers: Reals, line: int) -> 
 
 
 def _plain(name: str) -> str:
-    return name.replace(" ", "").casefold()
+    """Return a name in small letters without blanks and accents."""
+    letters = unicodedata.normalize("NFKD", name.replace(" ", "").casefold())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def _factor(quantity: str, unit: str | None) -> float | None:
@@ -128,7 +135,8 @@ def _factor(quantity: str, unit: str | None) -> float | None:
     if not unit:
         return 1.0 if bases[0] in _NO_UNIT_SAID or bases == ("",) else None
     if bases is _ANGLE:
-        return None if unit.casefold() not in bases else 1.0 if unit.casefold() == "rad" else float(np.pi / 180)
+        angle = _plain(unit)
+        return None if angle not in bases else 1.0 if angle == "rad" else float(np.pi / 180)
     for base in filter(None, bases):
         if unit.casefold().endswith(base.casefold()):
             prefix = unit[: len(unit) - len(base)]
@@ -180,7 +188,10 @@ def points_of(
     parameter, first, second = pair_of(page, columns, line)
     frequency = next(column for column in columns if column.quantity == "f")
     taken = (frequency, first, second)
-    table = [page.row(cells, names, n, [column.index for column in taken]) for n, cells in body]
+    needed = [column.index for column in taken]
+    commas = has_decimal_comma(cells[k] for _, cells in body for k in needed if k < len(cells))
+    page = replace(page, decimal_comma=commas)
+    table = [page.row(cells, names, n, needed) for n, cells in body]
     numbers = np.array(table, dtype=np.float64).reshape(len(table), len(taken))
     f, a, b = (_in_si(page, column, numbers[:, k], line) for k, column in enumerate(taken))
     notes = notes_on(parameter, a, b)

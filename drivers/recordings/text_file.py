@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,6 +14,7 @@ LARGEST = 100_000_000
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
 _NO_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|n/?a|1\.#\w+|-+)?", re.IGNORECASE)
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffe]")
 
@@ -28,6 +29,8 @@ class TextFile:
 
     path: Path
     lines: tuple[str, ...]
+    decimal_comma: bool = False
+    """Whether numbers are written with a decimal comma."""
 
     def error(self, line: int | None, says: str) -> RecordingError:
         """Return an error about a line (from 1), or about the file as a whole."""
@@ -37,17 +40,22 @@ class TextFile:
     def number(self, cell: str, what: str, line: int) -> float:
         """Return the number in a cell; `what` names the quantity. Raises RecordingError."""
         cell = cell.strip()
-        if not _NUMBER.fullmatch(cell):
+        written = cell.replace(",", ".") if self.decimal_comma else cell
+        if not _NUMBER.fullmatch(written) or (self.decimal_comma and "." in cell):
             raise self.error(line, self._no_number(cell, what))
-        number = float(cell)
+        number = float(written)
         if not math.isfinite(number):
             raise self.error(line, f"{what} is {clipped(cell)}, too large for a number")
         return number
 
     @staticmethod
     def _no_number(cell: str, what: str) -> str:
+        if _THOUSANDS.fullmatch(cell):
+            return f"{what} is {clipped(cell)!r}: a decimal comma, or thousands? Write numbers with a point"
         if _DECIMAL_COMMA.fullmatch(cell):
             return f"{what} is {clipped(cell)!r}, with a decimal comma; write numbers with a point"
+        if "," in cell and "." in cell and _NUMBER.fullmatch(cell.replace(",", "").replace(".", "")):
+            return f"{what} is {clipped(cell)!r}, with point and comma; write numbers without marks of thousands"
         if not cell:
             return f"{what} is missing; a number is needed at every point"
         if _NO_NUMBER.fullmatch(cell):
@@ -59,11 +67,27 @@ class TextFile:
         if len(cells) != len(names):
             hint = ""
             if len(cells) > len(names) and all(cell.strip().lstrip("+-").isdigit() for cell in cells[:2]):
-                hint = "; if these are decimal commas, write numbers with a point"
+                hint = "; if these are decimal commas, write numbers with a point, or separate columns by semicolons"
             if line == len(self.lines) and len(cells) < len(names):
                 hint = "; the file seems to be cut off here"
             raise self.error(line, f"{len(cells)} values found under {len(names)} columns{hint}")
         return [self.number(cells[k], clipped(names[k]), line) for k in needed]
+
+
+def has_decimal_comma(cells: Iterable[str]) -> bool:
+    """Return whether the numbers of a table have decimal commas for certain.
+
+    They have if no number has a point, and at least one comma cannot separate thousands, as in `0,612` or `4,34e1`.
+    """
+    with_comma = [cell.strip() for cell in cells if "," in cell or "." in cell]
+    if not all(_DECIMAL_COMMA.fullmatch(cell) for cell in with_comma):
+        return False
+    return not all(_THOUSANDS.fullmatch(cell) for cell in with_comma)
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, with a point or a decimal comma."""
+    return bool(_NUMBER.fullmatch(cell.strip()) or _DECIMAL_COMMA.fullmatch(cell.strip()))
 
 
 def clipped(text: str, most: int = 60) -> str:

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from ....models.base.names import shown
-from .fit import read_trace
+from .fit import Columns, read_trace
 from .fit_options import UsageError
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def compare(
     build: Annotated[
         Path | None, typer.Option(help="build.toml of the device, to name changes inside by layer, bond and face.")
     ] = None,
+    columns: Columns = None,
     picture: Annotated[Path | None, typer.Option(help="Where the picture goes, .png, .svg or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -78,7 +79,7 @@ def compare(
         _one(*_from_journal(sample, step), known, picture, as_json)
         return
     sides = _sides(recordings or [], before or [], after or [])
-    own, other = (tuple(_read(path) for path in side) for side in sides)
+    own, other = (tuple(_read(path, columns) for path in side) for side in sides)
     if repeats or len(own) == len(other) == 1:
         _one(own, other, known, picture, as_json)
     elif build is not None:
@@ -177,8 +178,8 @@ def _sides(recordings: list[Path], before: list[Path], after: list[Path]) -> tup
     return ([recordings[0]], [recordings[1]]) if recordings else (before, after)
 
 
-def _read(path: Path) -> "Sweep":
-    sweep = read_trace(path)
+def _read(path: Path, columns: str | None) -> "Sweep":
+    sweep = read_trace(path, columns)
     for note in sweep.notes:
         print(shown(f"note: {sweep.id}: {note}"), file=sys.stderr)
     return sweep

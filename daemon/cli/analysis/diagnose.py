@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ....models.base.names import shown
-from .fit import read_steps
+from .fit import Columns, read_steps
 from .fit_options import UsageError, comma_names
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def diagnose(
             help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
         ),
     ] = None,
+    columns: Columns = None,
     learn: Annotated[
         bool,
         typer.Option(
@@ -89,7 +90,16 @@ def diagnose(
     if every or dask:
         if fitter != DEFAULT:
             raise UsageError(f"--all diagnoses the model of {DEFAULT}; --fitter does not go with it")
-        _check_all(every, {"build": build, "picture": picture, "other-sample": other_sample, "unseen": unseen or None})
+        _check_all(
+            every,
+            {
+                "build": build,
+                "picture": picture,
+                "other-sample": other_sample,
+                "unseen": unseen or None,
+                "columns": columns,
+            },
+        )
         from .diagnose_all import diagnose_all
 
         diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
@@ -102,7 +112,7 @@ def diagnose(
     device = None if build is None else read_build(build)
     others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
-    task = FitTask(device, read_steps(recordings, accuracy))
+    task = FitTask(device, read_steps(recordings, accuracy, columns))
     with screen.status("diagnosing") as status:
         diagnosis = run_diagnosis(
             task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores(), fitter=model

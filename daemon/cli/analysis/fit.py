@@ -12,6 +12,8 @@ from ....models.base.names import as_file_name, shown
 from .fit_options import FitArguments, FitSelection, UsageError, check_options, free_names
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ....fitters.interface import FitResult
     from ....models.build import Build
     from ....models.sweep import Sweep
@@ -33,12 +35,24 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
     return files
 
 
-def read_steps(given: list[str], accuracy_percent: float | None = None) -> "dict[str, tuple[Sweep, ...]]":
+Columns = Annotated[
+    str | None,
+    typer.Option(help="Names of the columns of tables without header row, for example frequency_Hz,R_ohm,X_ohm."),
+]
+"""The option `--columns` of the commands that read files."""
+
+
+def read_steps(
+    given: list[str], accuracy_percent: float | None = None, columns: str | None = None
+) -> "dict[str, tuple[Sweep, ...]]":
     """Read the recordings named by `STEP=FILE` arguments, by step; print their notes on standard error.
 
-    `accuracy_percent`: of the analyzer, in per cent of |Z|; None for what the file says or a 4294A's.
+    `accuracy_percent`: of the analyzer, in per cent of |Z|; None for what the file says or a 4294A's. `columns`: names
+    of the columns of tables without header row.
     """
-    sweeps = {step: tuple(map(read_trace, paths)) for step, paths in parse_recordings(given).items()}
+    sweeps = {
+        step: tuple(read_trace(path, columns) for path in paths) for step, paths in parse_recordings(given).items()
+    }
     for of_step in sweeps.values():
         for sweep in of_step:
             for note in sweep.notes:
@@ -52,12 +66,12 @@ def read_steps(given: list[str], accuracy_percent: float | None = None) -> "dict
     }
 
 
-def read_trace(path: Path) -> "Sweep":
+def read_trace(path: Path, columns: str | None = None) -> "Sweep":
     """Read a recording; `FILE@memory` reads the memory trace that a 4294A export may hold. Raises RecordingError."""
     from ....drivers.recordings import RecordingError, read_memory_trace, read_recording
 
     if not path.name.endswith(_MEMORY):
-        return read_recording(path)
+        return read_recording(path, columns)
     memory = read_memory_trace(path.with_name(path.name.removesuffix(_MEMORY)))
     if memory is None:
         raise RecordingError(f"{path.name.removesuffix(_MEMORY)} carries no memory trace")
@@ -97,6 +111,7 @@ def fit(
             help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
         ),
     ] = None,
+    columns: Columns = None,
     limits: Annotated[
         Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")
     ] = None,
@@ -125,7 +140,14 @@ def fit(
         _check_all(
             every,
             needs_all,
-            {"build": build, "picture": picture, "accuracy": accuracy, "budget": budget or None, "limits": limits},
+            {
+                "build": build,
+                "picture": picture,
+                "accuracy": accuracy,
+                "budget": budget or None,
+                "limits": limits,
+                "columns": columns,
+            },
         )
         from .fit_all import fit_all
 
@@ -135,7 +157,7 @@ def fit(
         from ...report.pictures.picture_file import check_picture
 
         check_picture(picture)
-    results, known = _fitted(recordings, build, limits, fitter or [], wanted, accuracy)
+    results, known = _fitted(build, limits, fitter or [], wanted, lambda: read_steps(recordings, accuracy, columns))
     if as_json:
         from ...report.json_output.fit_json import fit_json
 
@@ -168,12 +190,11 @@ def _check_all(every: bool, needs_all: str | None, others: "dict[str, object]") 
 
 
 def _fitted(
-    recordings: list[str],
     build: Path | None,
     limits: Path | None,
     names: list[str],
     wanted: FitSelection,
-    accuracy: float | None,
+    recordings: "Callable[[], dict[str, tuple[Sweep, ...]]]",
 ) -> "tuple[list[FitResult], Build | None]":
     """Return the result of each fitter, and the build with the amendments. Raises PzctlError."""
     from ....fitters.engine.parameters.overrides import Amendments, amended
@@ -192,7 +213,7 @@ def _fitted(
         raise UsageError("--limits names layers of a build; give --build as well")
     elif wanted.amendments != Amendments():
         raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
-    task = FitTask(known, read_steps(recordings, accuracy), wanted.free, wanted.options)
+    task = FitTask(known, recordings(), wanted.free, wanted.options)
     return [run(fitter, task) for fitter in fitters], known
 
 

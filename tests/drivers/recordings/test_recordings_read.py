@@ -166,6 +166,13 @@ def test_pairs_that_lose_the_sign_of_x_are_refused(tmp_path: Path, parameter: st
         ("Frequency(Hz),|Z|(Ohm)-data,|Z|(Ohm)-mem,theta-z(deg)-data,theta-z(deg)-mem", "1e6,5,7,0,90", 5 + 0j),
         ("frequency_Hz,|Y|(S),theta-y(deg)", "1e6,0.5,90", -2j),
         ("f / Hz,Ls (µH),Rs (Ω)", "1e6,0.15915494309189535,1", 1 + 1j),
+        ("frequency_Hz;R_ohm;X_ohm", "1000000;1,5;-2,25", 1.5 - 2.25j),
+        ("Frequenz / MHz;Impedanz (kOhm);Phasenwinkel / °", "1,0e+00;2,0;-90,0", -2000j),
+        ("Frequenz [Hz];Wirkwiderstand [Ohm];Blindwiderstand [Ohm]", "1e6;3,0;-4,0", 3 - 4j),
+        ("Frequenz (Hz);Parallelkapazität (pF);Verlustfaktor", "1e6;159,15494309189535;0", -1000j),
+        ("Fréquence (kHz)\tImpédance (Ω)\tPhase (degrés)", "1e3\t5,0\t0", 5 + 0j),
+        ("Fréquence (Hz);Résistance (Ohm);Réactance (Ohm)", "1e6;3,0;-4,0", 3 - 4j),
+        ("Frequency (Hz)  R (Ohm) X (Ohm)", "1e6 3   -4", 3 - 4j),
     ],
 )
 def test_columns_by_name_and_unit(tmp_path: Path, header: str, row: str, z: complex) -> None:
@@ -177,6 +184,20 @@ def test_columns_by_name_and_unit(tmp_path: Path, header: str, row: str, z: comp
     memory = read_memory_trace(file)
     assert (memory is not None) == ("-mem" in header)
     assert memory is None or memory.impedance[0] == pytest.approx(7j)
+
+
+@pytest.mark.parametrize("rows", ["1e6,3,-4\n2e6,3,-4", "1e6 3 -4\n2e6 3 -4", "f;R;X\n1e6;3,0;-4,0\n2e6;3,0;-4,0"])
+def test_a_table_without_known_header_has_the_named_columns(tmp_path: Path, rows: str) -> None:
+    file = tmp_path / "a.txt"
+    file.write_text(f"# bandwidth: 3\n{rows}\n")
+    sweep = read_recording(file, "frequency_Hz,R_ohm,X_ohm")
+    assert sweep.frequency.tolist() == [1e6, 2e6]
+    assert sweep.impedance.tolist() == [3 - 4j, 3 - 4j]
+    assert sweep.settings["bandwidth"] == 3
+    with pytest.raises(RecordingError, match="3 values found under 4 columns"):
+        read_recording(file, "frequency_Hz,R_ohm,X_ohm,note")
+    with pytest.raises(RecordingError, match="do not determine an impedance"):
+        read_recording(file, "frequency_Hz,-,R_ohm")
 
 
 @pytest.mark.parametrize("signed", [True, False])
