@@ -5,12 +5,13 @@ from difflib import get_close_matches
 
 from ..base.errors import PzctlError
 from .ceramics import CERAMICS, SHERRIT_RADIAL
+from .crystals import CRYSTALS
 from .material import Kind, Material
 from .passive import PASSIVE
 
 __all__ = ["MATERIALS", "SHERRIT_RADIAL", "Kind", "Material", "MaterialError", "find"]
 
-MATERIALS: tuple[Material, ...] = (*CERAMICS, *PASSIVE)
+MATERIALS: tuple[Material, ...] = (*CERAMICS, *CRYSTALS, *PASSIVE)
 """Every material of the library."""
 
 

@@ -10,12 +10,16 @@ from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permitt
 from ..constants.tensor import Tensor6mm
 from .composite import Polymer, composite_1_3
 from .material import Material, ceramics, from_tensor, lossless_tensor
-from .rotated_cut import longitudinal_mode
+from .temperature import permittivity_slope
 
 _THESIS = "Ferroperm data sheet as printed by Tjelde, NTNU 2012"
 _FERROPERM = (
     "Ferroperm Piezoceramics, full data matrix of Pz27, rounded; its kp, kt, eps33T and d31 agree with the columns "
     "that Tjelde, NTNU 2012, prints to 2 %"
+)
+_PZ26 = (
+    "Ferroperm Piezoceramics, full data matrix of Pz26, rounded, not read again; its s11E, d31, d33, eps33T, kt and kp "
+    "follow from these constants to 1 %; Qm > 1000, tan d 0.003"
 )
 _BERGEN = "Knappskog, master thesis, University of Bergen 2007: constants of Pz27 adjusted to measured disks"
 _KOCBACH = "Kocbach's set, PiezoAcousticFEM.jl"
@@ -23,7 +27,6 @@ _PIC = "PI Ceramic, Piezo Material Data (table of the catalogue), scribd.com/doc
 _COMSOL = "COMSOL material library, stress-charge form, as exported in public model files"
 _NAVY = "American Piezo Ceramics, table of material properties"
 _ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, table E.1"
-_KOVACS = "Kovacs, Anhorn, Engan, Visintini, Ruppel, IEEE Ultrasonics Symposium 1990, p. 435"
 _PIEZO_FILM = "Measurement Specialties, Piezo Film Sensors Technical Manual, table 1"
 _COMPOSITE = "IEEE TUFFC 64 (2017) 1078, table I (PMC5568756)"
 _CTS = "CTS data sheet, dtsheet.com/doc/1396950"
@@ -122,6 +125,12 @@ def _navy(
     )
 
 
+def _pz26() -> dict[str, Quantity]:
+    """Return Pz26 from its ten constants; the compliances, d and eps33T that the data sheet prints too agree to 1 %."""
+    full = lossless_tensor((168, 110, 99.9, 123, 30.1), (-2.80, 14.7, 9.86), (828, 700), 1000, 0.003)
+    return from_tensor(full, 7700, _PZ26)
+
+
 def _compliances(
     s: tuple[float, float, float, float, float],
     d: tuple[float, float, float],
@@ -144,31 +153,6 @@ def _compliances(
 
 
 _PZT5H_FULL = _compliances((16.5, -4.78, -8.45, 20.7, 43.5), (-274, 593, 741), (3130, 3400), (65, 0.025))
-
-
-def _lithium_niobate(angle_deg: float) -> dict[str, Quantity]:
-    """Return a plate of LiNbO3, Y-cut rotated about X; 90 degrees is the Z-cut. Kovacs gives no losses."""
-    c = 1e9 * np.array(
-        [
-            [198.39, 54.72, 65.13, 7.88, 0, 0],
-            [54.72, 198.39, 65.13, -7.88, 0, 0],
-            [65.13, 65.13, 227.90, 0, 0, 0],
-            [7.88, -7.88, 0, 59.65, 0, 0],
-            [0, 0, 0, 0, 59.65, 7.88],
-            [0, 0, 0, 0, 7.88, 71.835],
-        ]
-    )
-    e = np.array([[0, 0, 0, 0, 3.69, -2.42], [-2.42, 2.42, 0, 3.69, 0, 0], [0.30, 0.30, 1.77, 0, 0, 0]])
-    plate = longitudinal_mode(c, e, EPS0 * np.diag([45.6, 45.6, 26.3]), angle_deg)
-    values = {"density": 4628 + 0j, "c33D": plate.c33D * (1 + 1e-3j), "h33": plate.h33}
-    values["eps33S"] = plate.eps33S * (1 - 1e-3j)
-    source = f"{_KOVACS}; Christoffel equation for this cut; Q 1000 and tan d 0.001 assumed"
-    # half the difference to the set in Auld, Acoustic Fields and Waves in Solids, 1973: c33E 245 GPa, eps33S 29
-    u = {"density": 0.01, "c33D": 0.035, "h33": 0.05, "eps33S": 0.05}
-    return {
-        name: Quantity(value.real, value.imag, u[name] * abs(value.real), 0.5 * abs(value.imag), source)
-        for name, value in values.items()
-    }
 
 
 def _piezo_film() -> dict[str, Quantity]:
@@ -225,6 +209,7 @@ def _li() -> dict[str, Quantity]:
 
 CERAMICS: tuple[Material, ...] = (
     Material("Pz27", "piezo", _pz27(), "soft PZT; thickness and radial constants as the thesis prints them"),
+    Material("Pz26", "piezo", _pz26(), "hard PZT; Navy type I"),
     Material("Pz27 Bergen", "piezo", _bergen(), "complete complex set; passive"),
     Material(
         "PZT-5A",
@@ -274,8 +259,6 @@ CERAMICS: tuple[Material, ...] = (
         ),
         "hard; Navy type III",
     ),
-    Material("LiNbO3 36Y", "piezo", _lithium_niobate(36), "crystal; 36 degrees rotated Y-cut, thickness mode only"),
-    Material("LiNbO3 Z", "piezo", _lithium_niobate(90), "crystal; Z-cut, thickness mode only"),
     Material("PVDF", "piezo", _piezo_film(), "film; thickness mode only"),
     Material("1-3 composite PZT-5H", "piezo", _published_composite(), "as published; thickness mode only"),
     Material("1-3 composite PZT-5H 50%", "piezo", _mixed_composite(), "by mixing rules; thickness mode only"),
@@ -290,6 +273,7 @@ CERAMICS: tuple[Material, ...] = (
             7800,
             "University of Paderborn, plutho; Q 127 is its viscous law at 2 MHz, tan d 0.02 usual for the class",
         ),
+        temperature=permittivity_slope(4e-3, _PIC),
     ),
     Material(
         "PIC184",
@@ -300,7 +284,13 @@ CERAMICS: tuple[Material, ...] = (
             "University of Paderborn, plutho; Q 155 is its viscous law at 2 MHz, tan d 0.005 usual for the class",
         ),
     ),
-    Material("PIC155", "piezo", _catalogue(7800, 1450, 0.62, 0.48, -165, 15.6, 80, 0.020, _PIC), "no c33D"),
+    Material(
+        "PIC155",
+        "piezo",
+        _catalogue(7800, 1450, 0.62, 0.48, -165, 15.6, 80, 0.020, _PIC),
+        "no c33D",
+        permittivity_slope(6e-3, _PIC),
+    ),
     Material("PIC181", "piezo", _catalogue(7800, 1200, 0.56, 0.46, -120, 11.8, 2000, 0.003, _PIC), "no c33D"),
     Material(
         "NCE51",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from ..build import Quantity
@@ -33,6 +33,8 @@ class Material:
     kind: Kind
     values: Mapping[str, Quantity]
     note: str = ""
+    temperature: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """Relative change of constants per kelvin at 25 C, 1/K, where published."""
 
 
 def standard_uncertainty(limit: float) -> float:

@@ -4,6 +4,7 @@ import math
 
 from ..build import Quantity
 from .material import Material, elastic
+from .temperature import ideal_gas, water
 
 _THESIS = "Tjelde, NTNU 2012, table 4.1 (data sheet)"
 _GLUE = "Tjelde, NTNU 2012, table 4.7: rho c^2 = 6.86 GPa, Q 13; density 1150 kg/m3 assumed"
@@ -105,8 +106,18 @@ _BACKINGS = (
     ),
 )
 _FLUIDS = (
-    Material("air", "fluid", _fluid(1.204, 343.2, 1e3, "dry air, 20 C, 101.3 kPa; Q lower bound", 0.02)),
-    Material("water", "fluid", _fluid(998.2, 1482.3, 1e4, "20 C; speed: Marczak, JASA 102 (1997) 2776")),
+    Material(
+        "air",
+        "fluid",
+        _fluid(1.204, 343.2, 1e3, "dry air, 20 C, 101.3 kPa; Q lower bound", 0.02),
+        temperature=ideal_gas(),
+    ),
+    Material(
+        "water",
+        "fluid",
+        _fluid(998.2, 1482.3, 1e4, "20 C; speed: Marczak, JASA 102 (1997) 2776"),
+        temperature=water(),
+    ),
     Material(
         "vacuum",
         "fluid",

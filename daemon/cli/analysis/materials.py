@@ -1,9 +1,14 @@
 """`pzctl materials`: the material library, each value with its source."""
 
 import json
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ....models.materials import Material
 
 
 def materials(
@@ -39,3 +44,17 @@ def materials(
             value = complex_with_uncertainty(q.re, q.im, q.u, q.u_im)
             table.add_row(material.name, material.kind, constant, value, q.source)
     console().print(table)
+    if name and chosen[0].temperature:
+        console().print(_coefficients(chosen[0]))
+
+
+def _coefficients(material: "Material") -> "Table":
+    """Return the table of a material's temperature coefficients."""
+    from rich.table import Table
+
+    from ....models.base.uncertain_numbers import with_uncertainty
+
+    table = Table("material", "constant", "change, 1e-6/K at 25 C", "source")
+    for constant, q in material.temperature.items():
+        table.add_row(material.name, constant, with_uncertainty(1e6 * q.re, 1e6 * q.u), q.source)
+    return table

@@ -2,12 +2,15 @@
 
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from ....fitters.population.trend import Trend
+    from ....models.build import Quantity
     from ...report.pictures.trend_picture import Series
 
 
@@ -26,7 +29,8 @@ def trend(
 ) -> None:
     """Fit the constants of a series against temperature: value at the reference, and relative change per kelvin.
 
-    The temperature is the one noted with `pzctl measure --temperature`, on the page, or by a reader.
+    The temperature is the one noted with `pzctl measure --temperature`, on the page, or by a reader. Where the material
+    library has a published coefficient, the last column shows it.
 
     Example: pzctl trend S4 disk.c33D disk.eps33S --picture temperature.png
     """
@@ -40,10 +44,12 @@ def trend(
         check_picture(picture)
     rows = table_of(sample, step, fitter or DEFAULT, every=True).rows
     series = _series(rows, constants or [], sample, against, degree, reference)
+    published = _published(sample) if against == "temperature_C" else {}
     if picture is not None:
         save_picture(trend_figure(series, against), picture, dpi=110)
     if as_json:
-        print(json.dumps({"sample": sample, "against": against, "constants": {one[0]: _plain(one) for one in series}}))
+        constants_json = {one[0]: {**_plain(one), "library": _library_json(published.get(one[0]))} for one in series}
+        print(json.dumps({"sample": sample, "against": against, "constants": constants_json}))
         return
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -52,15 +58,53 @@ def trend(
 
     shown = Table(header_style="bold", box=SIMPLE_HEAD)
     powers = [f"a{k + 1}, 1e-6/{against}{'' if k == 0 else f'^{k + 1}'}" for k in range(degree)]
-    for column in ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter"):
+    library = ["library's a1"] if any(one[0] in published for one in series) else []
+    for column in ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter", *library):
         shown.add_column(column)
     for name, unit, _, _, _, found in series:
         changes = [with_uncertainty(1e6 * a.value, 1e6 * a.u) for a in found.relative]
         value = with_uncertainty(found.value.value, found.value.u)
-        shown.add_row(name, str(found.n), value, "" if unit == "1" else unit, *changes, f"{found.scatter:.2g}")
+        known = [_library_text(published.get(name), found)] if library else []
+        shown.add_row(name, str(found.n), value, "" if unit == "1" else unit, *changes, f"{found.scatter:.2g}", *known)
     console().print(shown)
     if picture is not None:
         console().print(f"picture: {picture}", highlight=False, soft_wrap=True)
+
+
+def _published(sample: str) -> "dict[str, Quantity]":
+    """Return the library's temperature coefficients of a sample's layers, by the names of the fitted constants."""
+    from ....models.materials import MaterialError
+    from ...files.builds.own_materials import find_material
+    from ...samples.sample_record import sample_record
+    from ...samples.sample_selection import open_journal
+
+    journal = open_journal()
+    try:
+        layers = sample_record(journal, sample).build.layers
+    finally:
+        journal.close()
+    found: dict[str, Quantity] = {}
+    for layer in layers:
+        with suppress(MaterialError):  # a material of the user's own file that is no longer there
+            if layer.material is None:
+                continue
+            slopes = find_material(layer.material).temperature
+            found |= {f"{layer.name}.{constant}": slope for constant, slope in slopes.items()}
+    return found
+
+
+def _library_text(known: "Quantity | None", found: "Trend") -> str:
+    """Return a published coefficient, and how far the measured one is from it in units of both uncertainties."""
+    from ....models.base.uncertain_numbers import with_uncertainty
+
+    if known is None:
+        return ""
+    away = abs(found.relative[0].value - known.re) / math.hypot(found.relative[0].u, known.u)
+    return f"{with_uncertainty(1e6 * known.re, 1e6 * known.u)} ({away:.1f} u away)"
+
+
+def _library_json(known: "Quantity | None") -> dict[str, Any] | None:
+    return None if known is None else {"value": known.re, "u": known.u, "source": known.source}
 
 
 def _series(

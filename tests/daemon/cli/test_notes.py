@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.population.trend import trend
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.build import Build, Quantity
+from pzctl.models.materials import find
 
 
 def run(*words: str | Path) -> Result:
@@ -155,7 +157,9 @@ def test_wrong_notes_are_one_sentence_before_anything_starts(words: list[str], s
 def test_constants_against_temperature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
     temperatures = [15.0, 20.0, 25.0, 30.0, 40.0, 50.0]
-    builds = [disk_build("S1").noted("disk", {"temperature_C": t}) for t in temperatures]
+    plain = disk_build("S1")
+    niobate = replace(plain, layers=tuple(replace(layer, material="LiNbO3 Z") for layer in plain.layers))
+    builds = [niobate.noted("disk", {"temperature_C": t}) for t in temperatures]
     wobble = np.random.default_rng(2).normal(0, 2e6, 6).tolist()
 
     def c33D(build: Build) -> float:
@@ -171,8 +175,11 @@ def test_constants_against_temperature(tmp_path: Path, monkeypatch: pytest.Monke
     assert slope["u"] < 1e-6
     assert abs(found["value"]["value"] - 1.5e11) < 3 * found["value"]["u"]
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
+    assert found["library"]["value"] == find("LiNbO3 Z").temperature["c33D"].re
+    assert "Smith and Welsh" in found["library"]["source"]
     table = run("trend", "S1").stdout
     assert "disk.c33D" in table
+    assert "library's a1" in table
     assert "disk.kt" not in table, "it is the same at all temperatures"
     for words, sentence in (
         (["disk.c33"], "constant 'disk.c33' with temperature_C noted"),

@@ -3,6 +3,7 @@ import pytest
 
 from pzctl.models.constants.piezo_constants import EPS0, Radial, Thickness
 from pzctl.models.materials import MATERIALS, MaterialError, find
+from pzctl.models.materials.temperature import WATER_SPEED
 
 
 def thickness_of(material):
@@ -89,3 +90,38 @@ def test_a_rotated_cut_of_lithium_niobate_is_the_usual_transducer_plate():
 def test_the_z_cut_follows_from_three_constants():
     assert thickness_of(find("LiNbO3 Z")).c33D.real == pytest.approx(227.9e9 + 1.77**2 / (26.3 * EPS0))
     assert thickness_of(find("LiNbO3 Z")).h33.real == pytest.approx(1.77 / (26.3 * EPS0))
+
+
+def test_pz26_gives_back_the_other_half_of_its_data_sheet():
+    """The sheet prints stiffness, compliance, coupling and both permittivities; any two of them determine the rest."""
+    pz26 = find("Pz26")
+    printed = {"c33D": 158e9, "s11E": 13.0e-12, "s12E": -4.35e-12, "d31": -128e-12, "eps33T": 1330 * EPS0}
+    for name, value in printed.items():
+        assert pz26.values[name].re == pytest.approx(value, rel=0.011), name
+    assert thickness_of(pz26).kt.real == pytest.approx(0.471, rel=0.005)
+    assert radial_of(pz26).kp.real == pytest.approx(0.568, rel=0.01)
+
+
+def test_pmn_pt_couples_as_published():
+    assert thickness_of(find("PMN-33PT")).kt.real == pytest.approx(0.64, rel=0.02)
+
+
+def test_temperature_coefficients_have_uncertainty_and_source():
+    with_slopes = [material for material in MATERIALS if material.temperature]
+    assert {"water", "air", "PIC255", "PIC155", "LiNbO3 36Y", "LiNbO3 Z"} == {one.name for one in with_slopes}
+    for material in with_slopes:
+        for name, slope in material.temperature.items():
+            assert name in material.values
+            assert 0 < slope.u < abs(slope.re) < 0.01
+            assert slope.source
+    water = find("water")
+    assert WATER_SPEED(20) == pytest.approx(water.values["c"].re, rel=1e-4)
+    assert water.temperature["c"].re == pytest.approx((WATER_SPEED(26) / WATER_SPEED(24) - 1) / 2, rel=2e-3)
+
+
+def test_lithium_niobate_softens_along_its_axis_as_its_constants_say():
+    """Z-cut: c33D = c33E + e33^2/eps33S, so that its slope is the mean of theirs by their shares."""
+    c33E, e33, eps33 = 227.90e9, 1.77, 26.3 * EPS0
+    share = e33**2 / eps33 / (c33E + e33**2 / eps33)
+    expected = (1 - share) * -1.53e-4 + share * (2 * 8.87e-4 - 6.27e-4)
+    assert find("LiNbO3 Z").temperature["c33D"].re == pytest.approx(expected, rel=1e-4)
