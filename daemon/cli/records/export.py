@@ -15,20 +15,23 @@ if TYPE_CHECKING:
     from ....models.sweep import Sweep
     from ...samples.sample_record import SampleRecord
 
-FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5", "spice": ".cir"}
+FORMATS = {"csv": ".csv", "touchstone": ".s1p", "netcdf": ".nc", "hdf5": ".h5", "spice": ".cir", "mason": ".cir"}
 
 
 def export(
     sample: Annotated[str, typer.Argument(help="Name of a sample, or id of a measurement; see `pzctl samples`.")],
     to: Annotated[Path, typer.Option(help="Folder for the files; made if missing.")] = Path(),
-    form: Annotated[str, typer.Option("--format", help="csv, touchstone, netcdf, hdf5, or spice (a circuit).")] = "csv",
+    form: Annotated[
+        str, typer.Option("--format", help="csv, touchstone, netcdf, hdf5, spice or mason (circuits).")
+    ] = "csv",
     step: Annotated[str | None, typer.Option(help="Only this gluing step.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Write the sweeps of a sample, one file each, with settings and provenance. Needs no daemon.
 
-    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back. `spice` writes the equivalent
-    circuit of each sweep, fitted by `bvd`, as a subcircuit for circuit simulators.
+    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back. Two formats are subcircuits for
+    circuit simulators: `spice` is the equivalent circuit of each sweep, fitted by `bvd`; `mason` is the fitted stack of
+    each step, its layers as lossy transmission lines.
 
     Example: pzctl export S4 --to data --format netcdf
     """
@@ -59,6 +62,7 @@ def export(
 def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) -> list[Path]:
     """Write every sweep and return the files. Raises RecordingError."""
     from ....drivers.recordings import RecordingError, write_csv, write_hdf5, write_netcdf, write_touchstone
+    from .mason_export import write_mason
 
     writers: dict[str, Callable[[Sweep, Path], None]] = {
         "csv": write_csv,
@@ -75,6 +79,10 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
     for step_record in record.steps:
         if step in (None, step_record.measurement.sample.step):
             stem = as_file_name(record.name, step_record.measurement.sample.step)
+            if form == "mason":
+                files.append(folder / f"{stem}.cir")
+                write_mason(record.build, step_record, files[-1])
+                continue
             for k, measured in enumerate(step_record.sweeps, start=1):
                 sweep = replace(measured, settings={**step_record.metadata, **measured.settings})
                 files.append(folder / f"{stem}-{k}{FORMATS[form]}")

@@ -1,6 +1,7 @@
 """`pzctl doctor`, `show` and `export` as a person calls them, on a journal that a real daemon wrote."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -80,6 +81,18 @@ def test_exports_hold_what_was_measured(measured: Path, tmp_path: Path, form: st
         z = read_recording(files[0]).impedance
     assert np.allclose(z, exact.impedance, rtol=1e-9)
     assert exact.settings["bandwidth"] == 5
+
+
+def test_the_fitted_stack_is_exported_as_a_netlist(measured: Path, tmp_path: Path) -> None:
+    done = run("export", "thesis", "--to", tmp_path, "--format", "mason", "--json")
+    (file,) = map(Path, json.loads(done.stdout)["files"])
+    netlist = file.read_text(encoding="utf-8")
+    assert file.name == "thesis-disk.cir"
+    assert "constants of the fit by mason" in netlist
+    c33D = json.loads(run("show", "thesis", "--json").stdout)["steps"][0]["fits"][0]["constants"]["disk.c33D"]
+    compliance = re.search(r"LTRA\(L=(\S+) ", netlist)
+    assert compliance
+    assert float(compliance[1]) == pytest.approx((1 / complex(c33D["re"], c33D["im"])).real / 2.01062e-4, rel=1e-3)
 
 
 def test_the_doctor_of_a_machine_that_is_well() -> None:
