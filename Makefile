@@ -20,11 +20,12 @@ check: .venv/ready ## lint, format, import contracts, types
 bench: .venv/ready ## the benchmarks behind all stated figures
 	$(BIN)/pytest --override-ini addopts=--import-mode=importlib -s tests/benchmarks
 
-docs: .venv/ready ## pages generated from code (thesis, schemas, keys of files, errors), and the guides as web pages in build/site
+docs: .venv/ready ## pages generated from code (thesis, schemas, keys of files, errors, gallery), and the guides as web pages in build/site
 	$(BIN)/python -P -c "from pzctl.models.thesis import page; print(page(), end='')" > docs/thesis.md
 	$(BIN)/python docs/tools/schemas.py docs/schema
 	$(BIN)/python docs/tools/files_page.py docs
 	$(BIN)/python docs/tools/errors_page.py docs/errors.md
+	$(BIN)/python docs/tools/gallery.py docs/gallery
 	$(BIN)/mkdocs build --quiet
 
 errors: .venv/ready ## run the tests and list in docs/errors.md every sentence that they provoke

@@ -17,14 +17,25 @@ if TYPE_CHECKING:
     from .daemon.report.analysis import read as read
     from .daemon.samples.constant_table import constants as constants
     from .daemon.samples.sweep_table import sweeps as sweeps
+    from .fitters.population.trend import trend as trend
     from .models.build import Build as Build
+    from .models.stack import AIR as AIR
+    from .models.stack import Elastic as Elastic
+    from .models.stack import HalfSpace as HalfSpace
+    from .models.stack import Piezo as Piezo
+    from .models.stack import Stack as Stack
     from .models.sweep import Sweep as Sweep
     from .models.sweep_plan import Segment as Segment
     from .models.sweep_plan import SweepPlan as SweepPlan
 
 _HOME = {
+    "AIR": ".models.stack",
     "Build": ".models.build",
+    "Elastic": ".models.stack",
+    "HalfSpace": ".models.stack",
+    "Piezo": ".models.stack",
     "Segment": ".models.sweep_plan",
+    "Stack": ".models.stack",
     "Sweep": ".models.sweep",
     "SweepPlan": ".models.sweep_plan",
     "compare": ".daemon.report.analysis",
@@ -37,10 +48,16 @@ _HOME = {
     "read": ".daemon.report.analysis",
     "read_build": ".daemon.files.builds.build_file",
     "sweeps": ".daemon.samples.sweep_table",
+    "trend": ".fitters.population.trend",
 }
 __all__ = [
+    "AIR",
     "Build",
+    "Elastic",
+    "HalfSpace",
+    "Piezo",
     "Segment",
+    "Stack",
     "Sweep",
     "SweepPlan",
     "compare",
@@ -53,6 +70,7 @@ __all__ = [
     "read",
     "read_build",
     "sweeps",
+    "trend",
 ]
 
 
