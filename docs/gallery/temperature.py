@@ -51,8 +51,9 @@ for t in temperatures:
     fits.append(pzctl.fit("disk.toml", {"disk": recording}, free=["disk.c33D", "disk.h33", "disk.eps33S"]))
 
 # %% [markdown]
-# Thickness and density are held: it is the same disk. If each fit were free to change them within their uncertainties, it
-# would put a little of the permittivity's change into the thickness, and the slope of the stiffness would be 1.4 % wrong.
+# Thickness and density are held: it is the same disk. If each fit were free to change them within their
+# uncertainties, it would put a little of the permittivity's change into the thickness, and the slope of the stiffness
+# would be 1.4 % wrong.
 #
 # An error that all six measurements share, such as that of the thickness, changes the value but hardly its slope. So
 # the uncertainty of the slope comes from the scatter around the line:
