@@ -28,6 +28,10 @@ docs: .venv/ready ## pages generated from code (thesis, schemas, keys of files, 
 	$(BIN)/python docs/tools/gallery.py docs/gallery
 	$(BIN)/mkdocs build --quiet
 
+docs-version: docs ## put the guides of this version beside those of earlier ones, on the branch `pages` (for a web server)
+	$(BIN)/mike deploy --config-file mkdocs-versions.yml --branch pages --update-aliases $$($(BIN)/pzctl --version | cut -d' ' -f2) latest
+	$(BIN)/mike set-default --config-file mkdocs-versions.yml --branch pages latest
+
 errors: .venv/ready ## run the tests and list in docs/errors.md every sentence that they provoke
 	rm -f docs/provoked.jsonl
 	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal
@@ -50,5 +54,5 @@ clean: ## remove the output of the other targets
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-.PHONY: help demo test check bench docs errors pictures clean
+.PHONY: help demo test check bench docs docs-version errors pictures clean
 .DEFAULT_GOAL := help

@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -126,3 +127,5 @@ def test_the_generator_builds_the_pages(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "<math" in (tmp_path / "site" / "physics.html").read_text(encoding="utf-8")
     assert "first-measurement.html" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert f"pzctl {version}" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
