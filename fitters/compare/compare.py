@@ -15,7 +15,8 @@ from ..diagnosis.findings import Alternative, Bands, Remaining, Size
 from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
 from .device_changes import device_changes
-from .hypothesis import Change, Fitted, Hypothesis, fitted
+from .fit import fitted
+from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
 from .pair import Pair, pair_of, righted
 from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
@@ -31,7 +32,7 @@ _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those held out to validate an explanation."""
 _EXPLAINED = 0.1
 """Largest remainder, relative to the change (root mean square), of an explained change: 99 % of its power."""
-_DRIFT, _FEW = 3e-4, 0.01
+_DRIFT, _FEW = 1e-3, 0.01
 """Drift that two recordings of one device may have; fraction of points that may differ by more than usual."""
 _FORMULA = 0.01
 """Relative to the largest change: a further change below this counts as an error of its formula."""
@@ -143,7 +144,7 @@ def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted
         return best
     moves: list[float] = []
     for k in range(len(changes)):
-        others = Hypothesis(tuple(one for j, one in enumerate(changes) if j != k), best.hypothesis.constants)
+        others = best.hypothesis.without(k)
         x = np.delete(best.x, np.r_[best.hypothesis.slices[k]])
         pair = best.errors.pair
         seen = others.predict(pair.before, pair.frequency, x, best.errors.own)

@@ -1,6 +1,6 @@
 """A hypothesis: changes one after the other, from the device to the analyzer; and its fit to a pair."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -12,33 +12,40 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from .another_device import EveryResonance
 from .change import TERMINALS
 from .device_changes import DeviceChange, NewResonance
-from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
+from .pair_errors import Linearised, Outcome, PairErrors
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort
 from .with_build.found_device import Step
 from .with_build.model_change import ModelChange
 
 _STEP = 1e-4
-_FURTHEST = 1.0
-"""Longest step of a coordinate at once, standard deviations of its prior."""
-_PLAIN, _MARGINAL = 12, 8
-_FEW_RESTS = (0.0, 1e-3, 3e-2)
-_PARTS = (1.0, 0.3, 0.0)
-"""How far the constants of a build's device are moved towards the pair's; less if more is no better."""
-_CLOSE = 1e-3
-"""In standard uncertainties: a shorter step ends a fit."""
 _IMPOSSIBLE = 1e6
 """Ln odds against a change whose name does not fit its sizes, or none of whose sizes is determined."""
 _SIGMAS = 2.5
 _UNSEEN = 0.35
 """Relative uncertainty of a change's main size above which the change counts as undetermined."""
-_BOUND = 5.0
+BOUND = 5.0
 """Sizes beyond this many standard deviations of their prior are rejected."""
 
 
 Change = TwoPort | Turned | DeviceChange | EveryResonance | ModelChange
 State = tuple[Impedances, Resonances | None]
 """The impedance (ohm) and its resonances."""
+
+
+@dataclass(frozen=True, eq=False)
+class FormulaErrors:
+    """Errors of the changes' formulas: smooth relative errors of their main sizes over frequency."""
+
+    coefficients: Reals
+    """With unit functions, shape (K B 2,): of each change, the real parts, then the imaginary parts."""
+    curves: Complexes
+    """Shape (N, K)."""
+
+
+def _exact(change: Change) -> bool:
+    """Return whether an error of a change's formula is computed exactly: a two-port whose main size is positive."""
+    return isinstance(change, TwoPort) and bool(change.sizes) and not change.sizes[0].signed
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +56,8 @@ class Hypothesis:
     constants: Mapping[bool, Reals] = field(default_factory=dict[bool, Reals])
     """Coordinates of the constants of a build's device about which its model is linearised: of that before (False) and
     after (True), each with a unit normal prior."""
+    formula: "FormulaErrors | None" = None
+    """Errors of the changes' formulas about which they are linearised; None for none."""
 
     @property
     def log_prior(self) -> float:
@@ -92,7 +101,7 @@ class Hypothesis:
         for k, change in enumerate(self.changes[first:], first):
             seen, own = made[-1]
             if isinstance(change, TwoPort | Turned):
-                made.append((change.apply(seen, frequency, self.values(x, k)), own))
+                made.append((change.apply(seen, frequency, self._over_frequency(x, k)), own))
             elif isinstance(change, ModelChange):
                 drifted = own or change.found.resonances
                 constants = self.constants.get(change.taken)
@@ -100,6 +109,37 @@ class Hypothesis:
             else:
                 made.append(change.act(seen, own or change.resonances, frequency, self.values(x, k)))
         return made
+
+    def _over_frequency(self, x: Reals, k: int) -> Mapping[str, float | Complexes]:
+        """Return the sizes of change `k`, the main one with the error of its formula."""
+        values: dict[str, float | Complexes] = dict(self.values(x, k))
+        if self.formula is not None and _exact(self.changes[k]):
+            main = self.changes[k].sizes[0].name
+            values[main] = values[main] * np.exp(self.formula.curves[:, self._sized.index(k)])
+        return values
+
+    @cached_property
+    def _sized(self) -> tuple[int, ...]:
+        """Numbers of the changes that have sizes."""
+        return tuple(k for k, change in enumerate(self.changes) if change.sizes)
+
+    def with_formula(self, errors: PairErrors, coefficients: Reals) -> "Hypothesis":
+        """Return the same with these errors of the changes' formulas where they are known beyond first order."""
+        each = coefficients.reshape(len(self._sized), -1).copy() if self._sized else coefficients
+        for row, k in enumerate(self._sized):
+            if not _exact(self.changes[k]):
+                each[row] = 0.0
+        return replace(self, formula=FormulaErrors(each.ravel(), errors.formula_errors(each.ravel())))
+
+    def without(self, k: int) -> "Hypothesis":
+        """Return the same without change `k`."""
+        others = tuple(one for j, one in enumerate(self.changes) if j != k)
+        formula = self.formula
+        if formula is not None and k in self._sized:
+            row = self._sized.index(k)
+            rows = np.delete(formula.coefficients.reshape(len(self._sized), -1), row, axis=0)
+            formula = FormulaErrors(rows.ravel(), np.delete(formula.curves, row, axis=1))
+        return Hypothesis(others, self.constants, formula)
 
     def _together(self, x: Reals, k: int) -> tuple[Step, ...]:
         """Return change `k` of a build's device, after those that act on the same device before it."""
@@ -136,10 +176,10 @@ class Hypothesis:
         first = 0
         for taken, (columns, count) in self._model_errors(at.frequency, at.x).items():
             here = self.constants.get(taken, np.zeros(count))
-            there = np.clip(outcome.model[first : first + count], -_BOUND, _BOUND)
+            there = np.clip(outcome.model[first : first + count], -BOUND, BOUND)
             constants[taken] = here + part * (there - here)
             first += columns.shape[1]
-        return Hypothesis(self.changes, constants)
+        return replace(self, constants=constants)
 
     def linearised(self, errors: PairErrors, x: Reals, *, drift: bool = True) -> Linearised:
         """Return the prediction at `x` with its derivatives; `drift`: for changes in the device, include its drift."""
@@ -167,6 +207,7 @@ class Hypothesis:
             self.inside,
             f,
             each,
+            formula=None if self.formula is None else self.formula.coefficients,
         )
         return self._with_model(made) if drift else made
 
@@ -239,132 +280,3 @@ class Fitted:
             size.name: (size.value(float(x)), float(abs(size.slope(float(x))) * u), size.unit)
             for size, x, u in zip(change.sizes, self.outcome.total[own], sd, strict=True)
         }
-
-
-def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tuple[State, int] | None = None) -> float:
-    """Return the mean square residual of ln Z with equal weights, by which a start is chosen.
-
-    `known`: the impedance before one of the changes, and the number of that change.
-    """
-    pair = errors.pair
-    state, first = known or ((pair.before, errors.own), 0)
-    with np.errstate(all="ignore"):
-        r = np.log(pair.after / hypothesis.states(state, pair.frequency, x, first)[-1][0])
-    kept = np.isfinite(pair.noise_after)
-    value = float(np.mean(np.abs(r[kept]) ** 2))
-    return value if np.isfinite(value) else np.inf
-
-
-def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int = _PLAIN) -> tuple[float, Reals]:
-    """Return the result of plain least squares, with the whole misfit as white noise, and the mean square residual."""
-    pair = errors.pair
-    kept = np.isfinite(pair.noise_after)
-    best, damping = plain_misfit(hypothesis, errors, x), 1e-3
-    if hypothesis.count == 0:
-        return best, x
-    for _ in range(steps):
-        at = hypothesis.linearised(errors, x, drift=False)
-        noise2 = best + pair.noise_after[kept] ** 2 + pair.noise_before[kept] ** 2
-        weight = 1 / np.sqrt(np.maximum(noise2, 1e-14))
-        r = np.log(pair.after / at.predicted)[kept] * weight
-        J = at.slopes[kept] * weight[:, None]
-        real = np.vstack([J.real, J.imag])
-        H: Reals = real.T @ real
-        g: Reals = real.T @ np.concatenate([r.real, r.imag]) - x
-        last = best
-        for _ in range(4):
-            step: Reals = np.asarray(np.linalg.solve(H + np.eye(x.size) + damping * np.diag(np.diag(H)), g), np.float64)
-            trial = np.clip(x + step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST), -_BOUND, _BOUND)
-            value = plain_misfit(hypothesis, errors, trial)
-            if value < best:
-                x, best, damping = trial, value, damping / 5
-                break
-            damping *= 10
-        if last - best < 1e-3 * last:
-            break
-    return best, x
-
-
-def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
-    """Return an approximate ln posterior of a hypothesis near `x`, with errors of these sizes, and its place."""
-    best = -np.inf
-    for _ in range(2):
-        at = hypothesis.linearised(errors, x)
-        outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=0)
-        best = max(best, outcome.log_evidence + hypothesis.log_prior)
-        move = outcome.x - x
-        if x.size:
-            x = np.clip(x + move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST), -_BOUND, _BOUND)
-    return best, x
-
-
-def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
-    """Return the fit with the error model, starting at `x` with errors of these sizes."""
-    rests = tuple(RESTS)
-    at = hypothesis.linearised(errors, x)
-    outcome = errors.outcome(at, _FEW_RESTS if hypothesis.count else rests, sizes, rounds=1)
-    if hypothesis.count:
-        for _ in range(_MARGINAL):
-            move = outcome.x - x
-            sd = np.sqrt(np.maximum(np.diag(outcome.covariance), 1e-18))
-            if float(np.max(np.abs(move) / sd)) < 100 * _CLOSE:
-                break
-            x, at = _downhill(hypothesis, errors, (x, at), move, outcome.sizes)
-            outcome = errors.outcome(at, _near(outcome.sizes.rest), outcome.sizes, rounds=1)
-    for last in (False, True):
-        errors = errors.drifted(outcome)
-        if hypothesis.count:
-            x = np.clip(outcome.x, -_BOUND, _BOUND) if _small(outcome, x) else x
-        tried = rests if last else _near(outcome.sizes.rest)
-        hypothesis, at, outcome = _with_constants(hypothesis, errors, (x, at), outcome, tried)
-    return Fitted(hypothesis, x, at, outcome, errors)
-
-
-def _with_constants(
-    hypothesis: Hypothesis,
-    errors: PairErrors,
-    here: tuple[Reals, Linearised],
-    outcome: Outcome,
-    rests: Sequence[float],
-) -> tuple[Hypothesis, Linearised, Outcome]:
-    """Return the hypothesis linearised again, with the constants of a build's device as far moved as is of use."""
-    x, before = here
-    best: tuple[Hypothesis, Linearised, Outcome] | None = None
-    for part in _PARTS if before.model is not None else (0.0,):
-        trial = hypothesis.recentred(before, outcome, part) if part else hypothesis
-        at = trial.linearised(errors, x)
-        found = errors.outcome(at, rests, outcome.sizes)
-        if best is None or found.log_evidence > best[2].log_evidence:
-            best = trial, at, found
-        if best[2].log_evidence > outcome.log_evidence:
-            break
-    if best is None:
-        raise ValueError("no parts")
-    return best
-
-
-def _near(rest: float) -> tuple[float, ...]:
-    """Return further sizes of a rest worth trying."""
-    return tuple(size for size in RESTS if rest / 11 <= size <= rest * 11) if rest else tuple(RESTS)[:3]
-
-
-def _small(outcome: Outcome, x: Reals) -> bool:
-    """Return whether a further step needs no check."""
-    return bool(np.all(np.abs(outcome.x - x) < _FURTHEST / 4))
-
-
-def _downhill(
-    hypothesis: Hypothesis, errors: PairErrors, here: tuple[Reals, Linearised], move: Reals, sizes: Sizes
-) -> tuple[Reals, Linearised]:
-    """Return the end of a step, which is shortened as long as it leads uphill."""
-    x, at = here
-    chi2 = errors.merit(at, sizes)
-    before = chi2(at.predicted) + float(x @ x)
-    move = move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST)
-    for _ in range(6):
-        trial = np.clip(x + move, -_BOUND, _BOUND)
-        seen = hypothesis.predict(errors.pair.before, errors.pair.frequency, trial, errors.own)
-        if chi2(seen) + float(trial @ trial) < before:
-            return trial, hypothesis.linearised(errors, trial)
-        move = move / 3
-    return x, at

@@ -42,6 +42,8 @@ _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
 """Correlation lengths of gain and phase in ln f, and the fraction of the shorter one."""
 _DRIFT_LENGTH, _LOSSES = 0.1, 0.3
 """Resonances further apart than this in ln f drift independently; drift of 1/(2 Q) relative to that of ln f."""
+_DAMPING = 100.0
+"""Smallest drift of ln Q relative to that of ln f: one per cent beside 1e-4."""
 _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, relative to that where a frequency shift moves ln Z by twice as much."""
@@ -50,8 +52,10 @@ _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
 _FAR_BELOW = 30.0
 """Further sizes of a rest are skipped once ln evidence is this much below the best."""
-_FURTHEST_DRIFT = 6e-4
+_FURTHEST_DRIFT = 2e-3
 """Largest drift about which errors are linearised; a larger shift is not drift."""
+_SETTLED, _STRIDE = 0.02, 0.7
+"""Of a drift's linearisation: the step, in half widths of the resonance, that ends it, and the largest one."""
 USUAL_REST = 3e-4
 
 Grid = dict[float, float]
@@ -60,10 +64,12 @@ GRIDS: dict[str, Grid] = {
     "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
     "instrument": {0.3: 0.4, 1.0: 0.47, 3.0: 0.1, 10.0: 0.03},
     "fixture": {0.0: 0.5, 1.0: 0.5},
-    "drift": {3e-6: 0.2, 3e-5: 0.25, 1e-4: 0.4, 3e-4: 0.15},
+    "drift": {3e-6: 0.2, 3e-5: 0.2, 1e-4: 0.35, 3e-4: 0.2, 1e-3: 0.05},
     "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.08, 1e-3: 0.02},
     "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
+COLOURS: Grid = {0.0: 0.6, 0.3: 0.2, 0.5: 0.12, 0.65: 0.05, 0.8: 0.03}
+"""Correlation of the noise of neighbouring points."""
 RESTS: Grid = {
     0.0: 0.4, 1e-4: 0.2, 3e-4: 0.15, 1e-3: 0.1, 3e-3: 0.05, 1e-2: 0.03, 3e-2: 0.025, 0.1: 0.02, 0.3: 0.015, 1.0: 0.01,
 }  # fmt: skip
@@ -83,18 +89,21 @@ class Sizes:
     """Individual drift of each resonance."""
     shape: float = 0.01
     rest: float = 0.0
+    colour: float = 0.0
+    """Correlation of the noise of neighbouring points, which smoothness underestimates if it is correlated."""
 
     @property
     def log_prior(self) -> float:
         """Ln of its probability on the grids."""
-        return sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items()) + log(RESTS[self.rest])
+        parts = sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items())
+        return parts + log(RESTS[self.rest]) + log(COLOURS[self.colour])
 
     def at_most(self, others: "Sizes") -> "Sizes":
         """Return these sizes, limited to the given ones."""
         return Sizes(**{own.name: min(getattr(self, own.name), getattr(others, own.name)) for own in fields(self)})
 
 
-USUAL = Sizes(1.0, 1.0, 1.0, 1e-4, 1e-4, 0.05, USUAL_REST)
+USUAL = Sizes(1.0, 1.0, 1.0, 1e-3, 3e-4, 0.05, USUAL_REST, max(COLOURS))
 """The usual errors of two recordings of one device."""
 
 
@@ -121,6 +130,8 @@ class Linearised:
     """Errors of ln Z predicted by the model of a build's device, each of a unit normal prior, shape (N, K)."""
     offset: Reals | None = None
     """Their coefficients about which the model is linearised, shape (K,)."""
+    formula: Reals | None = None
+    """Coefficients of the errors of the changes' formulas about which they are linearised; None for zeros."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +158,10 @@ class Outcome:
     """Drift of each resonance in ln frequency, then in ln Q, shape (2P,)."""
     model: Reals
     """Coefficients of the errors of a build's device, shape (K,)."""
+    formula: Reals
+    """Coefficients of the errors of the changes' formulas, shape (K,)."""
+    imitated: Reals
+    """Part of the coordinates that these errors imitate: `x` is a size with it, shape (P,) for each, (P, K)."""
 
 
 class PairErrors:
@@ -182,7 +197,7 @@ class PairErrors:
     @property
     def _unit(self) -> Reals:
         """Drift of each resonance in ln frequency and ln Q for a unit drift of the frequency."""
-        return np.concatenate([np.ones(self.own.q.size), 2 * _LOSSES * self.own.q])
+        return np.concatenate([np.ones(self.own.q.size), np.hypot(2 * _LOSSES * self.own.q, _DAMPING)])
 
     def _of_each(self, f: Reals) -> Complexes:
         """Return d ln Z before / d ln frequency and / d ln Q of each resonance, shape (N, 2P)."""
@@ -221,8 +236,16 @@ class PairErrors:
         if not count:
             return self
         most = _FURTHEST_DRIFT * self._unit
-        moved = np.clip(outcome.moved, -most, most)
+        stride = np.concatenate([_STRIDE / (2 * self.own.q), np.full(count, _STRIDE)])
+        step = np.clip(outcome.moved - self._moved, -stride, stride)
+        moved = np.clip(self._moved + step, -most, most)
         return PairErrors(self.recorded, self._first, (moved[:count], moved[count:]))
+
+    def settled(self, outcome: "Outcome") -> bool:
+        """Return whether drift is where it was linearised, to a small part of each resonance's width."""
+        count = self.own.poles.size
+        step = np.abs(outcome.moved - self._moved)
+        return bool(np.all(step[:count] * 2 * self.own.q < _SETTLED) and np.all(step[count:] < _SETTLED))
 
     def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
         """Return the same without some blocks of points."""
@@ -251,15 +274,11 @@ class PairErrors:
             "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
             "fixture": self._fixture(Z),
             **self._drift(at),
-            "shape": np.hstack(
-                [np.zeros((Z.size, 0), np.complex128)]
-                + [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
-            ),
         }
         if at.model is not None:
             groups["model"] = at.model
-        inverse = 1 / self.points(at).noise
-        groups["shape"], _ = _beside(groups["shape"], at.slopes, inverse)
+        of_formula = self._of_formula(at)
+        groups["shape"], _ = _beside(of_formula, at.slopes, 1 / self.points(at).noise)
         where: dict[str, slice] = {}
         first = 1
         for name, block in groups.items():
@@ -270,7 +289,19 @@ class PairErrors:
         r = r + each @ self._moved
         if at.model is not None and at.offset is not None:
             r = r + at.model @ at.offset
+        if at.formula is not None:
+            r = r + of_formula @ at.formula
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
+
+    def _of_formula(self, at: Linearised) -> Complexes:
+        """Return d ln Z / d coefficient of the error of each change's formula, shape (N, K)."""
+        made = [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
+        return np.asarray(np.hstack([np.zeros((at.frequency.size, 0), np.complex128), *made]), np.complex128)
+
+    def formula_errors(self, coefficients: Reals) -> Complexes:
+        """Return the relative errors of the changes' main sizes over frequency, shape (N, K)."""
+        parts = coefficients.reshape(-1, 2, self._shape.shape[1])
+        return np.asarray(self._shape @ (parts[:, 0] + 1j * parts[:, 1]).T, np.complex128)
 
     def of_fixture(self, Z: Impedances) -> Reals:
         """Return the standard deviation of ln Z that two fixtures' residuals cause, shape (N,)."""
@@ -291,38 +322,40 @@ class PairErrors:
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
         return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
 
+    def _propagated(self, at: Linearised) -> float:
+        """Return ln det of the noise as the changes propagate it, relative to that without a change.
+
+        A device is smooth and noise is not. So the roughness of both recordings is known, whatever lies between them:
+        a change that amplifies the noise of the recording before is for that neither better nor worse.
+        """
+        pair = self.pair
+        kept = np.isfinite(pair.noise_after)
+        with_change = pair.noise_after**2 + (np.abs(at.through) * pair.noise_before) ** 2
+        without = pair.noise_after**2 + pair.noise_before**2
+        return 2 * float(np.sum(np.log(with_change[kept] / without[kept])))
+
     def outcome(
         self,
         at: Linearised,
         rests: Sequence[float] = tuple(RESTS),
         start: Sizes | None = None,
         rounds: int = 3,
+        *,
+        colours: bool = False,
     ) -> Outcome:
-        """Return the evidence for a hypothesis linearised here; the sizes of errors are chosen in `rounds`."""
+        """Return the evidence for a hypothesis linearised here; the sizes of errors are chosen in `rounds`.
+
+        `colours`: the correlation of the noise is chosen as well.
+        """
         X, where = self.columns(at)
-        points = self.points(at)
-        white = in_noise([points], [X])
-        kept = np.isfinite(points.noise)
-        logs: dict[float, float] = {}
-        best: tuple[float, Sizes, Reals] | None = None
-        sizes = start or Sizes()
-        for side in _outwards(rests, sizes.rest):
-            for rest in side:
-                kernel = Kernel([points], 0.0, (rest, 0.0))
-                G = kernel.whitened(white).squared()
-                sizes = replace(best[1] if best else sizes, rest=rest)
-                value, sizes = _climbed(G, kernel.log_det, where, sizes, (2 * int(np.count_nonzero(kept)), rounds))
-                logs[rest] = value
-                if best is None or value > best[0]:
-                    best = value, sizes, G
-                if value < best[0] - _FAR_BELOW:
-                    break
-        if best is None:
-            raise ValueError("no rests")
-        total = float(np.logaddexp.reduce(list(logs.values())))
-        usual = [value for rest, value in logs.items() if rest <= USUAL_REST]
+        sought = _Sought([self.points(at)], X, where, (rounds, self._propagated(at)))
+        best = sought.over_rests(rests, start or Sizes())
+        if colours:
+            best = sought.over_colours(best, rests)
+        total = float(np.logaddexp.reduce(list(best.logs.values())))
+        usual = [value for rest, value in best.logs.items() if rest <= USUAL_REST]
         part = float(np.exp(np.logaddexp.reduce(usual) - total)) if usual else 0.0
-        return self._finished(at, best[1], best[2] / best[1].noise ** 2, (X, where), (total, part))
+        return self._finished(at, best.sizes, best.G / best.sizes.noise**2, (X, where), (total, part))
 
     def _finished(
         self,
@@ -350,8 +383,12 @@ class PairErrors:
         moved[count:] += drift[1] * self._unit[count:]
         cost = float(G[0, 0] - G[0, 1:] @ a)
         model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
+        formula = a[where["shape"].start - 1 : where["shape"].stop - 1]
+        _, imitated = _beside(self._of_formula(at), at.slopes, 1 / self.points(at).noise)
         left = X[:, 0] - X[:, 1:] @ a
-        return Outcome(told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model)
+        return Outcome(
+            told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model, formula, imitated
+        )
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
@@ -371,7 +408,7 @@ class PairErrors:
         found, usual = outcome.sizes, replace(outcome.sizes.at_most(USUAL), noise=USUAL.noise)
         logs: list[float] = []
         for sizes in (found, usual):
-            kernel = Kernel([points], 0.0, (sizes.rest, 0.0))
+            kernel = Kernel([points], sizes.colour, (sizes.rest, 0.0))
             G = kernel.white([X]).squared() / sizes.noise**2
             if sizes is usual:
                 G[0, :] = G[:, 0] = 0.0
@@ -384,7 +421,7 @@ class PairErrors:
         """Return chi2 as a function of nearby predictions, with errors integrated out as at this point."""
         at = replace(near, slopes=near.slopes[:, :0], x=near.x[:0], inside=())
         X, where = self.columns(at)
-        kernel = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0))
+        kernel = Kernel([self.points(at)], sizes.colour, (sizes.rest, 0.0))
         white = kernel.white([X])
         G = white.squared() / sizes.noise**2
         scale = _scale(where, sizes, G.shape[0])
@@ -404,10 +441,67 @@ class PairErrors:
     def quadratic(self, at: Linearised, sizes: Sizes) -> float:
         """Return chi2 at these sizes of the errors, everything else integrated out."""
         X, where = self.columns(at)
-        G = Kernel([self.points(at)], 0.0, (sizes.rest, 0.0)).white([X]).squared()
+        G = Kernel([self.points(at)], sizes.colour, (sizes.rest, 0.0)).white([X]).squared()
         seen = G / sizes.noise**2
         _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The most probable sizes, and ln evidence by the size of the rest."""
+
+    value: float
+    sizes: Sizes
+    G: Reals
+    logs: dict[float, float]
+
+
+class _Sought:
+    """The search for the sizes of the errors."""
+
+    def __init__(
+        self, points: list[PointErrors], X: Complexes, where: dict[str, slice], known: tuple[int, float]
+    ) -> None:
+        self._points, self._where = points, where
+        self._rounds, self._propagated = known
+        self._white = in_noise(points, [X])
+        self._numbers = 2 * int(np.count_nonzero(np.isfinite(points[0].noise)))
+
+    def over_rests(self, rests: Sequence[float], start: Sizes) -> _Best:
+        """Return the best sizes with each rest, from that of the start outwards."""
+        best: _Best | None = None
+        logs: dict[float, float] = {}
+        for side in _outwards(rests, start.rest):
+            for rest in side:
+                sizes = replace(best.sizes if best else start, rest=rest)
+                trial = self._at(sizes, logs)
+                logs[rest] = trial.value
+                if best is None or trial.value > best.value:
+                    best = trial
+                if trial.value < best.value - _FAR_BELOW:
+                    break
+        if best is None:
+            raise ValueError("no rests")
+        return best
+
+    def over_colours(self, best: _Best, rests: Sequence[float]) -> _Best:
+        """Return the best sizes with more or less correlated noise, as long as that is better."""
+        colours = list(COLOURS)
+        first, here = best.sizes.colour, best
+        for step in (1, -1):
+            while 0 <= (k := colours.index(here.sizes.colour) + step) < len(colours):
+                trial = self._at(replace(here.sizes, colour=colours[k]), best.logs)
+                if trial.value <= here.value:
+                    break
+                here = trial
+        return best if here.sizes.colour == first else self.over_rests(rests, here.sizes)
+
+    def _at(self, sizes: Sizes, logs: dict[float, float]) -> _Best:
+        kernel = Kernel(self._points, sizes.colour, (sizes.rest, 0.0))
+        G = kernel.whitened(self._white).squared()
+        value, sizes = _climbed(G, kernel.log_det - self._propagated, self._where, sizes, (self._numbers, self._rounds))
+        return _Best(value, sizes, G, logs)
 
 
 def _outwards(rests: Sequence[float], known: float) -> tuple[Sequence[float], Sequence[float]]:

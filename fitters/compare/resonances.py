@@ -10,8 +10,9 @@ from scipy.interpolate import make_interp_spline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
-from ..diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
+from ..diagnosis.data_quality.pole_fit import Frame, PoleFit
 from .pair import Pair, running
+from .vector_fitting import frame_for_poles, vector_fitted
 
 _ERROR = 3e-4
 """Error of ln Z below which more poles are useless."""
@@ -81,7 +82,7 @@ def fitted_poles(pair: Pair, Z: Impedances, noise: Reals, start: PoleFit | None 
     """Return the rational fit to one side of a pair."""
     sweep = Sweep(pair.frequency, Z)
     frame = Frame.of(sweep, np.hypot(noise, _ERROR), np.ones(Z.size, np.bool_))
-    return fit_poles(frame, None if start is None else start.poles)
+    return vector_fitted(frame_for_poles(frame), None if start is None else start.poles)
 
 
 def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:

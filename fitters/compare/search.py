@@ -11,7 +11,8 @@ from ...models.base.arrays import Reals
 from ..diagnosis.data_quality.pole_fit import PoleFit
 from ..diagnosis.decision_rules import COARSENED
 from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
-from .hypothesis import Change, Fitted, Hypothesis, fitted, plain_fit, plain_misfit, screened
+from .fit import fitted, plain_fit, plain_misfit, screened
+from .hypothesis import Change, Fitted, Hypothesis
 from .pair_errors import PairErrors, Sizes
 from .with_build.model_change import ModelChange
 

@@ -45,6 +45,8 @@ class Frame:
     """`inverse` / Y, the factor on every column, shape (N,)."""
     ground: Reals
     """Orthonormal columns of the non-resonant background, shape (2N, M)."""
+    narrowest: float = _LEAST_WIDTH
+    """Half width of the narrowest pole, in steps of the frequency grid."""
 
     @classmethod
     def of(cls, sweep: Sweep, noise: Reals, good: NDArray[np.bool_]) -> "Frame":
@@ -69,7 +71,7 @@ class Frame:
     def least_width(self) -> Reals:
         """Half width of the narrowest pole at each point, shape (N,)."""
         steps = np.diff(self.s.imag)
-        return _LEAST_WIDTH * np.append(steps, steps[-1])
+        return self.narrowest * np.append(steps, steps[-1])
 
 
 @dataclass(frozen=True, eq=False)
