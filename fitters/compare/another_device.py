@@ -117,7 +117,7 @@ def log_odds_of_nothing_in_common(errors: PairErrors, at: Linearised, outcome: O
     zero, x = np.zeros(points, np.complex128), np.zeros(int(slopes.shape[1]), np.float64)
     alone = Linearised(predicted, zero, slopes, slopes[:, :0], x, (), pair.frequency)
     none = Resonances(np.zeros(0, np.complex128), np.zeros(0, np.complex128))
-    own = PairErrors(pair, none)
+    own = PairErrors(pair, (none, none))
     evidence = own.outcome(alone, (0.0,), outcome.sizes, rounds=1).log_evidence
     perfect = replace(alone, predicted=recorded.after, slopes=slopes[:, :0], x=x[:0])
     most = own.outcome(perfect, (0.0,), outcome.sizes, rounds=1).log_evidence

@@ -19,7 +19,8 @@ from .fit import fitted
 from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
 from .pair import Pair, pair_of, righted
-from .pair_errors import INSTRUMENT, USUAL_REST, PairErrors, Sizes
+from .pair_errors import INSTRUMENT, PairErrors
+from .pair_sizes import USUAL_REST, Sizes
 from .resonances import Resonances, fitted_poles, resonances_of
 from .search import Searched, nothing_in_common, search
 from .shifts import resonance_shifts
@@ -55,9 +56,9 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     poles = fitted_poles(pair, pair.before, pair.noise_before)
     own = resonances_of(poles, pair, pair.before)
     after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
-    errors = PairErrors(pair, own)
-    inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
     now = resonances_of(after_poles, pair, pair.after)
+    errors = PairErrors(pair, (own, now))
+    inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
     searched = search(errors, (*two_ports(), *device_changes(pair, own, now), *inside), after_poles)
     found = concluded(errors, searched, began)
     return replace(found, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)

@@ -251,7 +251,7 @@ def _new(pair: Pair, own: Resonances) -> NewResonance:
         ChangeSize("Q", "1", 60.0, 1.0),
         ChangeSize("strength", "1", 1e-2, 2.0),
     )
-    weight = 1 / np.hypot(1e-2, np.abs(slope_of(pair, own)[0]) * 1e-3)
+    weight = 1 / np.hypot(1e-2, np.abs(slope_of(f, pair.before, own)[0]) * 1e-3)
     target = (1 / pair.after - Y) / Y * weight
     found: list[tuple[float, float, float, float]] = []
     for f0 in np.geomspace(float(f[0]), float(f[-1]), _PLACES).tolist():

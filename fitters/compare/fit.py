@@ -1,13 +1,14 @@
 """The fit of a hypothesis to a pair: plain least squares for a start, a quick screening, and the error model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models.base.arrays import Reals
 from .hypothesis import BOUND, Fitted, Hypothesis, State
-from .pair_errors import RESTS, Linearised, Outcome, PairErrors, Sizes
+from .pair_errors import Linearised, Outcome, PairErrors
+from .pair_sizes import RESTS, Sizes
 
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
@@ -19,12 +20,16 @@ _DRIFTED = 8
 """Most linearisations about the drift found so far."""
 _CLOSE = 1e-3
 """In standard uncertainties: a shorter step ends a fit."""
-_NOISE = 1.3
-"""chi2 per number up to which only noise is left."""
+_UNCERTAIN = (0.5, 0.2, 0.07, 0.02, 0.0)
+"""By how much drift may still move, in half widths of each resonance, in the steps of a fit without a rest."""
+_SCREENED = (0.3, 0.1, 0.1)
+"""The same in a quick screening."""
+_LOST = 5.0
+"""chi2 per number at which a fit without a rest is given up."""
 
 
 def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tuple[State, int] | None = None) -> float:
-    """Return the mean square residual of ln Z with equal weights, by which a start is chosen.
+    """Return the mean square residual of ln Z in units of `steepness`, by which a start is chosen.
 
     `known`: the impedance before one of the changes, and the number of that change.
     """
@@ -33,7 +38,7 @@ def plain_misfit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, known: tu
     with np.errstate(all="ignore"):
         r = np.log(pair.after / hypothesis.states(state, pair.frequency, x, first)[-1][0])
     kept = np.isfinite(pair.noise_after)
-    value = float(np.mean(np.abs(r[kept]) ** 2))
+    value = float(np.mean(np.abs(r[kept] / errors.steepness[kept]) ** 2))
     return value if np.isfinite(value) else np.inf
 
 
@@ -46,7 +51,7 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
         return best, x
     for _ in range(steps):
         at = hypothesis.linearised(errors, x, drift=False)
-        noise2 = best + pair.noise_after[kept] ** 2 + pair.noise_before[kept] ** 2
+        noise2 = best * errors.steepness[kept] ** 2 + pair.noise_after[kept] ** 2 + pair.noise_before[kept] ** 2
         weight = 1 / np.sqrt(np.maximum(noise2, 1e-14))
         r = np.log(pair.after / at.predicted)[kept] * weight
         J = at.slopes[kept] * weight[:, None]
@@ -70,7 +75,9 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
 def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
     """Return an approximate ln posterior of a hypothesis near `x`, with errors of these sizes, and its place."""
     best = -np.inf
-    for _ in range(2):
+    errors = errors.from_after() if hypothesis.removes else errors
+    for uncertain in _SCREENED:
+        errors = errors.unsettled(uncertain)
         at = hypothesis.linearised(errors, x)
         outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=0)
         errors = errors.drifted(outcome)
@@ -92,29 +99,26 @@ class _Place:
     outcome: Outcome
 
     @property
-    def exhausted(self) -> bool:
-        """Whether only noise and small errors are left."""
-        kept = int(np.count_nonzero(np.isfinite(self.errors.pair.noise_after)))
-        return self.outcome.sizes.rest == 0 and self.outcome.cost < _NOISE * 2 * kept
+    def misfit(self) -> float:
+        """chi2 for each number."""
+        return self.outcome.cost / (2 * int(np.count_nonzero(np.isfinite(self.errors.pair.noise_after))))
 
 
 def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
     """Return the fit with the error model, starting at `x` with errors of these sizes.
 
-    A rest would take what is left of a sharp resonance before its drift has been found. So the place is sought without
-    a rest first, and kept if no other is more probable.
+    A rest takes what is left of a sharp resonance before its drift has been found. So the place is also sought without
+    a rest, and the more probable one counts.
     """
     start = _approached(hypothesis, errors, x, sizes)
-    best = _relinearised(start, (0.0,))
-    if not best.exhausted:
-        other = _relinearised(start, None)
-        best = max(best, other, key=lambda place: place.outcome.log_evidence)
-    best = _moved(best, tuple(RESTS))
+    best = _relinearised(start)
+    best = _moved(max(best, _annealed(start), key=lambda place: place.outcome.log_evidence), tuple(RESTS))
     return Fitted(best.hypothesis, best.x, best.at, best.outcome, best.errors)
 
 
 def _approached(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None) -> _Place:
     """Return the place that a few steps of the coordinates lead to, drift being linear."""
+    errors = errors.from_after() if hypothesis.removes else errors
     at = hypothesis.linearised(errors, x)
     outcome = errors.outcome(at, _FEW_RESTS if hypothesis.count else tuple(RESTS), sizes, rounds=1)
     for _ in range(_MARGINAL if hypothesis.count else 0):
@@ -127,17 +131,27 @@ def _approached(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Siz
     return _Place(hypothesis, errors, x, at, outcome)
 
 
-def _relinearised(place: _Place, rests: Sequence[float] | None) -> _Place:
-    """Return the most probable place on the way from here with these rests (None: those near the last one)."""
+def _relinearised(place: _Place) -> _Place:
+    """Return the most probable place on the way from here, until drift is settled."""
     best: _Place | None = None
     for k in range(_DRIFTED):
         settled = k > 0 and place.errors.settled(place.outcome)
-        place = _moved(place, rests or _near(place.outcome.sizes.rest))
+        place = _moved(place, _near(place.outcome.sizes.rest))
         if best is None or place.outcome.log_evidence > best.outcome.log_evidence:
             best = place
         if settled:
             break
     return best or place
+
+
+def _annealed(place: _Place) -> _Place:
+    """Return the place found without a rest, drift being less and less uncertain; this one if that leads nowhere."""
+    start = place
+    for uncertain in _UNCERTAIN:
+        place = _moved(replace(place, errors=place.errors.unsettled(uncertain)), (0.0,))
+        if place.misfit > _LOST:
+            return start
+    return _relinearised(place)
 
 
 def _moved(place: _Place, rests: Sequence[float]) -> _Place:

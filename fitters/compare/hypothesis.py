@@ -82,6 +82,11 @@ class Hypothesis:
         return tuple(k for change, own in pairs if change.where != TERMINALS for k in range(own.start, own.stop))
 
     @property
+    def removes(self) -> bool:
+        """Whether the device is bare afterwards and was not before: every change is an element that was removed."""
+        return bool(self.changes) and all(isinstance(one, TwoPort) and one.taken for one in self.changes)
+
+    @property
     def count(self) -> int:
         """Number of its coordinates."""
         return sum(len(change.sizes) for change in self.changes)

@@ -16,27 +16,39 @@ part, from grids with prior probabilities; a rest beyond `USUAL_REST` is somethi
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from math import log
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+from scipy.linalg.lapack import dpotrs
 
 from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
 from ...models.circuits.terminals import skin
-from ..error_model.point_covariance import Kernel, PointErrors, in_noise, spread_of_variance
+from ..error_model.point_covariance import Kernel, PointErrors, spread_of_variance
 from ..error_model.prior_scales import FIXTURE
 from ..error_model.smooth_basis import smooth
+from .drift import Drift, DriftPoint
 from .pair import Pair
-from .resonances import Resonances, changed, pole_terms, slope_of
+from .pair_sizes import (
+    RESTS,
+    USUAL,
+    USUAL_REST,
+    Sizes,
+    SizeSearch,
+    factorised,
+    log_density,
+    posterior_of,
+    scale_of,
+)
+from .resonances import Resonances, slope_of
 
 INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""
 _LEVEL = 1.5e-3
 """Error of gain or phase common to all frequencies: cables, range and connectors of the day."""
 _SAME = 1e-9
-_RIDGES = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 _STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
 """Correlation lengths of gain and phase in ln f, and the fraction of the shorter one."""
@@ -48,63 +60,14 @@ _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, relative to that where a frequency shift moves ln Z by twice as much."""
 _USUAL_DRIFT = 1e-4
+_FLAT, _STEEP = 3e-3, 3e-4
+"""Errors with which a start is sought: of ln Z, and a drift."""
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
-_FAR_BELOW = 30.0
-"""Further sizes of a rest are skipped once ln evidence is this much below the best."""
 _FURTHEST_DRIFT = 2e-3
 """Largest drift about which errors are linearised; a larger shift is not drift."""
 _SETTLED, _STRIDE = 0.02, 0.7
 """Of a drift's linearisation: the step, in half widths of the resonance, that ends it, and the largest one."""
-USUAL_REST = 3e-4
-
-Grid = dict[float, float]
-"""Sizes with their prior probabilities."""
-GRIDS: dict[str, Grid] = {
-    "noise": {0.6: 0.1, 0.8: 0.2, 1.0: 0.4, 1.25: 0.2, 1.6: 0.1},
-    "instrument": {0.3: 0.4, 1.0: 0.47, 3.0: 0.1, 10.0: 0.03},
-    "fixture": {0.0: 0.5, 1.0: 0.5},
-    "drift": {3e-6: 0.2, 3e-5: 0.2, 1e-4: 0.35, 3e-4: 0.2, 1e-3: 0.05},
-    "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.08, 1e-3: 0.02},
-    "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
-}
-COLOURS: Grid = {0.0: 0.6, 0.3: 0.2, 0.5: 0.12, 0.65: 0.05, 0.8: 0.03}
-"""Correlation of the noise of neighbouring points."""
-RESTS: Grid = {
-    0.0: 0.4, 1e-4: 0.2, 3e-4: 0.15, 1e-3: 0.1, 3e-3: 0.05, 1e-2: 0.03, 3e-2: 0.025, 0.1: 0.02, 0.3: 0.015, 1.0: 0.01,
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Sizes of the parts of the error."""
-
-    noise: float = 1.0
-    """Relative to the estimate from the recordings' smoothness."""
-    instrument: float = 1.0
-    fixture: float = 1.0
-    drift: float = 1e-4
-    """Common drift of all resonances."""
-    wander: float = 3e-5
-    """Individual drift of each resonance."""
-    shape: float = 0.01
-    rest: float = 0.0
-    colour: float = 0.0
-    """Correlation of the noise of neighbouring points, which smoothness underestimates if it is correlated."""
-
-    @property
-    def log_prior(self) -> float:
-        """Ln of its probability on the grids."""
-        parts = sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items())
-        return parts + log(RESTS[self.rest]) + log(COLOURS[self.colour])
-
-    def at_most(self, others: "Sizes") -> "Sizes":
-        """Return these sizes, limited to the given ones."""
-        return Sizes(**{own.name: min(getattr(self, own.name), getattr(others, own.name)) for own in fields(self)})
-
-
-USUAL = Sizes(1.0, 1.0, 1.0, 1e-3, 3e-4, 0.05, USUAL_REST, max(COLOURS))
-"""The usual errors of two recordings of one device."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +88,7 @@ class Linearised:
     frequency: Reals
     """Hz, shape (N,)."""
     each: Complexes | None = None
-    """For changes in the device: derivatives by ln frequency and ln Q of each resonance before, shape (N, 2P)."""
+    """For changes in the device: derivatives by ln frequency, ln Q, ln strength of each resonance before, (N, 3P)."""
     model: Complexes | None = None
     """Errors of ln Z predicted by the model of a build's device, each of a unit normal prior, shape (N, K)."""
     offset: Reals | None = None
@@ -155,7 +118,7 @@ class Outcome:
     total: Reals
     """The coordinates including the part imitated by drift, shape (P,)."""
     moved: Reals
-    """Drift of each resonance in ln frequency, then in ln Q, shape (2P,)."""
+    """Drift of each resonance in ln frequency, then in ln Q, then in ln strength, shape (3P,)."""
     model: Reals
     """Coefficients of the errors of a build's device, shape (K,)."""
     formula: Reals
@@ -167,85 +130,54 @@ class Outcome:
 class PairErrors:
     """Quantities common to all hypotheses about a pair."""
 
-    def __init__(self, pair: Pair, own: Resonances, moved: tuple[Reals, Reals] | None = None) -> None:
-        """Take a pair and the resonances before.
-
-        `moved`: drift of each in ln frequency and ln Q, about which drift is then linearised.
-        """
-        self.recorded, self._first = pair, own
-        if moved is not None:
-            now = Resonances(*changed(own.poles, own.residues, *moved, 0.0))
-            drifted = 1 / pair.before + np.sum(now.seen(pair.frequency) - own.seen(pair.frequency), axis=1)
-            pair, own = replace(pair, before=1 / drifted), now
-        self.pair, self.own = pair, own
-        self._moved = np.concatenate(moved) if moved is not None else np.zeros(2 * own.poles.size)
-        self.slope, rest, self._slope_error = slope_of(pair, own)
-        self._bend = np.gradient(rest, pair.log_f)
+    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint | None = None) -> None:
+        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+        self.recorded, self.resonances = pair, resonances
+        self._drift = Drift(pair, resonances, point or DriftPoint())
+        self.pair, self.own, self.slope = self._drift.pair, self._drift.own, self._drift.slope
         f, u = pair.frequency, pair.log_f
         ends = float(u[0]), float(u[-1])
         span = max(ends[1] - ends[0], 1e-6)
         slow = smooth(u, ends, _SLOW, 4)
         fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
-        drift = self.slope[:, None] * smooth(u, ends, max(_DRIFT_LENGTH, span / 12), 10)
-        self._each = self._of_each(f)
-        self._rest = rest[:, None], np.hstack([drift, 1j * _LOSSES * drift])
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
         self._jw, self._skin = j_omega(f), skin(f)
         self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
 
-    @property
-    def _unit(self) -> Reals:
-        """Drift of each resonance in ln frequency and ln Q for a unit drift of the frequency."""
-        return np.concatenate([np.ones(self.own.q.size), np.hypot(2 * _LOSSES * self.own.q, _DAMPING)])
-
-    def _of_each(self, f: Reals) -> Complexes:
-        """Return d ln Z before / d ln frequency and / d ln Q of each resonance, shape (N, 2P)."""
-        own, Y = self.own, 1 / self.pair.before
-        made: list[Complexes] = []
-        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
-            now = pole_terms(f, *changed(own.poles, own.residues, shift, q, 0.0))
-            made.append(np.asarray((own.seen(f) - now) / Y[:, None] / _STEP, np.complex128))
-        return np.hstack(made)
+    @cached_property
+    def steepness(self) -> Reals:
+        """Error of ln Z by a moderate drift, and a small one where ln Z is flat, shape (N,)."""
+        pair, (own, now) = self.recorded, self.resonances
+        slopes = [slope_of(pair.frequency, Z, side)[0] for Z, side in ((pair.before, own), (pair.after, now))]
+        return np.asarray(np.hypot(_FLAT, _STEEP * np.max(np.abs(slopes), axis=0)), np.float64)
 
     def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
-        """Yield the first recording with a step in ln frequency, then in ln Q, of each resonance."""
-        f, own = self.pair.frequency, self.own
-        seen, Y = own.seen(f), 1 / self.pair.before
-        for shift, q in ((_STEP, 0.0), (0.0, _STEP)):
-            poles, residues = changed(own.poles, own.residues, shift, q, 0.0)
-            now = pole_terms(f, poles, residues)
-            for k in range(poles.size):
-                moved = own.with_others([k], poles[k : k + 1], residues[k : k + 1])
-                yield 1 / (Y + now[:, k] - seen[:, k]), moved, _STEP
-
-    def _drift(self, at: Linearised) -> dict[str, Complexes]:
-        """Return the changes of ln Z after by a unit drift of all resonances together, and of each, shapes (N, M)."""
-        s, count = at.through[:, None], self.own.poles.size
-        each = (s * self._each if at.each is None else at.each) * self._unit
-        together, remainder = self._rest
-        both = [np.sum(each[:, :count], axis=1) + (s * together)[:, 0], np.sum(each[:, count:], axis=1)]
-        return {
-            "drift": np.asarray(np.column_stack(both), np.complex128),
-            "wander": np.asarray(np.hstack([s * remainder, each]), np.complex128),
-        }
+        """Yield the device with a step in ln frequency, then in ln Q, then in ln strength, of each resonance."""
+        return self._drift.nudged()
 
     def drifted(self, outcome: "Outcome") -> "PairErrors":
-        """Return the same with the resonances at their drifted frequencies."""
-        count = self.own.poles.size
-        if not count:
-            return self
-        most = _FURTHEST_DRIFT * self._unit
-        stride = np.concatenate([_STRIDE / (2 * self.own.q), np.full(count, _STRIDE)])
-        step = np.clip(outcome.moved - self._moved, -stride, stride)
-        moved = np.clip(self._moved + step, -most, most)
-        return PairErrors(self.recorded, self._first, (moved[:count], moved[count:]))
+        """Return the same with the resonances where they drifted to."""
+        return self._at(self._drift.towards(outcome.moved))
+
+    def unsettled(self, uncertain: float) -> "PairErrors":
+        """Return the same with drift that may still move by this many half widths of each resonance."""
+        return self._at(replace(self._drift.point, uncertain=uncertain))
+
+    def from_after(self) -> "PairErrors":
+        """Return the same for a device that is bare in the recording after: its resonances are those that drift."""
+        return self._at(DriftPoint(after=True))
 
     def settled(self, outcome: "Outcome") -> bool:
         """Return whether drift is where it was linearised, to a small part of each resonance's width."""
-        count = self.own.poles.size
-        step = np.abs(outcome.moved - self._moved)
-        return bool(np.all(step[:count] * 2 * self.own.q < _SETTLED) and np.all(step[count:] < _SETTLED))
+        return self._drift.settled(outcome.moved)
+
+    def as_recorded(self, predicted: Impedances) -> Impedances:
+        """Return a prediction, ohm, shape (N,), with the drift of the recording after."""
+        return np.asarray(predicted * self.recorded.after / self.pair.after, np.complex128)
+
+    def _at(self, point: DriftPoint) -> "PairErrors":
+        return PairErrors(self.recorded, self.resonances, point)
 
     def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
         """Return the same without some blocks of points."""
@@ -257,11 +189,10 @@ class PairErrors:
 
     def instead(self, after: Impedances) -> "PairErrors":
         """Return the same with another recording after, ohm, shape (N,); drift is linear about no drift."""
-        return PairErrors(replace(self.recorded, after=after), self._first)
+        return PairErrors(replace(self.recorded, after=after), self.resonances)
 
     def _with(self, pair: Pair) -> "PairErrors":
-        count = self._first.poles.size
-        return PairErrors(pair, self._first, (self._moved[:count], self._moved[count:]))
+        return PairErrors(pair, self.resonances, self._drift.point)
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
         """Return the residual and all columns that are integrated out, shape (N, 1 + P + M), with their kinds."""
@@ -273,7 +204,7 @@ class PairErrors:
             "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
             "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
             "fixture": self._fixture(Z),
-            **self._drift(at),
+            **self._drift.columns(at.through, at.each),
         }
         if at.model is not None:
             groups["model"] = at.model
@@ -285,8 +216,7 @@ class PairErrors:
             where[name] = slice(first, first + block.shape[1])
             first += block.shape[1]
         r = np.log(pair.after / at.predicted) + at.slopes @ at.x
-        each = s[:, None] * self._each if at.each is None else at.each
-        r = r + each @ self._moved
+        r = r + self._drift.so_far(at.through, at.each)
         if at.model is not None and at.offset is not None:
             r = r + at.model @ at.offset
         if at.formula is not None:
@@ -318,7 +248,7 @@ class PairErrors:
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""
         pair, s = self.pair, np.abs(at.through)
-        second = s * np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
+        second = self._drift.second_order(at.through, drift)
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
         return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
 
@@ -348,7 +278,7 @@ class PairErrors:
         `colours`: the correlation of the noise is chosen as well.
         """
         X, where = self.columns(at)
-        sought = _Sought([self.points(at)], X, where, (rounds, self._propagated(at)))
+        sought = SizeSearch([self.points(at)], X, where, (rounds, self._propagated(at)))
         best = sought.over_rests(rests, start or Sizes())
         if colours:
             best = sought.over_colours(best, rests)
@@ -366,8 +296,8 @@ class PairErrors:
         told: tuple[float, float],
     ) -> Outcome:
         X, where = columns
-        scale = _scale(where, sizes, G.shape[0])
-        inverse, a = _posterior(G, scale)
+        scale = scale_of(where, sizes, G.shape[0])
+        inverse, a = posterior_of(G, scale)
         own = where["x"]
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
@@ -377,10 +307,7 @@ class PairErrors:
         lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
         usual = np.repeat(lacking, [part.stop - part.start for part in parts])
         covariance = covariance + (share * usual**2) @ share.T
-        count = self.own.poles.size
-        moved = drift[drift.size - 2 * count :] * self._unit
-        moved[:count] += drift[0]
-        moved[count:] += drift[1] * self._unit[count:]
+        moved = self._drift.moved_by(drift)
         cost = float(G[0, 0] - G[0, 1:] @ a)
         model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
         formula = a[where["shape"].start - 1 : where["shape"].stop - 1]
@@ -392,7 +319,7 @@ class PairErrors:
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
-        drift = np.asarray(np.hstack(list(self._drift(at).values())), np.complex128)
+        drift = np.asarray(np.hstack(list(self._drift.columns(at.through, at.each).values())), np.complex128)
         made = np.zeros((at.x.size, drift.shape[1]))
         own = list(at.inside)
         if own:
@@ -413,7 +340,7 @@ class PairErrors:
             if sizes is usual:
                 G[0, :] = G[:, 0] = 0.0
             log_det = kernel.log_det + 2 * numbers * log(sizes.noise)
-            logs.append(_log_density(G, log_det, _scale(where, sizes, G.shape[0])))
+            logs.append(log_density(G, log_det, scale_of(where, sizes, G.shape[0])))
         by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
         return float(max(0.0, logs[1] - 0.5 * numbers - logs[0] - 0.5 * _ONE_IN_TWENTY * by_chance))
 
@@ -424,8 +351,8 @@ class PairErrors:
         kernel = Kernel([self.points(at)], sizes.colour, (sizes.rest, 0.0))
         white = kernel.white([X])
         G = white.squared() / sizes.noise**2
-        scale = _scale(where, sizes, G.shape[0])
-        c, _ = _factor(G, scale)
+        scale = scale_of(where, sizes, G.shape[0])
+        c, _ = factorised(G, scale)
         drifted = X[:, 0] - np.log(self.pair.after / near.predicted)
 
         def chi2(predicted: Impedances) -> float:
@@ -443,70 +370,8 @@ class PairErrors:
         X, where = self.columns(at)
         G = Kernel([self.points(at)], sizes.colour, (sizes.rest, 0.0)).white([X]).squared()
         seen = G / sizes.noise**2
-        _, a = _posterior(seen, _scale(where, sizes, G.shape[0]))
+        _, a = posterior_of(seen, scale_of(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)
-
-
-@dataclass(frozen=True, eq=False)
-class _Best:
-    """The most probable sizes, and ln evidence by the size of the rest."""
-
-    value: float
-    sizes: Sizes
-    G: Reals
-    logs: dict[float, float]
-
-
-class _Sought:
-    """The search for the sizes of the errors."""
-
-    def __init__(
-        self, points: list[PointErrors], X: Complexes, where: dict[str, slice], known: tuple[int, float]
-    ) -> None:
-        self._points, self._where = points, where
-        self._rounds, self._propagated = known
-        self._white = in_noise(points, [X])
-        self._numbers = 2 * int(np.count_nonzero(np.isfinite(points[0].noise)))
-
-    def over_rests(self, rests: Sequence[float], start: Sizes) -> _Best:
-        """Return the best sizes with each rest, from that of the start outwards."""
-        best: _Best | None = None
-        logs: dict[float, float] = {}
-        for side in _outwards(rests, start.rest):
-            for rest in side:
-                sizes = replace(best.sizes if best else start, rest=rest)
-                trial = self._at(sizes, logs)
-                logs[rest] = trial.value
-                if best is None or trial.value > best.value:
-                    best = trial
-                if trial.value < best.value - _FAR_BELOW:
-                    break
-        if best is None:
-            raise ValueError("no rests")
-        return best
-
-    def over_colours(self, best: _Best, rests: Sequence[float]) -> _Best:
-        """Return the best sizes with more or less correlated noise, as long as that is better."""
-        colours = list(COLOURS)
-        first, here = best.sizes.colour, best
-        for step in (1, -1):
-            while 0 <= (k := colours.index(here.sizes.colour) + step) < len(colours):
-                trial = self._at(replace(here.sizes, colour=colours[k]), best.logs)
-                if trial.value <= here.value:
-                    break
-                here = trial
-        return best if here.sizes.colour == first else self.over_rests(rests, here.sizes)
-
-    def _at(self, sizes: Sizes, logs: dict[float, float]) -> _Best:
-        kernel = Kernel(self._points, sizes.colour, (sizes.rest, 0.0))
-        G = kernel.whitened(self._white).squared()
-        value, sizes = _climbed(G, kernel.log_det - self._propagated, self._where, sizes, (self._numbers, self._rounds))
-        return _Best(value, sizes, G, logs)
-
-
-def _outwards(rests: Sequence[float], known: float) -> tuple[Sequence[float], Sequence[float]]:
-    """Return the sizes from the known one upwards, then downwards; those far from the best are negligible."""
-    return [size for size in rests if size >= known], [size for size in reversed(rests) if size < known]
 
 
 def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
@@ -524,68 +389,3 @@ def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Comp
     rows = np.vstack([aim.real, aim.imag, np.zeros((unit.size, aim.shape[1]))])
     share = np.linalg.lstsq(basis, rows, rcond=1e-8)[0]
     return np.asarray(columns - (slopes / unit) @ share, np.complex128), share / unit[:, None]
-
-
-def _scale(where: dict[str, slice], sizes: Sizes, count: int) -> Reals:
-    """Return the prior standard deviation of each column's coefficient, without the residual."""
-    scale = np.ones(count - 1)
-    for name, own in where.items():
-        if name in GRIDS:
-            scale[own.start - 1 : own.stop - 1] = getattr(sizes, name)
-    return scale
-
-
-def _factor(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
-    S = scale[:, None] * G[1:, 1:] * scale
-    S[np.diag_indices_from(S)] += 1.0
-    for ridge in _RIDGES:  # rounding may make a matrix of large numbers indefinite
-        S[np.diag_indices_from(S)] *= 1 + ridge
-        c, failed = dpotrf(S, lower=1)
-        if not failed:
-            return c, scale * G[1:, 0]
-    raise np.linalg.LinAlgError("errors of a pair")
-
-
-def _posterior(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
-    """Return covariance and mean of the columns' coefficients."""
-    c, v = _factor(G, scale)
-    solved, _ = dpotrs(c, v, lower=1)
-    lower, _ = dpotri(c, lower=1)
-    inverse = np.tril(lower) + np.tril(lower, -1).T
-    return scale[:, None] * inverse * scale, scale * solved
-
-
-def _log_density(G: Reals, log_det: float, scale: Reals) -> float:
-    c, v = _factor(G, scale)
-    solved, _ = dpotrs(c, v, lower=1)
-    return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
-
-
-def _climbed(
-    G: Reals, log_det: float, where: dict[str, slice], sizes: Sizes, known: tuple[int, int]
-) -> tuple[float, Sizes]:
-    """Return the largest density times prior over the sizes of the errors, one after the other, and the sizes there.
-
-    `known`: the number of data, and how often all sizes are tried.
-    """
-    numbers, rounds = known
-
-    def value(trial: Sizes) -> float:
-        scale = _scale(where, trial, G.shape[0])
-        return _log_density(G / trial.noise**2, log_det + 2 * numbers * log(trial.noise), scale) + trial.log_prior
-
-    best = value(sizes)
-    for _ in range(rounds):
-        before = best
-        for name, grid in GRIDS.items():
-            if name in where and where[name].start == where[name].stop:
-                continue
-            for size in grid:
-                if size != getattr(sizes, name):
-                    trial = replace(sizes, **{name: size})
-                    here = value(trial)
-                    if here > best:
-                        best, sizes = here, trial
-        if best - before < 0.1:
-            break
-    return best, sizes

@@ -65,7 +65,7 @@ def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) ->
 
 
 def changed(
-    poles: Complexes, residues: Complexes, shift: float | Reals, q: float | Reals, strength: float
+    poles: Complexes, residues: Complexes, shift: float | Reals, q: float | Reals, strength: float | Reals
 ) -> tuple[Complexes, Complexes]:
     """Return poles and residues of branches after these changes of ln frequency, ln Q and ln capacitance.
 
@@ -98,14 +98,14 @@ def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:
     return Resonances(poles[chosen][order], residues[chosen][order])
 
 
-def slope_of(pair: Pair, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
-    """Return the slope of ln Z before over ln f, the change by a shift of the remainder, and its error, shape (N,).
+def slope_of(f: Frequencies, Z: Impedances, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
+    """Return the slope of ln Z over ln f, the change by a shift of the remainder, and its error, shape (N,).
 
     The remainder is treated as that of a capacitance, which does not change when all frequencies shift.
 
     The slope of poles is exact; that of the remainder is a spline's, with an error estimated from every other point.
     """
-    f, u, Y = pair.frequency, pair.log_f, 1 / pair.before
+    u, Y = np.log(f), 1 / Z
     remainder = Y - np.sum(own.seen(f), axis=1)
     s = 1j * f[:, None]
     exact = -s * (own.residues / (s - own.poles) ** 2 + np.conj(own.residues) / (s - np.conj(own.poles)) ** 2)

@@ -13,7 +13,8 @@ from ..diagnosis.decision_rules import COARSENED
 from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from .fit import fitted, plain_fit, plain_misfit, screened
 from .hypothesis import Change, Fitted, Hypothesis
-from .pair_errors import PairErrors, Sizes
+from .pair_errors import PairErrors
+from .pair_sizes import Sizes
 from .with_build.model_change import ModelChange
 
 _TRIED = 2

@@ -1,0 +1,162 @@
+"""The drift of a device's resonances between two recordings, together and each by itself.
+
+A device drifts as it is when nothing is between it and the analyzer. So its resonances are those of the recording that
+shows it bare: that before, or that after if something was removed. Drift is linearised about what has been found of it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...models.base.arrays import Complexes, Impedances, Reals
+from ..error_model.smooth_basis import smooth
+from .pair import Pair
+from .resonances import Resonances, changed, pole_terms, slope_of
+
+_STEP = 1e-6
+_LENGTH, _LOSSES = 0.1, 0.3
+"""Resonances further apart than this in ln f drift independently; drift of 1/(2 Q) relative to that of ln f."""
+_DAMPING = 100.0
+"""Smallest drift of ln Q relative to that of ln f: one per cent beside 1e-4."""
+_STRENGTH = 5.0
+"""Drift of ln strength relative to that of ln f: permittivity depends on temperature much more than stiffness does."""
+_FURTHEST = 2e-3
+"""Largest drift about which errors are linearised; a larger shift is not drift."""
+_SETTLED, _STRIDE = 0.02, 0.7
+"""Of a drift's linearisation: the step, in half widths of the resonance, that ends it, and the largest one."""
+
+
+def _none() -> Reals:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class DriftPoint:
+    """Where drift is linearised."""
+
+    moved: Reals = field(default_factory=_none)
+    """Drift of each resonance in ln frequency, then in ln Q, then in ln strength, shape (3P,); empty for none."""
+    uncertain: float = 0.0
+    """By how much each may still move, in half widths, during a fit."""
+    after: bool = False
+    """Whether the device is bare in the recording after."""
+
+
+class Drift:
+    """The drift of the resonances of one recording of a pair."""
+
+    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint) -> None:
+        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+        own = resonances[point.after]
+        count = own.poles.size
+        self.point = point if point.moved.size else replace(point, moved=np.zeros(3 * count))
+        self.pair, self.own = pair, own
+        if np.any(self.point.moved):
+            self.pair, self.own = self._applied(pair, own)
+        f, u = pair.frequency, pair.log_f
+        self._Y: Complexes = np.asarray(1 / (self.pair.after if point.after else self.pair.before), np.complex128)
+        self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own)
+        self._bend = np.gradient(rest, u)
+        ends = float(u[0]), float(u[-1])
+        span = max(ends[1] - ends[0], 1e-6)
+        varying = rest[:, None] * smooth(u, ends, max(_LENGTH, span / 12), 10)
+        self._rest = rest[:, None], np.hstack([varying, 1j * _LOSSES * varying])
+        self._each = self._of_each()
+
+    def _applied(self, pair: Pair, own: Resonances) -> tuple[Pair, Resonances]:
+        """Return the pair as if the device of the recording before were that of the recording after."""
+        f, moved = pair.frequency, -self.point.moved if self.point.after else self.point.moved
+        now = Resonances(*changed(own.poles, own.residues, *np.split(moved, 3)))
+        difference = np.sum(now.seen(f) - own.seen(f), axis=1)
+        if self.point.after:
+            return replace(pair, after=1 / (1 / pair.after + difference)), now
+        return replace(pair, before=1 / (1 / pair.before + difference)), now
+
+    @property
+    def _unit(self) -> Reals:
+        """Drift of each resonance in ln frequency, ln Q and ln strength for a unit drift of the frequency, (3P,)."""
+        one = np.ones(self.own.q.size)
+        return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), _STRENGTH * one])
+
+    def _of_each(self) -> Complexes:
+        """Return d ln Z of the device / d ln frequency, ln Q and ln strength of each resonance, shape (N, 3P)."""
+        own, f = self.own, self.pair.frequency
+        made: list[Complexes] = []
+        for step in _STEP * np.eye(3):
+            now = pole_terms(f, *changed(own.poles, own.residues, *step))
+            made.append(np.asarray((own.seen(f) - now) / self._Y[:, None] / _STEP, np.complex128))
+        return np.hstack(made)
+
+    def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
+        """Yield the device with a step in ln frequency, then in ln Q, then in ln strength, of each resonance."""
+        f, own = self.pair.frequency, self.own
+        seen = own.seen(f)
+        for step in _STEP * np.eye(3):
+            poles, residues = changed(own.poles, own.residues, *step)
+            now = pole_terms(f, poles, residues)
+            for k in range(poles.size):
+                moved = own.with_others([k], poles[k : k + 1], residues[k : k + 1])
+                yield 1 / (self._Y + now[:, k] - seen[:, k]), moved, _STEP
+
+    def _through(self, through: Complexes) -> Complexes:
+        """Return d ln Z after / d ln Z of the device, shape (N, 1)."""
+        return np.ones_like(through)[:, None] if self.point.after else through[:, None]
+
+    def columns(self, through: Complexes, each: Complexes | None) -> dict[str, Complexes]:
+        """Return the changes of ln Z after by a unit drift of all resonances together, and of each, shapes (N, M).
+
+        `through`: d ln Z after / d ln Z before; `each`: derivatives by each resonance, if they are known.
+        """
+        s = self._through(through)
+        each = (s * self._each if each is None else each) * self._unit
+        together, remainder = self._rest
+        common = np.sum(each.reshape(each.shape[0], 3, -1), axis=2)
+        common[:, 0] += (s * together)[:, 0]
+        return {
+            "drift": np.asarray(common, np.complex128),
+            "wander": np.asarray(np.hstack([s * remainder, each]), np.complex128),
+        }
+
+    def so_far(self, through: Complexes, each: Complexes | None) -> Complexes:
+        """Return the part of ln Z after that the columns attribute to the drift that is applied already, shape (N,)."""
+        each = self._through(through) * self._each if each is None else each
+        return np.asarray(each @ self.point.moved, np.complex128)
+
+    def moved_by(self, coefficients: Reals) -> Reals:
+        """Return the drift of each resonance by coefficients of all columns, as in a `DriftPoint`, shape (3P,)."""
+        count = self.own.poles.size
+        return (coefficients[coefficients.size - 3 * count :] + np.repeat(coefficients[:3], count)) * self._unit
+
+    def towards(self, moved: Reals) -> DriftPoint:
+        """Return the point to linearise at next."""
+        most = _FURTHEST * self._unit
+        stride = np.concatenate([_STRIDE / (2 * self.own.q), np.full(2 * self.own.poles.size, _STRIDE)])
+        step = np.clip(moved - self.point.moved, -stride, stride)
+        return replace(self.point, moved=np.clip(self.point.moved + step, -most, most))
+
+    def settled(self, moved: Reals) -> bool:
+        """Return whether drift is where it was linearised, to a small part of each resonance's width."""
+        count = self.own.poles.size
+        step = np.abs(moved - self.point.moved)
+        return bool(np.all(step[:count] * 2 * self.own.q < _SETTLED) and np.all(step[count:] < _SETTLED))
+
+    def second_order(self, through: Complexes, drift: float) -> Reals:
+        """Return the standard deviation of ln Z after by what the columns do not describe, shape (N,).
+
+        That is the second order of this drift of the remainder, and of the uncertain drift of the resonances.
+        """
+        remainder = np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
+        return np.abs(self._through(through)[:, 0]) * np.hypot(remainder, self._of_uncertain)
+
+    @cached_property
+    def _of_uncertain(self) -> Reals:
+        own, f = self.own, self.pair.frequency
+        if not self.point.uncertain or not own.poles.size:
+            return np.zeros(f.size)
+        part = self.point.uncertain / (2 * own.q)
+        up, down = (pole_terms(f, *changed(own.poles, own.residues, a, 0.0, 0.0)) for a in (part, -part))
+        curved = np.abs(up + down - 2 * own.seen(f)) / np.abs(self._Y)[:, None]
+        sloped = np.abs(up - down) / 2 / np.abs(self._Y)[:, None]
+        return np.asarray(np.linalg.norm(np.hypot(curved, sloped**2), axis=1) / 2, np.float64)
