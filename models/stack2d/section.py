@@ -1,0 +1,172 @@
+"""The section of a stack: functions of z in each layer, and the terms of the stationary form over them.
+
+On the way of integration the stationary form of linear piezoelectricity is
+    H = 1/2 S:cE:S + S:e:grad(phi) - 1/2 grad(phi):epsS:grad(phi) - 1/2 w^2 density u^2.
+Displacements and potential are sums of functions of z with coefficients that depend on r: for waves along r
+
+    u_r = U(z) J1(k r),   u_z = W(z) J0(k r),   phi = P(z) J0(k r),
+
+so that the form has one block for each pair of E = k U, W, P (fields along J0) and of U, kW, kP (fields along J1).
+Each term is a constant of a layer, times a power of its thickness, times a real matrix that depends on neither.
+Layers have polynomials of their own degree; u_r and u_z are continuous, the potential vanishes on the electrodes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ..base.arrays import Complexes, Reals
+from ..disk2d.line_elements import LineElements
+from ..disk2d.matrices import CONSTANTS
+
+LAYER_CONSTANTS = (*CONSTANTS, "density")
+"""The constants of a layer, in the order used throughout; an elastic layer has no piezoelectric ones."""
+STIFFNESS, PERMITTIVITY = 1e11, 1e-8
+"""Units of the computation, Pa and F/m."""
+UNITS: Reals = np.array([STIFFNESS] * 5 + [(STIFFNESS * PERMITTIVITY) ** 0.5] * 3 + [PERMITTIVITY] * 2 + [STIFFNESS])
+"""Unit of each of LAYER_CONSTANTS; that of density leaves w^2 in."""
+STATIC, INERTIAL, VISCOUS = 0, 1, 2
+"""How a term depends on frequency: not, by -w^2, by jw."""
+
+FIELDS = {"E": "u", "W": "w", "P": "p", "U": "u", "kW": "w", "kP": "q", "rim": "u"}
+"""Fields and their functions of z; `q` are those of `p` without the first, the lift of one volt."""
+PAIRS = (
+    ("E", "E"),
+    ("E", "W"),
+    ("E", "P"),
+    ("W", "W"),
+    ("W", "P"),
+    ("P", "P"),
+    ("U", "U"),
+    ("U", "kW"),
+    ("U", "kP"),
+    ("kW", "kW"),
+    ("kW", "kP"),
+    ("kP", "kP"),
+    ("rim", "rim"),
+)
+"""Pairs of fields that the form couples; `rim` is u_r at the rim, which alone tells c12 from c11."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of the form without its matrix."""
+
+    constant: int
+    """Index among the LAYER_CONSTANTS of all layers in turn, then the loads of back and front (Rayl)."""
+    layer: int
+    """Index of the layer whose thickness counts."""
+    power: int
+    """Exponent of that thickness."""
+    frequency: int
+    """STATIC, INERTIAL or VISCOUS."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """All terms that couple two fields."""
+
+    terms: tuple[Term, ...]
+    matrices: Reals
+    """Shape (T, n, m)."""
+
+    def weighted(self, weights: Complexes) -> Complexes:
+        """Return the sums with weights of shape (F, T), shape (F, n, m)."""
+        count, n, m = self.matrices.shape
+        return (weights @ self.matrices.reshape(count, n * m)).reshape(-1, n, m)
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Functions of z of a stack, and its form over them."""
+
+    blocks: Mapping[tuple[str, str], Block]
+    shapes: Mapping[str, Reals]
+    """Of `u`, `w`, `p`: functions as columns over the nodes of all layers, shapes (nz, n); of `p` the lift is first."""
+    layers: int
+
+    @classmethod
+    def of(cls, orders: Sequence[int], piezo: int) -> Self:
+        """Return the section of layers, back to front, with polynomials of these degrees.
+
+        `piezo`: index of the piezoelectric layer, which has the electrodes on its faces.
+        """
+        ends = [0, *np.cumsum(orders).tolist()]
+        nodes = ends[-1] + 1
+        within = slice(ends[piezo], ends[piezo + 1] + 1)
+        p = np.zeros((nodes, orders[piezo]))
+        own = LineElements(np.array([0.0, 1.0]), orders[piezo])
+        p[within, 0] = own.nodes
+        p[within, 1:] = np.eye(orders[piezo] + 1)[:, 1:-1]
+        eye = np.eye(nodes)
+        blocks = {pair: _nodal(pair, orders, ends, piezo) for pair in PAIRS}
+        shapes = {"u": eye, "w": eye, "p": p}
+        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, len(orders))
+
+    def projected(self, shapes: Mapping[str, Reals]) -> Self:
+        """Return the section over sums of its functions: columns of `shapes` for each of `u`, `w`, `q`."""
+        n, m = shapes["q"].shape
+        p = np.zeros((n + 1, m + 1))
+        p[0, 0], p[1:, 1:] = 1.0, shapes["q"]
+        own = {"u": shapes["u"], "w": shapes["w"], "p": p}
+        sums = {name: self.shapes[name] @ shape for name, shape in own.items()}
+        return replace(self, blocks=_projected(self.blocks, {**own, "q": shapes["q"]}), shapes=sums)
+
+    @property
+    def size(self) -> int:
+        """Number of waves along r: that of the functions without the lift."""
+        return sum(shape.shape[1] for shape in self.shapes.values()) - 1
+
+
+def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Reals]) -> dict[tuple[str, str], Block]:
+    """Return the blocks over the columns of `shapes`, one for each kind of functions in FIELDS."""
+    return {
+        pair: replace(block, matrices=shapes[FIELDS[pair[0]]].T @ block.matrices @ shapes[FIELDS[pair[1]]])
+        for pair, block in blocks.items()
+    }
+
+
+def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: list[int], piezo: int) -> Block:
+    """Return a block over the nodes of all layers."""
+    nodes = ends[-1] + 1
+    terms: list[Term] = []
+    matrices: list[Reals] = []
+    for layer, order in enumerate(orders):
+        element = LineElements(np.array([0.0, 1.0]), order)
+        at = slice(ends[layer], ends[layer + 1] + 1)
+        for name, factor, first, second, frequency in _TERMS.get(pair, ()):
+            constant = LAYER_CONSTANTS.index(name)
+            if layer != piezo and name.startswith("e"):
+                continue
+            matrix = np.zeros((nodes, nodes))
+            matrix[at, at] = factor * element.integral(first, second).toarray()
+            index = layer * len(LAYER_CONSTANTS) + constant
+            terms.append(Term(index, layer, 1 - first - second, frequency))
+            matrices.append(matrix)
+    if pair == ("W", "W"):
+        for face, node in enumerate((0, nodes - 1)):
+            matrix = np.zeros((nodes, nodes))
+            matrix[node, node] = 1.0
+            terms.append(Term(len(orders) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
+            matrices.append(matrix)
+    return Block(tuple(terms), np.array(matrices))
+
+
+_TERMS: Mapping[tuple[str, str], tuple[tuple[str, float, int, int, int], ...]] = {
+    ("E", "E"): (("c11E", 1.0, 0, 0, STATIC),),
+    ("E", "W"): (("c13E", 1.0, 0, 1, STATIC),),
+    ("E", "P"): (("e31", 1.0, 0, 1, STATIC),),
+    ("W", "W"): (("c33E", 1.0, 1, 1, STATIC), ("density", 1.0, 0, 0, INERTIAL)),
+    ("W", "P"): (("e33", 1.0, 1, 1, STATIC),),
+    ("P", "P"): (("eps33S", -1.0, 1, 1, STATIC),),
+    ("U", "U"): (("c44E", 1.0, 1, 1, STATIC), ("density", 1.0, 0, 0, INERTIAL)),
+    ("U", "kW"): (("c44E", -1.0, 1, 0, STATIC),),
+    ("U", "kP"): (("e15", -1.0, 1, 0, STATIC),),
+    ("kW", "kW"): (("c44E", 1.0, 0, 0, STATIC),),
+    ("kW", "kP"): (("e15", 1.0, 0, 0, STATIC),),
+    ("kP", "kP"): (("eps11S", -1.0, 0, 0, STATIC),),
+    ("rim", "rim"): (("c11E", -1.0, 0, 0, STATIC), ("c12E", 1.0, 0, 0, STATIC)),
+}
+# Constant, factor, derivatives of the left and of the right function along z, and dependence on frequency.

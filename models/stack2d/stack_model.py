@@ -1,0 +1,134 @@
+"""A glued stack of finite diameter, as a `Model` for the fitters."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self, TypeAlias
+
+import numpy as np
+
+from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.names import require
+from ..stack.laws import StackError, require_positive
+from .layers2d import Ceramic2D, Isotropic, order_of
+from .reduction import KEPT, error, reduced
+from .section import LAYER_CONSTANTS, Section
+from .slopes import capacitance, slopes
+from .waves import Sizes
+
+Layer2D: TypeAlias = Ceramic2D | Isotropic
+_FINER = 4
+# Degrees that a section has more in the estimate of the error of its degrees.
+_PLACES = 24
+# Frequencies whose motion is sampled for a reduced section.
+
+
+@dataclass(frozen=True)
+class Stack2D:
+    """Round layers of one diameter, free at the rim, in two dimensions. Satisfies `Model`.
+
+    The loads act on the axial motion of the faces, as in one dimension: a force per area of -z times the velocity.
+    """
+
+    layers: tuple[Layer2D, ...]
+    """Back to front; one of them is a ceramic."""
+    area: float
+    """m2."""
+    section: Section
+    """Functions of z of these layers, from `full_section` or `with_reduced_section`."""
+    back: float = 0.0
+    """Specific acoustic impedance behind, Rayl."""
+    front: float = 0.0
+    """The same in front."""
+
+    def __post_init__(self) -> None:
+        require_positive("stack", area=self.area)
+        if min(self.back, self.front) < 0:
+            raise StackError(f"stack: loads are {self.back:g} and {self.front:g} Rayl; not less than 0 is allowed")
+
+    @property
+    def sizes(self) -> Sizes:
+        """Radius and thicknesses."""
+        return Sizes(math.sqrt(self.area / math.pi), tuple(layer.thickness for layer in self.layers))
+
+    def parameters(self) -> dict[str, float]:
+        """Return `area`, `back.z`, `front.z`, and `layer.constant` of every layer, SI units."""
+        made = {"area": self.area, "back.z": self.back, "front.z": self.front}
+        return made | {f"{one.name}.{key}": value for one in self.layers for key, value in one.parameters().items()}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the stack with these parameters. Raises KeyError for an unknown name."""
+        require(values, self.parameters(), "the stack")
+        groups: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            owner, _, key = name.partition(".")
+            groups.setdefault(owner, {})[key] = value
+        return replace(
+            self,
+            layers=tuple(one.replace(groups[one.name]) if one.name in groups else one for one in self.layers),
+            area=values.get("area", self.area),
+            back=values.get("back.z", self.back),
+            front=values.get("front.z", self.front),
+        )
+
+    def over(self, frequency: Frequencies) -> Complexes:
+        """Return the LAYER_CONSTANTS of all layers and both loads at each frequency in Hz, shape (F, 11 L + 2), SI."""
+        loads = np.broadcast_to(np.array([self.back, self.front], np.complex128), (frequency.size, 2))
+        return np.hstack([*(layer.over(frequency) for layer in self.layers), loads])
+
+    def capacitance(self, frequency: Frequencies) -> Complexes:
+        """Return Y/(jw) in F, shape (F,), at frequencies in Hz, shape (F,)."""
+        return capacitance(self.section, self.sizes, self.over(frequency), frequency)
+
+    def impedance(self, frequency: Frequencies) -> Impedances:
+        """Return Z in ohm, shape (F,), at frequencies in Hz, shape (F,)."""
+        return 1 / (j_omega(frequency) * self.capacitance(frequency))
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
+        """Return Z in ohm, shape (F,), and d ln Z / d parameter, shape (P, F). Raises KeyError for an unknown name."""
+        require(names, self.parameters(), "the stack")
+        found = slopes(self.section, self.sizes, self.over(frequency), frequency)
+        wide = len(LAYER_CONSTANTS)
+        rows = {
+            "area": found.by_log_radius / (2 * self.area),
+            "back.z": found.by_constant[:, -2],
+            "front.z": found.by_constant[:, -1],
+        }
+        for k, layer in enumerate(self.layers):
+            own = found.by_constant[:, k * wide : (k + 1) * wide]
+            rows[f"{layer.name}.thickness"] = found.by_log_thickness[:, k] / layer.thickness
+            for key, chain in layer.chain(frequency).items():
+                rows[f"{layer.name}.{key}"] = np.einsum("fc,fc->f", own, chain)
+        made = np.array([-rows[name] / found.capacitance for name in names], np.complex128)
+        return 1 / (j_omega(frequency) * found.capacitance), made.reshape(len(names), frequency.size)
+
+
+def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> Section:
+    """Return the section of these layers up to a frequency in Hz; `finer`: further degrees of every layer.
+
+    Raises StackError unless exactly one of the layers is a ceramic.
+    """
+    ceramics = [k for k, layer in enumerate(layers) if isinstance(layer, Ceramic2D)]
+    if len(ceramics) != 1:
+        raise StackError(f"stack: {len(ceramics)} of its layers are piezoelectric; exactly one is allowed")
+    orders = [order_of(layer.thickness, layer.shear_speed, highest) + finer for layer in layers]
+    return Section.of(orders, ceramics[0])
+
+
+def with_reduced_section(stack: Stack2D, low: float, high: float, kept: float = KEPT) -> tuple[Stack2D, float]:
+    """Return the stack over the functions of z that it needs between two frequencies in Hz, and their error.
+
+    The error is that of the capacitance, relative, against functions of higher degree that are not reduced, between
+    the frequencies of which samples were taken.
+    """
+    asked = np.linspace(low, high, 2 * _PLACES + 1)
+    full = full_section(stack.layers, high)
+    section = reduced(full, stack.sizes, stack.over(asked[::2]), asked[::2], kept)
+    made = replace(stack, section=section)
+    return made, section_error(made, asked[1::2])
+
+
+def section_error(stack: Stack2D, frequency: Frequencies) -> float:
+    """Return the largest relative error of the capacitance at frequencies in Hz, against functions of higher degree."""
+    finer = full_section(stack.layers, float(frequency.max()), _FINER)
+    return error(stack.section, finer, stack.sizes, stack.over(frequency), frequency)

@@ -1,0 +1,135 @@
+"""A glued stack of finite diameter by a general finite-element package, scikit-fem: the reference for `models/stack2d`.
+
+It uses nothing of the project's own discretisation: triangles of order four over the whole section in r and z, finer
+towards the rim and the layers' faces, one sparse factorisation for each frequency.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+from disk_skfem import INTEGRANDS, VOLT
+from scipy.sparse.linalg import splu
+from skfem import Basis, BilinearForm, ElementTriP4, MeshTri
+
+NEAR = (0.3, 0.08)
+"""Ends of triangles beside the rim, over the thickness of the ceramic."""
+
+
+@dataclass(frozen=True)
+class FeLayer:
+    """A layer from back to front, SI: the ten constants in the usual order for a ceramic, two of Lame for another."""
+
+    thickness: float
+    density: float
+    constants: tuple[complex, ...]
+    cells: int = 1
+
+    @property
+    def piezo(self):
+        return len(self.constants) == 10
+
+    @property
+    def ten(self):
+        if self.piezo:
+            return np.array(self.constants)
+        first, second = self.constants
+        return np.array([first + 2 * second, first, first, first + 2 * second, second, 0, 0, 0, 0, 0])
+
+    @classmethod
+    def isotropic(cls, thickness, z, c, q, poisson, cells=1):
+        c33 = z * c * (1 + 1j / q)
+        second = c33 * (1 - 2 * poisson) / (2 - 2 * poisson)
+        return cls(thickness, z / c, (c33 - 2 * second, second), cells)
+
+
+class SkfemStack:
+    """A stack of round layers of one radius; one of them is the ceramic, with electrodes over both faces."""
+
+    def __init__(self, radius, layers, per_thickness=2):
+        self.layers = layers
+        (piezo,) = (layer for layer in layers if layer.piezo)
+        faces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
+        heights = [
+            np.linspace(low, high, one.cells + 1)[:-1] for (low, high), one in zip(pairwise(faces), layers, strict=True)
+        ]
+        z = np.append(np.concatenate(heights), faces[-1])
+        cells = max(2, int(np.ceil(radius / piezo.thickness * per_thickness)))
+        inner = np.linspace(0, radius, cells + 1)[:-1]
+        near = [radius - part * piezo.thickness / per_thickness for part in NEAR]
+        mesh = MeshTri.init_tensor(np.concatenate([inner, near, [radius]]), z)
+        middle = mesh.p[1, mesh.t].mean(axis=0)
+        self.within = [np.flatnonzero((middle > low) & (middle < high)) for low, high in pairwise(faces)]
+        self.mesh, self.element = mesh, ElementTriP4()
+        basis = Basis(mesh, self.element, intorder=9)
+        self.x, self.n = basis.doflocs, basis.N
+        k = layers.index(piezo)
+        tiny = 1e-9 * faces[-1]
+        r, height = self.x
+        active = (height > faces[k] + tiny) & (height < faces[k + 1] - tiny)
+        every = np.arange(self.n)
+        self.free = np.concatenate([every[r > 1e-9 * radius], self.n + every, 2 * self.n + every[active]])
+        self.driven = 2 * self.n + every[np.abs(height - faces[k + 1]) < tiny]
+
+    @cached_property
+    def forms(self):
+        """Matrices of the weak form by layer and constant, 2 pi left out, and the mass of each layer."""
+        zero = sp.csr_matrix((self.n, self.n))
+
+        def blocks(entries):
+            whole = [[zero] * 3 for _ in range(3)]
+            for (i, k), block in entries.items():
+                whole[i][k] = block
+                if i != k:
+                    whole[k][i] = block.T
+            return sp.csr_matrix(sp.bmat(whole))
+
+        made = []
+        for within in self.within:
+            basis = Basis(self.mesh, self.element, elements=within, intorder=9)
+            rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(basis) for of in INTEGRANDS)
+            made.append(
+                [
+                    blocks({(0, 0): rr}),
+                    blocks({(0, 0): cross}),
+                    blocks({(0, 1): sz}),
+                    blocks({(1, 1): dz}),
+                    blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
+                    blocks({(0, 2): sz}),
+                    blocks({(1, 2): dz}),
+                    blocks({(0, 2): zr, (1, 2): dr}),
+                    blocks({(2, 2): -dr}),
+                    blocks({(2, 2): -dz}),
+                    blocks({(0, 0): m, (1, 1): m}),
+                ]
+            )
+        return made
+
+    @cached_property
+    def whole(self):
+        """The stiffness with its constants, and the mass with its densities."""
+        units = np.array([1.0] * 5 + [VOLT] * 3 + [VOLT**2] * 2)
+        pairs = list(zip(self.layers, self.forms, strict=True))
+        still = sum(
+            w * form for layer, forms in pairs for w, form in zip(layer.ten * units, forms[:-1], strict=True) if w
+        )
+        return still.tocsr(), sum(layer.density * forms[-1] for layer, forms in pairs).tocsr()
+
+    def capacitance(self, frequency):
+        """Return Y/(jw) in F, shape (N,), at frequencies in Hz."""
+        still, mass = self.whole
+        made = []
+        for f in frequency:
+            A = (still - (2 * np.pi * f) ** 2 * mass).tocsr()
+            x = np.zeros(A.shape[0], complex)
+            x[self.driven] = 1 / VOLT
+            right = -(A @ x)[self.free]
+            x[self.free] = splu(A[self.free][:, self.free].tocsc()).solve(right)
+            made.append(-2 * np.pi * (x @ (A @ x)))
+        return np.array(made)
+
+    def impedance(self, frequency):
+        """Return Z in ohm, shape (N,)."""
+        return 1 / (2j * np.pi * frequency * self.capacitance(frequency))
